@@ -1,0 +1,222 @@
+"""Contact of mass points: with the impactor, with the floor, and of pieces with each other."""
+
+import taichi as ti
+
+from taichi_foam.engine import faces
+from taichi_foam.engine.lattice import CROWDED, PAIRS_PER_NODE, WORST
+from taichi_foam.engine.parameters import CIRCLE, POLYGON
+from taichi_foam.laws import contact as contact_law
+
+vec2 = ti.types.vector(2, ti.f64)
+vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
+
+
+@ti.func
+def impactor_distance(lattice: ti.template(), b, point: vec2, p: ti.template()) -> vec3:
+    """Signed distance [m] of a point relative to the impactor's lowest point, and the normal."""
+    found = vec3(1.0, 0.0, -1.0)
+    if p.impactor_kind == CIRCLE:
+        found = contact_law.circle_distance(point, p.impactor_radius)
+    elif p.impactor_kind == POLYGON:
+        found[0] = -ti.math.inf
+        for k in range(p.impactor_edges):
+            edge = lattice.edges[b, k]
+            distance = edge.xy.dot(point) - edge.z
+            if distance > found[0]:
+                found = vec3(distance, edge.x, edge.y)
+    return found
+
+
+@ti.func
+def slid(lattice: ti.template(), b, i, j, stage) -> vec2:
+    """How far [m] a node has moved since its friction springs were latched.
+
+    They are latched at a step's first stage, whose `rate` still holds the last step's motion.
+    """
+    path = lattice.rate[b, i, j].xy
+    if stage > 0:
+        path = lattice.trial[b, i, j].xy - lattice.state[b, i, j].xy
+    return path
+
+
+@ti.func
+def impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
+    """How far [m] the impactor has moved since then."""
+    path = lattice.body[b].rate_y
+    if stage > 0:
+        path = lattice.body[b].trial_y - lattice.body[b].y
+    return path
+
+
+@ti.func
+def impactor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()):
+    """The impactor's normal and tangential force [N] on a node, and the signed distance [m].
+
+    The first stage of a step also latches the friction spring: slid off beyond mu N, and slack
+    where there is no touch.
+    """
+    now = lattice.trial[b, i, j].xy
+    point = vec2(now.x - p.impactor_x, now.y - lattice.body[b].trial_y)
+    pressing = vec2(0.0)
+    rubbing = vec2(0.0)
+    distance = ti.math.inf
+    stretch = 0.0
+    if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
+        found = impactor_distance(lattice, b, point, p)
+        distance = found[0]
+        if distance < 0.0:
+            normal = found.yz
+            tangent = vec2(-normal.y, normal.x)
+            force = contact_law.normal_force(p.contact_stiffness, distance)
+            path = slid(lattice, b, i, j, stage) - vec2(0.0, impactor_slid(lattice, b, stage))
+            along = contact_law.tangential_force(
+                p.contact_stiffness,
+                lattice.slip[b, i, j][0] + path.dot(tangent),
+                p.impactor_friction,
+                force,
+            )
+            pressing = force * normal
+            rubbing = along * tangent
+            stretch = -along / p.contact_stiffness
+    if stage == 0:
+        lattice.slip[b, i, j][0] = stretch
+    return pressing, rubbing, distance
+
+
+@ti.func
+def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> vec2:
+    """Force [N] of the floor on a node; its friction spring is latched likewise."""
+    now = lattice.trial[b, i, j].xy
+    force = vec2(0.0)
+    stretch = 0.0
+    if now.y < p.floor_height:
+        force.y = contact_law.normal_force(p.contact_stiffness, now.y - p.floor_height)
+        force.x = contact_law.tangential_force(
+            p.contact_stiffness,
+            lattice.slip[b, i, j][1] + slid(lattice, b, i, j, stage).x,
+            p.floor_friction,
+            force.y,
+        )
+        stretch = -force.x / p.contact_stiffness
+    if stage == 0:
+        lattice.slip[b, i, j][1] = stretch
+    return force
+
+
+@ti.func
+def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
+    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis."""
+    worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
+    worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
+    lattice.radius[b, i, j] = 0.5 * ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
+
+
+@ti.func
+def self_contact(lattice: ti.template(), b, s, p: ti.template()):
+    """Push [N] on surface node `s` from the pieces that it touches."""
+    node = lattice.surface[b, s]
+    i = node // lattice.rows
+    j = node % lattice.rows
+    here = lattice.trial[b, i, j].xy
+    radius = lattice.radius[b, i, j]
+    push = vec2(0.0)
+    for k in range(lattice.pair_start[b, s], lattice.pair_start[b, s + 1]):
+        other = lattice.pairs[b, k]
+        oi = other // lattice.rows
+        oj = other % lattice.rows
+        away = here - lattice.trial[b, oi, oj].xy
+        touch = radius + lattice.radius[b, oi, oj]
+        gap_sqr = away.norm_sqr()
+        if gap_sqr < touch * touch and gap_sqr > 0.0:
+            gap = ti.sqrt(gap_sqr)
+            push += away * (p.self_stiffness * (touch - gap) / gap)
+    lattice.push[b, i, j] = push
+
+
+@ti.func
+def drifted(lattice: ti.template(), b, s, p: ti.template()) -> ti.i32:
+    """Whether a surface node has moved so far that the neighbour list may miss a touch."""
+    node = lattice.surface[b, s]
+    moved = lattice.trial[b, node // lattice.rows, node % lattice.rows].xy - lattice.anchor[b, s]
+    return ti.i32(4.0 * moved.norm_sqr() > p.skin * p.skin)
+
+
+@ti.func
+def _bin(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vector(2, ti.i32):
+    """Cell of the search grid; what has flown off the grid counts to its rim.
+
+    Clamping brings no two points further apart, so no neighbour is missed.
+    """
+    size = p.cell.max() + p.skin
+    half = 0.5 * size * lattice.bins_x
+    x = ti.math.clamp((point.x + half) / size, 0.0, lattice.bins_x - 1.0)
+    y = ti.math.clamp(point.y / size + 2.0, 0.0, lattice.bins_y - 1.0)
+    return ti.Vector([ti.i32(x), ti.i32(y)])
+
+
+@ti.func
+def list_neighbours(lattice: ti.template(), b, p: ti.template()):
+    """Build the surface list, the search grid and the neighbour list of one lattice, serially.
+
+    Serial, so that the order of every list, and with it every sum, is the same for any number of
+    threads; it is rare (a piece has moved by half the skin, or a connection has broken).
+    """
+    count = lattice.clock[b].surface
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            if lattice.touchable[b, i, j] == 0 and faces.is_surface(lattice, b, i, j):
+                lattice.touchable[b, i, j] = 1
+                lattice.surface[b, count] = i * lattice.rows + j
+                count += 1
+    lattice.clock[b].surface = count
+    for k in range(lattice.bins_x * lattice.bins_y):
+        lattice.bin_head[b, k] = -1
+    for s in range(count):
+        node = lattice.surface[b, s]
+        i = node // lattice.rows
+        j = node % lattice.rows
+        update_radius(lattice, b, i, j, p)
+        point = lattice.trial[b, i, j].xy
+        lattice.anchor[b, s] = point
+        cell = _bin(lattice, point, p)
+        head = cell.x * lattice.bins_y + cell.y
+        lattice.next_in_bin[b, s] = lattice.bin_head[b, head]
+        lattice.bin_head[b, head] = s
+    found = 0
+    for s in range(count):
+        lattice.pair_start[b, s] = found
+        found = _list_around(lattice, b, s, found, p)
+    lattice.pair_start[b, count] = found
+    if found > PAIRS_PER_NODE * lattice.nodes:
+        lattice.clock[b].status = CROWDED
+    lattice.clock[b].stale = 0
+
+
+@ti.func
+def _list_around(lattice: ti.template(), b, s, found, p: ti.template()) -> ti.i32:
+    """Append the nodes near surface node `s`, but not those that it is or was connected to.
+
+    Those have their connection's own law for compression, broken or not.
+    """
+    node = lattice.surface[b, s]
+    i = node // lattice.rows
+    j = node % lattice.rows
+    point = lattice.anchor[b, s]
+    home = _bin(lattice, point, p)
+    count = found
+    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
+        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
+            t = lattice.bin_head[b, bx * lattice.bins_y + by]
+            while t >= 0:
+                other = lattice.surface[b, t]
+                oi = other // lattice.rows
+                oj = other % lattice.rows
+                if ti.abs(oi - i) + ti.abs(oj - j) > 1:
+                    reach = lattice.radius[b, i, j] + lattice.radius[b, oi, oj] + p.skin
+                    if (lattice.anchor[b, t] - point).norm_sqr() < reach * reach:
+                        if count < PAIRS_PER_NODE * lattice.nodes:
+                            lattice.pairs[b, count] = other
+                        count += 1
+                t = lattice.next_in_bin[b, t]
+    return count

@@ -1,0 +1,72 @@
+"""The energies of a lattice, and the rows of its history."""
+
+import taichi as ti
+
+from taichi_foam.engine.lattice import BREAK_TIME, INTACT, NEVER, WORST
+from taichi_foam.laws import foam as foam_law
+
+vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
+
+# What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
+# [N], the broken connections, and energies [J]: of the nodes, then the works of nodes.py.
+ROW_COLUMNS = (
+    "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
+    "faces", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
+)  # fmt: skip
+FIRST_WORK = ROW_COLUMNS.index("faces")
+
+
+@ti.func
+def _stored(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+    """Stored energy [J] of the connection from (i, j) along `axis`, 0 where there is none."""
+    link = ti.static(lattice.links[axis])[b, i, j]
+    ei, ej = ti.static((1, 0) if axis == 0 else (0, 1))
+    energy = 0.0
+    if link[BREAK_TIME] < NEVER:
+        reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
+        e = reach.norm() / p.cell[axis] - 1.0
+        broken = ti.i32(link[BREAK_TIME] != INTACT)
+        volume = p.area[axis] * p.cell[axis]
+        energy = volume * foam_law.stored_energy(p.foam, e, link[WORST], broken)
+    return energy
+
+
+@ti.func
+def energy_column(lattice: ti.template(), b, i, p: ti.template()):
+    """Add up the energies of one column of nodes and its connections."""
+    energy = vec3(0.0)
+    for j in range(lattice.rows):
+        state = lattice.trial[b, i, j]
+        energy += vec3(
+            0.5 * p.node_mass * state.zw.norm_sqr(),
+            _stored(lattice, 0, b, i, j, p) + _stored(lattice, 1, b, i, j, p),
+            p.node_mass * p.gravity * state.y,
+        )
+    lattice.column_energy[b, i] = energy
+
+
+@ti.func
+def write_row(lattice: ti.template(), b):
+    """Append a row to the lattice's history, from its columns' sums."""
+    clock = lattice.clock[b]
+    row = clock.rows
+    energy = vec3(0.0)
+    fracture = 0.0
+    works = ti.Vector.zero(ti.f64, 8)
+    for i in range(lattice.columns):
+        energy += lattice.column_energy[b, i]
+        fracture += lattice.column_fracture[b, i]
+        works += lattice.column_work[b, i]
+    lattice.history[b, row, 0] = clock.time
+    lattice.history[b, row, 1] = clock.step
+    lattice.history[b, row, 2] = lattice.body[b].y
+    lattice.history[b, row, 3] = lattice.body[b].v
+    lattice.history[b, row, 4] = lattice.body[b].force
+    lattice.history[b, row, 5] = clock.broken
+    for k in ti.static(range(3)):
+        lattice.history[b, row, 6 + k] = energy[k]
+    lattice.history[b, row, 9] = fracture
+    for k in ti.static(range(8)):
+        lattice.history[b, row, FIRST_WORK + k] = works[k]
+    lattice.clock[b].rows = row + 1

@@ -1,0 +1,178 @@
+"""One lattice's constants as a Taichi record, made from its scene.
+
+They are data, not compile-time constants: a batch may differ in every one of them, and a study
+that varies one compiles nothing again.
+"""
+
+import numpy as np
+import taichi as ti
+
+from taichi_foam.laws import foam as foam_law
+from taichi_foam.scene import Cylinder, Scene
+
+MAX_EDGES = 16
+
+NO_IMPACTOR = 0
+CIRCLE = 1
+POLYGON = 2
+
+# RK4 is stable for |h lambda| <= 2.61 everywhere in the left half-plane (2.79 on the real axis,
+# 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
+RK4_RADIUS = 2.61
+
+vec2 = ti.types.vector(2, ti.f64)
+
+
+@ti.dataclass
+class Parameters:
+    """SI units; of a pair, the first is of the connections along x (A), the second along y (B)."""
+
+    foam: foam_law.Foam
+    cell: vec2  # (dx, dy), also the connections' lengths
+    area: vec2  # of the connections' faces
+    node_mass: ti.f64
+    dashpot: vec2  # on the relative velocity of a connection's nodes [N s/m]
+    drag: ti.f64  # on a node's own velocity [N s/m]
+    gravity: ti.f64
+    hold_x: ti.i32  # of the bottom row
+    hold_y: ti.i32
+    floor_height: ti.f64
+    floor_friction: ti.f64
+    contact_stiffness: ti.f64  # node against impactor or floor [N/m]
+    impactor_kind: ti.i32
+    impactor_x: ti.f64
+    impactor_radius: ti.f64
+    impactor_half_width: ti.f64
+    impactor_edges: ti.i32
+    impactor_mass: ti.f64
+    impactor_friction: ti.f64
+    self_contact: ti.i32
+    self_stiffness: ti.f64  # node against node [N/m]
+    skin: ti.f64  # how far beyond touch the neighbour list looks [m]
+    step: ti.f64  # given step size [s], or 0: automatic
+    largest_step: ti.f64
+    safety: ti.f64
+    end_time: ti.f64
+    end_at_rebound: ti.i32
+    row_interval: ti.f64
+
+
+def parameters_of(scene: Scene) -> dict:
+    """Every member of `Parameters` for one scene, nested as the record is."""
+    block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
+    impactor, base = scene.impactor, scene.base
+    stiffness = foam.youngs_modulus * block.thickness  # of a square cell's connection [N/m]
+    area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
+    viscosity = numerics.damping_time * foam.youngs_modulus
+    on_connections = model.damping == "connection"
+    dashpot = viscosity if on_connections else 0.0
+    at_rebound = numerics.end == "rebound"
+    cell = min(block.dx, block.dy)
+    values = {
+        "foam": _foam(scene),
+        "cell": [block.dx, block.dy],
+        "area": [area_a, area_b],
+        "node_mass": block.node_mass,
+        "dashpot": [dashpot * area_a / block.dx, dashpot * area_b / block.dy],
+        "drag": 0.0 if on_connections else viscosity * block.thickness,
+        "gravity": numerics.gravity,
+        "hold_x": int(base.kind == "gripped"),
+        "hold_y": int(base.kind in ("held", "gripped")),
+        "floor_height": 0.5 * block.dy,
+        "floor_friction": base.friction,
+        "contact_stiffness": numerics.contact_stiffness * stiffness,
+        "impactor_kind": NO_IMPACTOR,
+        "impactor_x": 0.0,
+        "impactor_radius": 0.0,
+        "impactor_half_width": 0.0,
+        "impactor_edges": 0,
+        "impactor_mass": 1.0,
+        "impactor_friction": 0.0,
+        "self_contact": int(model.self_contact),
+        "self_stiffness": stiffness,
+        "skin": 0.2 * cell,
+        "step": 0.0 if numerics.dt == "auto" else numerics.dt,
+        # no step jumps over a row of the history, however soft the foam
+        "largest_step": 0.5 * scene.output.history_interval,
+        "safety": numerics.safety,
+        "end_time": numerics.time_limit if at_rebound else numerics.end,
+        "end_at_rebound": int(at_rebound),
+        "row_interval": scene.output.history_interval,
+    }
+    if impactor is not None:
+        is_circle = isinstance(impactor, Cylinder)
+        values |= {
+            "impactor_kind": CIRCLE if is_circle else POLYGON,
+            "impactor_x": impactor.x,
+            "impactor_radius": impactor.radius if is_circle else 0.0,
+            "impactor_half_width": float(np.abs(impactor.outline()[:, 0]).max()),
+            "impactor_edges": 0 if is_circle else len(impactor.outline()),
+            "impactor_mass": impactor.mass,
+            "impactor_friction": impactor.friction,
+        }
+    return values
+
+
+def _foam(scene: Scene) -> dict:
+    foam, model = scene.foam, scene.model
+    crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
+    crushed_stress = foam.crushed_tensile_stress
+    return {
+        "youngs_modulus": foam.youngs_modulus,
+        "shear_modulus": foam.shear_modulus,
+        "yield_strain": foam.yield_strain,
+        "tensile_strain": foam.tensile_strain,
+        "shear_failure_strain": foam.shear_strain,
+        "densification_strain": foam.densification_strain,
+        "locking_strain": foam.locking_strain,
+        "densification_a": foam.densification_a,
+        "densification_b": foam.densification_b,
+        "crushed_tensile_strain": crushed_strain,
+        "crushed_tensile_stress": (
+            foam.youngs_modulus * crushed_strain if crushed_stress is None else crushed_stress
+        ),
+        "broken_contact": {"reload": foam_law.RELOAD, "jump": foam_law.JUMP}[model.broken_contact],
+        "shear_failure": {
+            "tension-only": foam_law.TENSION_ONLY,
+            "always": foam_law.ALWAYS,
+            "pressure-dependent": foam_law.PRESSURE_DEPENDENT,
+        }[model.shear_failure],
+        "shear_pressure_coefficient": model.shear_pressure_coefficient,
+    }
+
+
+def impactor_edges(scene: Scene) -> np.ndarray:
+    """Outward half-planes (n_x, n_y, offset) of a polygonal impactor, (MAX_EDGES, 3).
+
+    A point p relative to the impactor's lowest point lies inside where n . p < offset for all.
+    """
+    edges = np.zeros((MAX_EDGES, 3))
+    if scene.impactor is None or isinstance(scene.impactor, Cylinder):
+        return edges
+    outline = scene.impactor.outline()
+    following = np.roll(outline, -1, axis=0)
+    along = following - outline
+    middle = 0.5 * (following + outline)  # not an end: a mirrored edge starts at its other end
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    normals /= np.hypot(along[:, 0], along[:, 1])[:, None]
+    count = len(outline)
+    edges[:count, :2] = normals
+    edges[:count, 2] = normals[:, 0] * middle[:, 0] + normals[:, 1] * middle[:, 1]
+    return edges
+
+
+@ti.func
+def stable_step(p: Parameters, stiffest: ti.f64) -> ti.f64:
+    """Step size [s] for a lattice whose stiffest connection has `stiffest` [N/m].
+
+    Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
+    of its shear connections, 8 k of touching pieces and 2 k of body contact and friction; a
+    dashpot mode decays at no more than 8 c / m, a free node's drag at C / m.
+    """
+    shear = p.foam.shear_modulus * (p.area / p.cell).max()
+    stiffness = 4.0 * stiffest + 8.0 * shear + 2.0 * p.contact_stiffness
+    if p.self_contact:
+        stiffness += 8.0 * p.self_stiffness
+    decay = 4.0 * p.dashpot.sum() + p.drag
+    rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
+    return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

@@ -1,0 +1,67 @@
+"""The one place that starts Taichi.
+
+A second ``ti.init`` frees the memory of every field made before it, and touching such a field
+afterwards ends the process, so the runtime starts once and keeps its settings.
+"""
+
+import contextlib
+import io
+import os
+
+import taichi as ti
+
+from taichi_foam.errors import UserError
+
+ARCHES = ("cpu", "cuda", "vulkan", "metal")
+
+_started: tuple[str, int] | None = None
+
+
+def start(arch: str = "cpu", threads: int | None = None) -> None:
+    """Start Taichi on `arch` with `threads` CPU threads (default: all cores).
+
+    Asking again for the same is free. Floats are 64-bit, and fast maths is off: it would
+    reorder sums and fuse products, and the mirror symmetry and the independence of batch and
+    thread count hold to the last bit only without it.
+
+    Raises:
+        UserError: unknown or absent architecture, bad thread count, or other settings than those
+            that the process already runs with.
+    """
+    global _started
+    cores = os.cpu_count() or 1
+    if arch not in ARCHES:
+        raise UserError(f"arch = {arch!r}: choose one of {', '.join(ARCHES)}")
+    if threads is not None and not 1 <= threads <= 4 * cores:
+        raise UserError(f"threads = {threads}: choose 1 to {4 * cores} (this machine has {cores} cores)")
+    wanted = (arch, cores if threads is None else threads)
+    if _started is not None:
+        if _started[0] != arch or (threads is not None and _started != wanted):
+            raise UserError(
+                f"Taichi already runs here on {_started[0]} with {_started[1]} threads; "
+                f"start a new process for {arch} with {wanted[1]} threads"
+            )
+        return
+    if arch != "cpu" and not _is_present(arch):
+        raise UserError(
+            f"arch = {arch!r}: this machine offers no {arch} device that Taichi can use; "
+            "use --arch cpu, or install the device's driver"
+        )
+    with contextlib.redirect_stdout(io.StringIO()):
+        ti.init(
+            arch=getattr(ti, arch),
+            default_fp=ti.f64,
+            default_ip=ti.i32,
+            cpu_max_num_threads=wanted[1],
+            fast_math=False,
+            log_level=ti.ERROR,
+        )
+    _started = wanted
+
+
+def _is_present(arch: str) -> bool:
+    """Ask Taichi's own probe: `ti.init` itself would fall back to the CPU with only a warning."""
+    from taichi._lib import core
+
+    probe = {"cuda": core.with_cuda, "vulkan": core.with_vulkan, "metal": core.with_metal}
+    return bool(probe[arch]())

@@ -1,0 +1,176 @@
+"""How a block has broken: its pieces and its cracks.
+
+Cracks live on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the reference
+configuration at x = (p - I/2) dX, y = q dY. A broken connection is the cell edge that it crosses:
+
+    A(i,j), sideways    the vertical edge from corner (i+1, j) to corner (i+1, j+1)
+    B(i,j), upwards     the horizontal edge from corner (i, j+1) to corner (i+1, j+1)
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+if TYPE_CHECKING:
+    from taichi_foam.result import Snapshot
+    from taichi_foam.scene import Block, Scene
+
+PIECE_FRACTION = 0.05
+"""A connected part counts as a piece from this share of the mass points."""
+
+CRACK_CELLS = 3
+"""A crack below the impactor is at least so many cells long ..."""
+
+CRACK_HEIGHT_FRACTION = 0.15
+"""... and at least this share of the block's height (as much, on the paper's 20 rows)."""
+
+CRACK_EDGES_PER_ROW = 2
+"""Below the impactor, a row of cells with more broken edges of one cluster is shattered."""
+
+
+@dataclass(frozen=True)
+class Crack:
+    """A crack that starts below the impactor (reference configuration).
+
+    lowest_height  m, height of the lowest end of its vertical edges; 0 is the block's bottom. With
+                   a gripped base the bottom row cannot open: a through crack ends at dY.
+    start_x        m, where its first connection broke
+    start_height   m, middle of that vertical edge
+    start_time     s, when
+    """
+
+    lowest_height: float
+    start_x: float
+    start_height: float
+    start_time: float
+
+
+def pieces(snapshot: Snapshot) -> int:
+    """Number of parts, joined by unbroken connections, with at least PIECE_FRACTION of the nodes.
+
+    Smaller parts are crumbs. The answer is 0 for a block that is all crumbs.
+    """
+    columns, rows = snapshot.position.shape[:2]
+    node = np.arange(columns * rows).reshape(columns, rows)
+    intact_a, intact_b = ~snapshot.broken_a, ~snapshot.broken_b
+    ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
+    others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
+    sizes = np.bincount(_components(ends, others, node.size))
+    return int(np.count_nonzero(sizes >= PIECE_FRACTION * node.size))
+
+
+def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
+    """Broken connections chained into polylines, the longest first.
+
+    Returns arrays (n, 2) of corner positions x, y in metres, reference configuration. A polyline
+    runs between corners at which it ends or meets others; a closed loop repeats its first corner.
+    Every broken connection belongs to exactly one polyline.
+    """
+    columns, rows = snapshot.position.shape[:2]
+    first, second = _broken_edges(snapshot)
+    at: dict[int, list[int]] = defaultdict(list)  # corner -> neighbours not yet walked to
+    for p, q in zip(first.tolist(), second.tolist(), strict=True):
+        at[p].append(q)
+        at[q].append(p)
+    ends = [corner for corner, others in at.items() if len(others) != 2]
+    is_end = set(ends)
+
+    lines = []
+    for corner in (*ends, *at):  # what is left once all ends are served are closed loops
+        while at[corner]:
+            line = [corner]
+            while True:
+                here = line[-1]
+                step = at[here].pop()
+                at[step].remove(here)
+                line.append(step)
+                if step in is_end or step == corner:
+                    break
+            lines.append(line)
+
+    spacing, origin = (block.dx, block.dy), (-columns / 2 * block.dx, 0.0)
+    points = [np.stack(np.divmod(line, rows + 1), axis=1) * spacing + origin for line in lines]
+    return sorted(points, key=lambda xy: -np.abs(np.diff(xy, axis=0)).sum())
+
+
+def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
+    """The crack that starts below the impactor and runs down; None where there is none.
+
+    Broken connections whose edges share corners form clusters. Below the impactor means within the
+    width of its outline, less one cell on each side: along its flanks a punch tears the foam, which
+    is no splitting (the axis and one cell beside it always belong). A cluster is such a crack if
+
+    1. below the impactor it opens sideways, as a line: through L or more successive rows of cells
+       it has at least one and at most CRACK_EDGES_PER_ROW vertical edges (crushed foam that
+       shatters has many, scattered damage does not connect);
+    2. it runs down: from the row of its first broken vertical edge below the impactor to its lowest
+       vertical edge are L or more rows (so cracks that rise from the base do not count);
+
+    L being CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such
+    clusters the one that reaches deepest counts, then the one that broke first. The start is the
+    first vertical edge of the cluster to break below the impactor (of equals the highest).
+    """
+    if scene.impactor is None:
+        return None
+    columns, rows = snapshot.position.shape[:2]
+    dx, dy = scene.block.dx, scene.block.dy
+    broken = snapshot.broken_a
+    corners = _components(*_broken_edges(snapshot), (columns + 1) * (rows + 1))
+    lower_ends = corners.reshape(columns + 1, rows + 1)[1:columns, :rows]
+    cluster = np.where(broken, lower_ends, -1)
+
+    x = (np.arange(1, columns) - columns / 2) * dx
+    outline = scene.impactor.outline()[:, 0]
+    from_axis = x - scene.impactor.x
+    slack = 1e-6 * dx
+    below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
+    below |= np.abs(from_axis) <= dx + slack
+    length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
+
+    found = []
+    for label in np.unique(cluster[below][broken[below]]):
+        mine = cluster == label
+        edges = np.count_nonzero(mine[below], axis=0)
+        if _longest_run((edges >= 1) & (edges <= CRACK_EDGES_PER_ROW)) < length:
+            continue
+        at_i, at_j = np.nonzero(mine & below[:, None])
+        times = snapshot.break_time_a[at_i, at_j]
+        first = np.lexsort((-at_j, times))[0]
+        lowest = int(np.nonzero(mine)[1].min())
+        if at_j[first] - lowest + 1 < length:
+            continue
+        start_x, start_height = float(x[at_i[first]]), (at_j[first] + 0.5) * dy
+        found.append(Crack(lowest * dy, start_x, float(start_height), float(times[first])))
+    return min(found, key=lambda crack: (crack.lowest_height, crack.start_time), default=None)
+
+
+def _broken_edges(snapshot: Snapshot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The two corners, numbered p (J+1) + q, of each broken connection: A first, then B."""
+    columns, rows = snapshot.position.shape[:2]
+    corner = np.arange((columns + 1) * (rows + 1)).reshape(columns + 1, rows + 1)
+    a, b = snapshot.broken_a, snapshot.broken_b
+    first = np.concatenate([corner[1:columns, :rows][a], corner[:columns, 1:rows][b]])
+    second = np.concatenate([corner[1:columns, 1:][a], corner[1:, 1:rows][b]])
+    return first, second
+
+
+def _components(
+    first: NDArray[np.int64], second: NDArray[np.int64], count: int
+) -> NDArray[np.int32]:
+    """(count,) number of the connected part of each vertex, given the edges first-second."""
+    graph = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of successive true flags."""
+    stops = np.flatnonzero(~np.concatenate([[False], flags, [False]]))
+    return int(np.diff(stops).max()) - 1

@@ -1,0 +1,183 @@
+"""The foam: loading curve, unloading, weak re-tension, shear, and failure (Eq. 26, Figs 19-20).
+
+A connection remembers one number, e_min, the most compressive strain that it has met, and whether
+it is broken. Every function takes that history as frozen.
+"""
+
+import taichi as ti
+
+vec2 = ti.types.vector(2, ti.f64)
+
+# How a broken connection takes compression up again (Model.broken_contact).
+RELOAD = 0
+JUMP = 1
+
+# When shear may break a connection (Model.shear_failure).
+TENSION_ONLY = 0
+ALWAYS = 1
+PRESSURE_DEPENDENT = 2
+
+# The densification law is singular at the locking strain. Within this part of the way from
+# locking back to densification it goes on as its tangent, so that a trial stage that oversteps
+# still meets a finite, rising stress. For Table 6's constants that stress is 1.9 GPa, far above any
+# that a run reaches.
+GUARD = 0.05
+
+
+@ti.dataclass
+class Foam:
+    """Constants of one foam: strains without unit, stresses in Pa."""
+
+    youngs_modulus: ti.f64
+    shear_modulus: ti.f64
+    yield_strain: ti.f64
+    tensile_strain: ti.f64
+    shear_failure_strain: ti.f64
+    densification_strain: ti.f64
+    locking_strain: ti.f64
+    densification_a: ti.f64
+    densification_b: ti.f64
+    crushed_tensile_strain: ti.f64
+    crushed_tensile_stress: ti.f64
+    broken_contact: ti.i32
+    shear_failure: ti.i32
+    shear_pressure_coefficient: ti.f64
+
+
+@ti.func
+def _densified(foam: Foam, e: ti.f64) -> vec2:
+    """Stress of the densification branch, e < e_d, and its slope (Eq. 26c, both brackets positive).
+
+    Beyond the guard strain it goes on as the tangent there.
+    """
+    guard = foam.locking_strain + GUARD * (foam.densification_strain - foam.locking_strain)
+    inside = ti.max(e, guard)
+    room = inside - foam.locking_strain
+    steepness = foam.densification_a / room**foam.densification_b
+    exponent = steepness * (foam.densification_strain - inside)
+    stress = foam.youngs_modulus * foam.yield_strain * ti.exp(exponent)
+    slope = -stress * (steepness + foam.densification_b * exponent / room)
+    return vec2(stress + slope * (e - inside), slope)
+
+
+@ti.func
+def loading_stress(foam: Foam, e: ti.f64) -> ti.f64:
+    """Engineering stress of a first loading: elastic, plateau, densification (Eq. 26)."""
+    stress = foam.youngs_modulus * ti.max(e, foam.yield_strain)
+    if e < foam.densification_strain:
+        stress = _densified(foam, e)[0]
+    return stress
+
+
+@ti.func
+def turning_strain(foam: Foam, e_min: ti.f64) -> ti.f64:
+    """Where unloading leaves the plateau: densification retraces itself, so never beyond e_d."""
+    return ti.max(e_min, foam.densification_strain)
+
+
+@ti.func
+def normal_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+    """Engineering stress at strain `e` with history `e_min`, intact or broken (Fig. 19)."""
+    turn = turning_strain(foam, e_min)
+    if e_min >= foam.yield_strain:
+        turn = ti.math.inf  # not yet crushed: always on the loading curve
+    jumps = broken and foam.broken_contact == JUMP
+    if jumps:
+        turn = e_min
+    permanent = turn - foam.yield_strain
+    stress = 0.0
+    if e <= turn:
+        stress = loading_stress(foam, e)
+    elif not jumps:
+        if e <= permanent:
+            stress = foam.youngs_modulus * (e - permanent)
+        else:
+            slope = foam.crushed_tensile_stress / (foam.crushed_tensile_strain - permanent)
+            stress = slope * (e - permanent)
+    if broken:
+        stress = ti.min(stress, 0.0)
+    return stress
+
+
+@ti.func
+def stored_energy(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+    """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back.
+
+    Under the jump reading a broken connection gives nothing back: its stress drops at once.
+    """
+    permanent = 0.0
+    turn = foam.yield_strain
+    if e_min < foam.yield_strain:
+        turn = turning_strain(foam, e_min)
+        permanent = turn - foam.yield_strain
+    energy = 0.0
+    if e > permanent:
+        if not broken:
+            energy = 0.5 * (e - permanent) * normal_stress(foam, e, e_min, broken)
+    elif not (broken and foam.broken_contact == JUMP):
+        energy = 0.5 * foam.youngs_modulus * (ti.max(e, turn) - permanent) ** 2
+        if e < foam.densification_strain:
+            energy += _densified_energy(foam, e)
+    return energy
+
+
+@ti.func
+def _densified_energy(foam: Foam, e: ti.f64) -> ti.f64:
+    """Area under the densification branch between `e` and e_d [J/m3], by Simpson's rule.
+
+    It is an exponential integral without a closed form for every b; 16 intervals take it to 1e-6
+    of itself down to 0.93 of crush for Table 6's constants.
+    """
+    pieces = 16
+    width = (foam.densification_strain - e) / pieces
+    area = 0.0
+    for k in range(pieces + 1):
+        weight = 2.0 + 2.0 * (k % 2)
+        if k == 0 or k == pieces:
+            weight = 1.0
+        area += weight * _densified(foam, e + k * width)[0]
+    return -area * width / 3.0
+
+
+@ti.func
+def tangent_modulus(foam: Foam, e: ti.f64) -> ti.f64:
+    """The steepest d(sigma_e)/de that a connection at `e` can answer with [Pa]."""
+    modulus = foam.youngs_modulus
+    if e < foam.densification_strain:
+        modulus = ti.max(modulus, _densified(foam, e)[1])
+    return modulus
+
+
+@ti.func
+def shear_stress(foam: Foam, gamma: ti.f64) -> ti.f64:
+    """tau = G gamma (Eq. 25)."""
+    return foam.shear_modulus * gamma
+
+
+@ti.func
+def tensile_limit(foam: Foam, e_min: ti.f64) -> ti.f64:
+    """Strain at which a connection breaks in tension: less for crushed foam (Section 4.5)."""
+    limit = foam.tensile_strain
+    if e_min < foam.yield_strain:
+        limit = foam.crushed_tensile_strain
+    return limit
+
+
+@ti.func
+def shear_limit(foam: Foam, e: ti.f64, sigma_e: ti.f64) -> ti.f64:
+    """Shear strain at which a connection breaks, by the chosen reading of shear under compression."""
+    limit = foam.shear_failure_strain
+    if e < 0.0:
+        if foam.shear_failure == TENSION_ONLY:
+            limit = ti.math.inf
+        elif foam.shear_failure == PRESSURE_DEPENDENT:
+            limit += foam.shear_pressure_coefficient * ti.abs(sigma_e) / foam.shear_modulus
+    return limit
+
+
+@ti.func
+def fails(foam: Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64) -> ti.i32:
+    """Whether an intact connection at this strain breaks, in tension or in shear (Section 4.6)."""
+    return ti.i32(
+        e > tensile_limit(foam, e_min) or ti.abs(gamma) > shear_limit(foam, e, sigma_e)
+    )

@@ -1,0 +1,199 @@
+"""Text, colour key, scale bar and floor of a picture, drawn with Pillow.
+
+Sizes are in pixels of the picture; callers scale them with its height.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from taichi_foam.picture import colours
+from taichi_foam.picture.view import Box, View
+
+Image8 = NDArray[np.uint8]
+
+KEY_TITLE = ("worst compressive", "strain")
+KEY_TICKS = (0.0, 0.2, 0.4, 0.6, 0.8, colours.KEY_STRAIN)
+_SMALLEST_TEXT = 8
+_ELLIPSIS = "…"
+
+
+@lru_cache(maxsize=64)
+def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which every Matplotlib brings along, at `size` pixels."""
+    import matplotlib
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name
+    return ImageFont.truetype(str(path), max(_SMALLEST_TEXT, round(size)))
+
+
+def shortened(string: str, face: ImageFont.FreeTypeFont, width: float) -> str:
+    """`string`, cut with an ellipsis where it would be wider than `width` pixels."""
+    if face.getlength(string) <= width:
+        return string
+    while string and face.getlength(string + _ELLIPSIS) > width:
+        string = string[:-1]
+    return string.rstrip() + _ELLIPSIS
+
+
+def write(
+    image: Image8,
+    xy: tuple[float, float],
+    string: str,
+    face: ImageFont.FreeTypeFont,
+    *,
+    anchor: str = "ls",
+    colour: colours.Rgb = colours.INK,
+) -> None:
+    """Write one line of text into `image` (h, w, 3), in place; `anchor` as in Pillow.
+
+    Only the patch under the text is copied, so that a label costs far less than a frame.
+    """
+    x, y = round(xy[0]), round(xy[1])
+    left, top, right, bottom = face.getbbox(string, anchor=anchor)
+    height, width = image.shape[:2]
+    c0, c1 = max(0, x + math.floor(left) - 1), min(width, x + math.ceil(right) + 1)
+    r0, r1 = max(0, y + math.floor(top) - 1), min(height, y + math.ceil(bottom) + 1)
+    if c0 >= c1 or r0 >= r1:
+        return
+    patch = Image.fromarray(np.ascontiguousarray(image[r0:r1, c0:c1]))
+    ImageDraw.Draw(patch).text((x - c0, y - r0), string, fill=colour, font=face, anchor=anchor)
+    image[r0:r1, c0:c1] = np.asarray(patch)
+
+
+def blank(width: int, height: int, colour: colours.Rgb = colours.PAGE) -> Image8:
+    """A picture (height, width, 3) of one colour."""
+    image = np.empty((height, width, 3), dtype=np.uint8)
+    image[:] = colour
+    return image
+
+
+def field(image: Image8, view: View, line: float) -> None:
+    """Prepare the view's box: white, with a hatched floor below y = 0 and a thin frame."""
+    box = view.box
+    rectangle(image, box, colours.FIELD)
+    ground = round(view.y_zero)
+    if box.top < ground < box.bottom:
+        _hatch(image, Box(box.left, ground, box.right, box.bottom), line)
+    edge = max(1, round(line))
+    for side in (
+        Box(box.left, box.top, box.right, box.top + edge),
+        Box(box.left, box.bottom - edge, box.right, box.bottom),
+        Box(box.left, box.top, box.left + edge, box.bottom),
+        Box(box.right - edge, box.top, box.right, box.bottom),
+    ):
+        rectangle(image, side, colours.FRAME)
+
+
+def rectangle(image: Image8, box: Box, colour: colours.Rgb) -> None:
+    """Fill `box` with `colour`."""
+    image[max(0, box.top) : max(0, box.bottom), max(0, box.left) : max(0, box.right)] = colour
+
+
+def _hatch(image: Image8, box: Box, line: float) -> None:
+    """A floor line along the top of `box` and short slanted strokes below it."""
+    fine = 4  # Pillow's lines have no smooth edges, so they are drawn large and averaged
+    depth = min(box.height, max(3, round(11 * line)))
+    patch = Image.new("RGB", (box.width * fine, depth * fine), colours.FIELD)
+    draw = ImageDraw.Draw(patch)
+    pitch = max(4, round(12 * line)) * fine
+    # Strokes lean away from the middle on both sides: the floor is as symmetric as the block.
+    half = box.width * fine / 2
+    for k in range(math.ceil(half / pitch) + 1):
+        near = (k + 0.5) * pitch
+        for sign in (-1, 1):
+            draw.line(
+                (half + sign * near, 0, half + sign * (near + 0.8 * depth * fine), depth * fine),
+                fill=colours.FRAME,
+                width=max(1, round(1.4 * line * fine)),
+            )
+    small = patch.resize((box.width, depth), Image.Resampling.BOX)
+    image[box.top : box.top + depth, box.left : box.right] = np.asarray(small)
+    thick = max(1, round(2 * line))
+    rectangle(image, Box(box.left, box.top, box.right, box.top + thick), colours.FLOOR)
+
+
+def upright_key(image: Image8, box: Box, size: float) -> None:
+    """Colour key in `box` with the light end on top; text of `size` pixels."""
+    face = font(size)
+    y = box.top
+    for word in KEY_TITLE:
+        write(image, (box.left, y), word, face, anchor="la")
+        y += round(1.25 * size)
+    y += round(0.6 * size)
+    bar = Box(box.left, y, box.left + round(1.3 * size), box.bottom - round(0.5 * size))
+    shades = np.linspace(0, 255, bar.height).round().astype(int)
+    image[bar.top : bar.bottom, bar.left : bar.right] = colours.strain_map()[shades][:, None]
+    _outline(image, bar)
+    for tick in KEY_TICKS:
+        row = bar.top + round(tick / colours.KEY_STRAIN * (bar.height - 1))
+        mark = Box(bar.right, row, bar.right + max(3, round(0.35 * size)), row + 1)
+        rectangle(image, mark, colours.INK)
+        place = (mark.right + 0.3 * size, row)
+        write(image, place, f"{100 * tick:.0f} %", face, anchor="lm")
+
+
+def level_key(image: Image8, box: Box, size: float) -> None:
+    """Colour key across `box`: title on the left, the bar with its ticks below to the right."""
+    face = font(size)
+    title = " ".join(KEY_TITLE)
+    middle = (box.top + box.bottom) / 2 - 0.65 * size
+    write(image, (box.left, middle), title, face, anchor="lm")
+    start = box.left + math.ceil(face.getlength(title) + 0.9 * size)
+    bar = Box(start, round(middle - 0.55 * size), box.right, round(middle + 0.55 * size))
+    shades = np.linspace(0, 255, bar.width).round().astype(int)
+    image[bar.top : bar.bottom, bar.left : bar.right] = colours.strain_map()[shades][None]
+    _outline(image, bar)
+    for tick in KEY_TICKS:
+        column = bar.left + round(tick / colours.KEY_STRAIN * (bar.width - 1))
+        mark = Box(column, bar.bottom, column + 1, bar.bottom + max(3, round(0.3 * size)))
+        rectangle(image, mark, colours.INK)
+        place = (column, mark.bottom + 0.15 * size)
+        write(image, place, f"{100 * tick:.0f} %", face, anchor="ma")
+
+
+def scale_bar(
+    image: Image8, left: float, baseline: float, scale: float, longest: float, size: float
+) -> None:
+    """A bar of a round length, at most `longest` pixels, with its length above it.
+
+    Args:
+        left, baseline: lower left end of the bar.
+        scale: pixels per metre of the picture beside it.
+        size: of the text in pixels.
+    """
+    length = round_length(longest / scale)
+    thick = max(2, round(0.22 * size))
+    bar = Box(round(left), round(baseline) - thick, round(left + length * scale), round(baseline))
+    rectangle(image, bar, colours.INK)
+    tall = max(1, round(0.12 * size))
+    for column in (bar.left, bar.right - tall):
+        rectangle(image, Box(column, bar.top - 2 * tall, column + tall, bar.bottom), colours.INK)
+    place = (bar.left, bar.top - 0.45 * size)
+    write(image, place, length_text(length), font(size), anchor="ls")
+
+
+def round_length(longest: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `longest` [m]."""
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(step * power for step in (1, 2, 5) if step * power <= longest * (1 + 1e-12))
+
+
+def length_text(length: float) -> str:
+    """A length [m] with the unit that reads best."""
+    if length < 0.01:
+        return f"{1e3 * length:g} mm"
+    return f"{1e2 * length:g} cm" if length < 1 else f"{length:g} m"
+
+
+def _outline(image: Image8, box: Box) -> None:
+    """A line of one pixel along the inside of `box`."""
+    part = image[box.top : box.bottom, box.left : box.right]
+    part[0], part[-1], part[:, 0], part[:, -1] = (colours.SOFT_INK,) * 4

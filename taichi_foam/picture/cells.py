@@ -1,0 +1,202 @@
+"""The shape of every node's cell, from the node positions and the state of the connections.
+
+Points are complex numbers here (x + iy): turning a vector by a right angle is then a product
+with i, and one array holds both coordinates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
+Points = NDArray[np.complex128]
+
+#: Half lengths are kept below this share of the cell: connections break at 5 % of tension.
+LONGEST_HALF = 0.53
+#: A crushed face is never drawn thinner than this share of the cell.
+THINNEST = 0.05
+
+#: Bits of `open_sides`.
+LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
+
+
+def corners(
+    position: Floats,
+    e_min_a: Floats,
+    e_min_b: Floats,
+    broken_a: Bools,
+    broken_b: Bools,
+    dx: float,
+    dy: float,
+) -> Floats:
+    """Corner points of all cells as deformed quadrilaterals.
+
+    Around each lattice corner the cells that hang together through unbroken connections share
+    one point, the mean of what each of them takes its corner to be; cells on the two sides of
+    a crack have a point each, so the crack opens as a gap. A free edge is carried on by half
+    a cell.
+
+    Args:
+        position: node positions (columns, rows, 2) [m].
+        e_min_a, e_min_b: worst compressive strain (<= 0) of the connections, (columns-1, rows)
+            and (columns, rows-1).
+        broken_a, broken_b: broken connections, same shapes.
+        dx, dy: reference size of a cell [m].
+
+    Returns:
+        (columns, rows, 4, 2) [m]: lower left, lower right, upper right, upper left.
+    """
+    columns, rows = position.shape[:2]
+    z: Points = np.ascontiguousarray(position, dtype=np.float64).view(np.complex128)[..., 0]
+    shared = np.zeros((columns + 1, rows + 1), dtype=np.complex128)
+    # Between four cells that hang together the half vectors cancel: the corner is the mean node.
+    shared[1:-1, 1:-1] = 0.25 * ((z[:-1, :-1] + z[1:, :-1]) + (z[:-1, 1:] + z[1:, 1:]))
+    points = np.empty((columns, rows, 4), dtype=np.complex128)
+    points[..., 0] = shared[:-1, :-1]
+    points[..., 1] = shared[1:, :-1]
+    points[..., 2] = shared[1:, 1:]
+    points[..., 3] = shared[:-1, 1:]
+    _mend(points, z, _Joints(e_min_a, e_min_b, broken_a, broken_b), dx, dy)
+    return points.view(np.float64).reshape(columns, rows, 4, 2)
+
+
+def worst_strain(e_min_a: Floats, e_min_b: Floats) -> Floats:
+    """Worst compressive strain (<= 0) over the connections of each node, (columns, rows)."""
+    columns, rows = e_min_b.shape[0], e_min_a.shape[1]
+    worst = np.zeros((columns, rows))
+    for part, strain in (
+        (worst[:-1], e_min_a),
+        (worst[1:], e_min_a),
+        (worst[:, :-1], e_min_b),
+        (worst[:, 1:], e_min_b),
+    ):
+        np.minimum(part, strain, out=part)
+    return worst
+
+
+def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
+    """Which sides of each cell face a crack or the outside: LEFT | RIGHT | BOTTOM | TOP."""
+    columns, rows = broken_b.shape[0], broken_a.shape[1]
+    sides = np.zeros((columns, rows), dtype=np.int32)
+    sides[0] |= LEFT
+    sides[-1] |= RIGHT
+    sides[:, 0] |= BOTTOM
+    sides[:, -1] |= TOP
+    sides[1:] |= broken_a * np.int32(LEFT)
+    sides[:-1] |= broken_a * np.int32(RIGHT)
+    sides[:, 1:] |= broken_b * np.int32(BOTTOM)
+    sides[:, :-1] |= broken_b * np.int32(TOP)
+    return sides
+
+
+class _Joints:
+    """The connections with a rim of absent ones, so that every cell has four.
+
+    Connection A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
+    """
+
+    def __init__(self, e_min_a: Floats, e_min_b: Floats, broken_a: Bools, broken_b: Bools) -> None:
+        self.whole_a = np.pad(~broken_a, 1)
+        self.whole_b = np.pad(~broken_b, 1)
+        # NaN marks a side that never had a connection.
+        self.strain_a = np.pad(e_min_a, 1, constant_values=np.nan)
+        self.strain_b = np.pad(e_min_b, 1, constant_values=np.nan)
+
+    def frayed_corners(self) -> tuple[Ints, Ints]:
+        """Lattice corners (p, q) with a broken or absent connection around them."""
+        a, b = self.whole_a, self.whole_b
+        whole = a[:, :-1] & a[:, 1:]
+        whole &= b[:-1] & b[1:]
+        return np.nonzero(~whole)
+
+
+def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> None:
+    """Replace the corners that lie on a crack or on the block's edge."""
+    columns, rows = z.shape
+    p, q = joints.frayed_corners()
+    # Counter-clockwise around the corner, from its lower left; each sees it as this own corner.
+    cells = ((p - 1, q - 1, 2), (p, q - 1, 3), (p, q, 0), (p - 1, q, 1))
+    there = [(i >= 0) & (i < columns) & (j >= 0) & (j < rows) for i, j, _ in cells]
+    near = np.zeros((columns, rows), dtype=bool)
+    for (i, j, _), inside in zip(cells, there, strict=True):
+        near[i[inside], j[inside]] = True
+    ci, cj = np.nonzero(near)
+    place = np.zeros((columns, rows), dtype=np.intp)
+    place[ci, cj] = np.arange(len(ci))
+    left, right, down, up = _half_vectors(z, ci, cj, joints, dx, dy)
+    middle = z[ci, cj]
+    guesses = (middle + (right + up), middle + (left + up),
+               middle + (left + down), middle + (right + down))  # fmt: skip
+    estimate = [
+        np.where(inside, guess[place[i.clip(0, columns - 1), j.clip(0, rows - 1)]], 0)
+        for guess, (i, j, _), inside in zip(guesses, cells, there, strict=True)
+    ]
+    a, b = joints.whole_a, joints.whole_b
+    link = (a[p, q], b[p + 1, q], a[p, q + 1], b[p, q])  # cell k to cell k+1
+    for k, ((i, j, own), inside) in enumerate(zip(cells, there, strict=True)):
+        ahead, back, ahead2, back2 = link[k], link[k - 1], link[(k + 1) % 4], link[k - 2]
+        after = ahead | (back & back2 & ahead2)
+        before = back | (ahead & ahead2 & back2)
+        across = (ahead & ahead2) | (back & back2)
+        total = (estimate[k] + across * estimate[k - 2]) + (
+            after * estimate[(k + 1) % 4] + before * estimate[k - 1]
+        )
+        mean = total / (1 + across + (after.astype(np.intp) + before))
+        points[i[inside], j[inside], own] = mean[inside]
+
+
+def _half_vectors(
+    z: Points, i: Ints, j: Ints, joints: _Joints, dx: float, dy: float
+) -> tuple[Points, Points, Points, Points]:
+    """Vectors from the nodes (i, j) to their left, right, lower and upper faces [m].
+
+    An unbroken connection gives half of itself. Beyond a broken one the cell goes on in the
+    direction of the opposite connection, with the length that its worst strain has left of it.
+    """
+    columns, rows = z.shape
+    here = z[i, j]
+    whole_l, whole_r = joints.whole_a[i, j + 1], joints.whole_a[i + 1, j + 1]
+    whole_d, whole_u = joints.whole_b[i + 1, j], joints.whole_b[i + 1, j + 1]
+    left = 0.5 * np.where(whole_l, z[np.maximum(i - 1, 0), j] - here, 0)
+    right = 0.5 * np.where(whole_r, z[np.minimum(i + 1, columns - 1), j] - here, 0)
+    down = 0.5 * np.where(whole_d, z[i, np.maximum(j - 1, 0)] - here, 0)
+    up = 0.5 * np.where(whole_u, z[i, np.minimum(j + 1, rows - 1)] - here, 0)
+
+    along, upward = _unit(right - left), _unit(up - down)
+    along = np.where(along == 0, -1j * upward, along)
+    along = np.where(along == 0, 1, along)  # a loose node: its rotation is not known
+    upward = np.where(upward == 0, 1j * along, upward)
+
+    strain_l, strain_r = joints.strain_a[i, j + 1], joints.strain_a[i + 1, j + 1]
+    strain_d, strain_u = joints.strain_b[i + 1, j], joints.strain_b[i + 1, j + 1]
+    return (
+        _bounded(np.where(whole_l, left, -along * _reach(strain_l, right, strain_r, dx)), dx),
+        _bounded(np.where(whole_r, right, along * _reach(strain_r, left, strain_l, dx)), dx),
+        _bounded(np.where(whole_d, down, -upward * _reach(strain_d, up, strain_u, dy)), dy),
+        _bounded(np.where(whole_u, up, upward * _reach(strain_u, down, strain_d, dy)), dy),
+    )
+
+
+def _reach(strain: Floats, opposite: Points, opposite_strain: Floats, size: float) -> Floats:
+    """Half length of a side without a connection [m].
+
+    From its own worst strain; where it never had a connection, like the opposite half.
+    """
+    own = np.where(np.isnan(strain), opposite_strain, strain)
+    length = 0.5 * size * np.clip(1 + np.nan_to_num(own), THINNEST, None)
+    return np.where(np.isnan(strain) & (opposite != 0), np.abs(opposite), length)
+
+
+def _unit(vector: Points) -> Points:
+    """Direction of each vector; zero stays zero."""
+    length = np.abs(vector)
+    return vector / np.where(length > 0, length, 1)
+
+
+def _bounded(vector: Points, size: float) -> Points:
+    """The vectors, shortened to LONGEST_HALF of `size` where they are longer."""
+    length = np.abs(vector)
+    return vector * np.minimum(1, LONGEST_HALF * size / np.where(length > 0, length, 1))

@@ -1,0 +1,395 @@
+"""Figures in the manner of the paper's, with Matplotlib's object interface (no global state).
+
+Every function takes plain arrays in SI units and returns a `Figure`; `save` writes it. Curves are
+labelled where they are, in colours that colour-blind readers can tell apart (Okabe and Ito).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_foam.errors import UserError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from taichi_foam.paper import Measured
+
+Array = NDArray[np.float64]
+History = Mapping[str, Array]
+
+BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, YELLOW, GREY = (
+    "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#F0E442", "#8C8C8C",
+)  # fmt: skip
+CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
+INK = "#202124"
+
+_STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 13,
+    "axes.labelsize": 13,
+    "axes.titlesize": 14,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 1.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E3E3E0",
+    "grid.linewidth": 0.8,
+    "lines.linewidth": 2.0,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "taichi-foam",  # the same figure gives the same file
+    "figure.dpi": 100,
+}
+
+_LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": "linecolor"}
+
+#: Parts of the ledger, bottom to top: history columns, label, colour.
+LEDGER = (
+    (("impactor_kinetic_J",), "impactor, kinetic", "#B8BEC6"),
+    (("foam_kinetic_J",), "foam, kinetic", SKY),
+    (("strain_J",), "strain (recoverable)", YELLOW),
+    (("crushing_J",), "crushing", VERMILION),
+    (("shear_J",), "shear", ORANGE),
+    (("damping_J",), "damping", GREEN),
+    (("friction_J",), "impactor friction", BLUE),
+    (("fracture_J",), "fracture", PURPLE),
+    (("contact_J", "self_contact_J", "base_J"), "contacts and base", "#5A5A5A"),
+)
+
+
+@dataclass(frozen=True)
+class Deceleration:
+    """One impact's deceleration with what was measured in it.
+
+    velocity [m/s] and time [s], deceleration [m/s2] arrays (n,), from first contact; measured
+    and plateau_start [s] (end of the initial rise) as the measured plateau is drawn from there.
+    """
+
+    velocity: float
+    time: Array
+    deceleration: Array
+    measured: Measured | None = None
+    plateau_start: float = 3e-3
+
+
+@dataclass(frozen=True)
+class Absorption:
+    """Energy absorbed [J] against volume crushed [m3], arrays (n,), of one impact."""
+
+    velocity: float
+    volume: Array
+    energy: Array
+
+
+def save(figure: Figure, path: str | Path, *, svg: bool = False) -> list[Path]:
+    """Write the figure as PNG, and as SVG beside it where asked for; return the paths.
+
+    Raises:
+        UserError: another ending, or a file that cannot be written.
+    """
+    png = Path(path)
+    if png.suffix.lower() != ".png":
+        raise UserError(f"figure {png}: the name must end in .png")
+    written = [png, png.with_suffix(".svg")] if svg else [png]
+    try:
+        with mpl.rc_context(_STYLE):
+            for target in written:
+                dateless = {"Date": None} if target.suffix == ".svg" else None
+                figure.savefig(target, dpi=120, facecolor="white", metadata=dateless)
+    except OSError as error:
+        raise UserError(
+            f"figure {error.filename or png}: it could not be written ({error.strerror}); "
+            "check the folder, its permissions and the free space"
+        ) from error
+    return written
+
+
+def impact_histories(histories: Mapping[float, History]) -> Figure:
+    """Deceleration, velocity and displacement of impacts at several velocities (Fig. 5).
+
+    Args:
+        histories: by impact velocity [m/s]: columns time_s, deceleration_smoothed_m_s2,
+            velocity_m_s and displacement_m.
+    """
+    panels = (
+        ("deceleration_smoothed_m_s2", 1.0, "deceleration (m/s²)"),
+        ("velocity_m_s", 1.0, "velocity (m/s)"),
+        ("displacement_m", 1e2, "displacement (cm)"),
+    )
+    with mpl.rc_context(_STYLE):
+        figure = _figure(8.0, 10.5)
+        axes = figure.subplots(3, 1, sharex=True)
+        for axis, (column, factor, label), mark in zip(axes, panels, "abc", strict=True):
+            for colour, (velocity, history) in zip(CYCLE, sorted(histories.items()), strict=False):
+                time, values = 1e3 * history["time_s"], factor * history[column]
+                name = f"{velocity:.2f} m/s"
+                axis.plot(time, values, color=colour, label=name)
+                if column == "displacement_m":  # elsewhere the curves end in one point
+                    _beside(axis, time[-1], values[-1], name, colour, (7, 0), "center")
+            axis.set_ylabel(label)
+            axis.set_title(f"({mark})")
+            axis.axhline(0, color=INK, linewidth=0.8)
+        axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
+        axes[0].legend(loc="lower left", bbox_to_anchor=(0.12, 0.12), **_LEGEND)
+        axes[-1].set_xlabel("time (ms)")
+        latest = max(float(history["time_s"][-1]) for history in histories.values())
+        axes[-1].set_xlim(0, 1e3 * latest * 1.18)
+    return figure
+
+
+def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
+    """Computed decelerations with the measured figures marked on them (Figs 21, 23, 25).
+
+    One panel an impact. Of the tests only tabled figures are known, not the curves: the plateau
+    is a band of +-5 % about the measured mean, the impact duration a dashed line, and the initial
+    peak, where there is one, a ring.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = _figure(4.6 * max(1, len(impacts)), 4.7)
+        axes = figure.subplots(1, len(impacts), sharey=True, squeeze=False)[0]
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        top = 1.16 * max(_tallest(impact) for impact in impacts)
+        last = max(_latest(impact) for impact in impacts)
+        for k, (axis, impact) in enumerate(zip(axes, impacts, strict=True)):
+            time = 1e3 * impact.time
+            axis.plot(time, impact.deceleration, color=BLUE, linewidth=1.8, label="computed")
+            if impact.measured is not None:
+                _mark_measured(axis, impact, impact.measured, top)
+            axis.set_title(f"({'abcdefghi'[k]}) {impact.velocity:.2f} m/s")
+            axis.set_xlabel("time (ms)")
+            axis.set_xlim(0, 1e3 * last * 1.06)
+            axis.set_ylim(0, top)
+        axes[0].set_ylabel("deceleration (m/s²)")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
+    return figure
+
+
+def energy_against_volume(
+    groups: Mapping[str, Sequence[Absorption]],
+    measured_slopes: Mapping[str, Sequence[float]] | None = None,
+) -> Figure:
+    """Energy absorbed against volume crushed, a panel for each shape (Fig. 13).
+
+    Args:
+        groups: by the impactor's name, its impacts.
+        measured_slopes: by the same names, measured energies per volume [J/m3] (Table 5), drawn
+            as a wedge from the smallest to the largest.
+    """
+    slopes = measured_slopes or {}
+    with mpl.rc_context(_STYLE):
+        figure = _figure(4.6 * max(1, len(groups)), 4.9)
+        axes = figure.subplots(1, len(groups), sharex=True, sharey=True, squeeze=False)[0]
+        widest = max(float(a.volume.max()) for group in groups.values() for a in group)
+        tallest = max(float(a.energy.max()) for group in groups.values() for a in group)
+        right, top = 1e6 * widest * 1.12, tallest * 1.14
+        for axis, mark, (name, group) in zip(axes, "abcdefghi", groups.items(), strict=False):
+            axis.set_title(f"({mark}) {name}")
+            axis.set_xlabel("volume crushed (cm³)")
+            axis.set_xlim(0, right)
+            axis.set_ylim(0, top)
+            if name in slopes:
+                _mark_slopes(axis, slopes[name], right, top)
+            for colour, impact in zip(CYCLE, group, strict=False):
+                volume = 1e6 * impact.volume
+                axis.plot(volume, impact.energy, color=colour, solid_capstyle="round")
+                axis.plot(volume[-1], impact.energy[-1], "o", color=colour, markersize=6)
+                name, end = f"{impact.velocity:.2f} m/s", impact.energy[-1]
+                _beside(axis, volume[-1], end, name, colour, (-9, 3), "bottom", "right")
+        axes[0].set_ylabel("energy absorbed (J)")
+    return figure
+
+
+def stress_strain(branches: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
+    """The foam's law: loading, unloading and re-tension (Fig. 19).
+
+    Args:
+        branches: by name, engineering strain and stress [Pa] along the branch (n,), tension
+            positive; drawn with compression to the right and upwards, as crush curves are.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = _figure(8.0, 5.4)
+        axis = figure.subplots()
+        for colour, (name, (strain, stress)) in zip(CYCLE, branches.items(), strict=False):
+            x, y = -100 * np.asarray(strain), -1e-6 * np.asarray(stress)
+            axis.plot(x, y, color=colour, label=name)
+            for k in (0, -1):
+                if y[k] < 0:  # a branch that ends in tension ends where the connection breaks
+                    axis.plot(x[k], y[k], "x", color=colour, markersize=10, mew=2.5)
+                    _beside(axis, x[k], y[k], "breaks", colour, (9, -3), "top")
+        axis.axhline(0, color=INK, linewidth=0.9)
+        axis.axvline(0, color=INK, linewidth=0.9)
+        axis.set_xlabel("compressive engineering strain (%)")
+        axis.set_ylabel("compressive engineering stress (MPa)")
+        axis.legend(loc="lower right", **_LEGEND)
+    return figure
+
+
+def energy_ledger(history: History) -> Figure:
+    """Where the impact energy goes: the ledger's parts stacked over time.
+
+    Args:
+        history: columns time_s and those of LEDGER [J]; energies that only a few runs have may
+            be absent.
+    """
+    time = 1e3 * history["time_s"]
+    parts, names, tones = [], [], []
+    for columns, name, colour in LEDGER:
+        total = sum((history[c] for c in columns if c in history), start=np.zeros_like(time))
+        if np.any(np.abs(total) > 0):
+            parts.append(total)
+            names.append(name)
+            tones.append(colour)
+    if not parts:
+        raise UserError("energy ledger: the history holds no energy to show")
+    with mpl.rc_context(_STYLE):
+        figure = _figure(9.0, 5.2)
+        axis = figure.subplots()
+        # A part may dip below zero by rounding; a stack of areas has no place for that.
+        layers = [np.maximum(part, 0.0) for part in parts]
+        axis.stackplot(time, layers, colors=tones, edgecolor="white", linewidth=0.6)
+        axis.set_xlim(time[0], time[-1])
+        axis.set_ylim(0, 1.04 * float(np.max(np.sum(layers, axis=0))))
+        axis.set_xlabel("time (ms)")
+        axis.set_ylabel("energy (J)")
+        axis.grid(visible=False)
+
+        edges = np.concatenate([[0.0], np.cumsum([layer[-1] for layer in layers])])
+        middles = (edges[:-1] + edges[1:]) / 2
+        shown = [k for k, layer in enumerate(layers) if layer.max() > 0.004 * edges[-1]]
+        spots = spread([middles[k] for k in shown], 0.062 * axis.get_ylim()[1])
+        for k, spot in zip(shown, spots, strict=True):
+            axis.annotate(
+                f"{names[k]}  {layers[k][-1]:.2g} J",
+                (1.0, middles[k]),
+                xycoords=axis.get_yaxis_transform(),
+                xytext=(1.04, spot),
+                textcoords=axis.get_yaxis_transform(),
+                va="center",
+                annotation_clip=False,
+                arrowprops={
+                    "arrowstyle": "-",
+                    "color": tones[k],
+                    "linewidth": 2.5,
+                    "relpos": (0, 0.5),
+                    "shrinkA": 2,
+                    "shrinkB": 0,
+                },
+            )
+    return figure
+
+
+def spread(wanted: Sequence[float], apart: float) -> list[float]:
+    """Positions as near as possible to `wanted` (any order), at least `apart` from one another."""
+    order = np.argsort(wanted, kind="stable")
+    # Clusters [sum of (wanted - offset), count] are merged while they would overlap.
+    clusters: list[list[float]] = []
+    for k in order:
+        clusters.append([float(wanted[k]), 1.0])
+        while len(clusters) > 1:
+            (a, n), (b, m) = clusters[-2], clusters[-1]
+            if b / m - (m - 1) * apart / 2 >= a / n + (n - 1) * apart / 2 + apart:
+                break
+            clusters[-2:] = [[a + b, n + m]]
+    ends: list[float] = []
+    for total, count in clusters:
+        start = total / count - (count - 1) * apart / 2
+        ends.extend(start + apart * k for k in range(int(count)))
+    placed = [0.0] * len(wanted)
+    for k, end in zip(order, ends, strict=True):
+        placed[k] = end
+    return placed
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _beside(
+    axis: Axes,
+    x: float,
+    y: float,
+    text: str,
+    colour: str,
+    offset: tuple[float, float],
+    vertical: str,
+    horizontal: str = "left",
+) -> None:
+    """A label in the colour of its curve, `offset` points from (x, y), on a white halo."""
+    axis.annotate(
+        text,
+        (x, y),
+        xytext=offset,
+        textcoords="offset points",
+        ha=horizontal,
+        va=vertical,
+        color=colour,
+        fontweight="bold",
+        path_effects=[withStroke(linewidth=3, foreground="white")],
+    )
+
+
+def _tallest(impact: Deceleration) -> float:
+    peak = impact.measured.initial_peak_m_s2 if impact.measured else None
+    return max(float(np.nanmax(impact.deceleration)), peak or 0.0)
+
+
+def _latest(impact: Deceleration) -> float:
+    duration = impact.measured.impact_duration_s if impact.measured else 0.0
+    return max(float(impact.time[-1]), duration)
+
+
+def _mark_measured(axis: Axes, impact: Deceleration, measured: Measured, top: float) -> None:
+    duration, level = 1e3 * measured.impact_duration_s, measured.plateau_deceleration_m_s2
+    span = [1e3 * impact.plateau_start, 0.85 * duration]
+    axis.fill_between(span, 0.95 * level, 1.05 * level, color=ORANGE, alpha=0.35, linewidth=0)
+    axis.plot(span, [level, level], color=VERMILION, linewidth=2.4, label="measured plateau ± 5 %")
+    # The figure stands on that side of the band where the curve is not.
+    during = (1e3 * impact.time > span[0]) & (1e3 * impact.time < span[1])
+    below = bool(during.any()) and float(np.median(impact.deceleration[during])) > level
+    edge, gap, side = (0.95, -4, "top") if below else (1.05, 4, "bottom")
+    text = f"{level:.0f} m/s²"
+    _beside(axis, sum(span) / 2, edge * level, text, VERMILION, (0, gap), side, "center")
+    dashes = (0, (5, 3))
+    axis.plot(
+        [duration, duration],
+        [0, 0.84 * top],
+        color=VERMILION,
+        linewidth=1.6,
+        linestyle=dashes,
+        label="measured duration",
+    )
+    _beside(axis, duration, 0.85 * top, f"{duration:.0f} ms", VERMILION, (0, 0), "bottom", "center")
+    peak, when = measured.initial_peak_m_s2, measured.initial_peak_time_s
+    if peak is not None and when is not None:
+        ring = {"linestyle": "", "marker": "o", "mfc": "none", "mec": VERMILION, "mew": 2.2}
+        axis.plot([1e3 * when], [peak], markersize=9, label="measured initial peak", **ring)
+        _beside(axis, 1e3 * when, peak, f"{peak:.0f} m/s²", VERMILION, (10, 0), "center")
+
+
+def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) -> None:
+    """The measured energies per volume as a wedge of straight lines from the origin."""
+    low, high = 1e-6 * min(slopes), 1e-6 * max(slopes)
+    x = np.array([0.0, right])
+    axis.fill_between(x, low * x, high * x, color=ORANGE, alpha=0.30, linewidth=0)
+    middle = (low + high) / 2
+    axis.plot(x, middle * x, color=VERMILION, linewidth=1.2, linestyle=(0, (5, 3)))
+    x_text = 0.97 * right
+    text = f"measured\n{10 * low:.2f} to {10 * high:.2f} · 10⁵ J/m³"
+    axis.annotate(text, (x_text, 0.05 * top), ha="right", va="bottom", color=VERMILION)

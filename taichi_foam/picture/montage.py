@@ -1,0 +1,112 @@
+"""A run at a glance: instants side by side with one key and one scale (paper, Figs 22, 24, 26)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.errors import UserError
+from taichi_foam.picture import annotate, raster
+from taichi_foam.picture.view import Box, fit, window
+
+if TYPE_CHECKING:
+    from taichi_foam.result import Snapshot
+    from taichi_foam.scene import Scene
+
+Image8 = NDArray[np.uint8]
+
+#: Width of a montage [pixels]; text is sized to be read at half of it.
+WIDTH = 1800
+_GAP = 14
+_TEXT = 30
+
+
+def montage(
+    snapshots: Sequence[Snapshot],
+    scene: Scene,
+    *,
+    times: Sequence[float] | None = None,
+    n: int = 8,
+    columns: int | None = None,
+    title: str | None = None,
+    width: int = WIDTH,
+) -> Image8:
+    """Draw several instants of a run as one picture.
+
+    Args:
+        snapshots: the run's instants, in order of time.
+        scene: what was run.
+        times: instants to show [s], each by the snapshot nearest to it; default `n` of them,
+            evenly from the first snapshot to the last.
+        columns: panels in a row; default one row up to four panels, else three or four
+            in a row.
+        title: text above the panels; default the scene's name.
+        width: of the picture [pixels].
+
+    Returns:
+        uint8 (h, width, 3), h even.
+
+    Raises:
+        UserError: no snapshots, or fewer than one instant asked for.
+    """
+    chosen = choose(snapshots, times, n)
+    across = columns or _columns(len(chosen))
+    down = math.ceil(len(chosen) / across)
+    unit = width / WIDTH
+    gap, text = round(_GAP * unit), _TEXT * unit
+    world = window(scene, side=0.14, above=0.42)
+    panel_width = (width - gap * (across + 1)) // across
+    panel_height = round(panel_width * (world.y_max - world.y_min) / (world.x_max - world.x_min))
+    # A long bar still needs room for its time; a tall column must not fill the page.
+    panel_height = int(np.clip(panel_height, 3 * text, 1.5 * panel_width))
+    head, foot = round(2.1 * text), round(3.0 * text)
+    height = head + down * (panel_height + gap) + foot
+    image = annotate.blank(width, height + height % 2)
+    name = scene.name if title is None else title
+    bold = annotate.font(1.15 * text, bold=True)
+    name = annotate.shortened(name, bold, width - 2 * gap)
+    annotate.write(image, (gap + 2, 1.45 * text), name, bold)
+    label = annotate.font(text, bold=True)
+    view = None
+    for k, snapshot in enumerate(chosen):
+        left = gap + (k % across) * (panel_width + gap)
+        top = head + (k // across) * (panel_height + gap)
+        view = fit(world, Box(left, top, left + panel_width, top + panel_height))
+        annotate.field(image, view, unit)
+        raster.draw(image, snapshot, scene, view, 0.85 * unit)
+        place = (left + 0.4 * text, top + 1.2 * text)
+        annotate.write(image, place, f"{1e3 * snapshot.time:.1f} ms", label)
+    if view is not None:
+        base = height - 0.5 * foot
+        annotate.scale_bar(image, gap + 2, base + 0.4 * text, view.scale, 0.16 * width, text)
+        right = width - gap - round(1.2 * text)
+        key = Box(round(0.3 * width), height - foot, right, height)
+        annotate.level_key(image, key, text)
+    return image
+
+
+def choose(
+    snapshots: Sequence[Snapshot], times: Sequence[float] | None = None, n: int = 8
+) -> list[Snapshot]:
+    """The snapshots nearest to `times` [s], or `n` of them spread evenly over the run."""
+    if not snapshots:
+        raise UserError("montage: the run has no snapshots to show")
+    when = np.array([snapshot.time for snapshot in snapshots])
+    if times is None:
+        if n < 1:
+            raise UserError(f"montage: n = {n}; must be at least 1")
+        times = [float(t) for t in np.linspace(when[0], when[-1], n)]
+    if not len(times):
+        raise UserError("montage: times is empty; give at least one")
+    return [snapshots[int(np.argmin(np.abs(when - t)))] for t in times]
+
+
+def _columns(count: int) -> int:
+    """Panels in a row: one row up to four, else three or four, whichever leaves less empty."""
+    if count <= 4:
+        return count
+    return min((4, 3), key=lambda across: -count % across)

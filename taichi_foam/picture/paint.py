@@ -1,0 +1,300 @@
+"""Filling polygons with samples: a small scanline rasteriser as one Taichi kernel."""
+
+import contextlib
+from functools import lru_cache
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.engine import runtime
+from taichi_foam.errors import UserError
+from taichi_foam.picture import colours
+from taichi_foam.picture.view import View
+
+#: Samples along each side of a pixel.
+FINE = 2
+#: Horizontal bands that threads draw on their own; more than cores, to share the work evenly.
+BANDS = 16
+#: Taichi gives each CPU thread at least this many iterations of a parallel loop.
+STRIDE = 512
+
+
+def paint(
+    image: NDArray[np.uint8],
+    view: View,
+    shapes: NDArray[np.float64],
+    *,
+    fill: NDArray[np.int32],
+    edge: NDArray[np.int32],
+    sides: NDArray[np.int32],
+    order: NDArray[np.int32],
+    grid_line: float = 0.0,
+    crack_line: float = 0.0,
+    shape: NDArray[np.float64],
+    shape_line: float = 0.0,
+) -> None:
+    """Fill quadrilaterals and one convex outline over `image`, in place.
+
+    Args:
+        image: uint8 (h, w, 3).
+        view: world to pixels; nothing is drawn outside its box.
+        shapes: quadrilaterals (n, 4, 2) [m]: lower left, lower right, upper right, upper left.
+        fill, edge: colour of each and of its grid line, 0xRRGGBB (n,).
+        sides: sides that get a crack line (`cells.LEFT` and so on), (n,).
+        order: indices in the order of painting, later ones on top, (n,).
+        grid_line, crack_line: their widths [pixels], half of a grid line on either cell.
+        shape: convex outline (m, 2) [m], counter-clockwise, on top of all; m may be 0.
+        shape_line: width of the line inside its edge [pixels].
+    """
+    # A runtime that already works on another architecture draws just as well.
+    with contextlib.suppress(UserError):
+        runtime.start()
+    height, width = image.shape[:2]
+    scratch = _scratch(height, width)
+    box = view.box
+    outer = np.empty((0, 2)) if len(shape) == 0 else _to_samples(shape, view)
+    inner = _inset(outer, FINE * shape_line)
+    _paint(
+        image,
+        scratch,
+        np.ascontiguousarray(shapes),
+        np.ascontiguousarray(fill, dtype=np.int32),
+        np.ascontiguousarray(edge, dtype=np.int32),
+        np.ascontiguousarray(sides, dtype=np.int32),
+        order,
+        np.empty((len(shapes), 2), dtype=np.int32),
+        # An array without elements cannot be passed; the count says how many are meant.
+        np.ascontiguousarray(outer) if len(outer) else np.zeros((1, 2)),
+        np.ascontiguousarray(inner) if len(inner) else np.zeros((1, 2)),
+        len(outer),
+        FINE * view.scale,
+        FINE * view.x_zero,
+        FINE * view.y_zero,
+        FINE * grid_line / 2,
+        FINE * crack_line,
+        max(0, box.left),
+        max(0, box.top),
+        min(width, box.right),
+        min(height, box.bottom),
+        *_bands(height),
+        int(colours.packed(np.array(colours.CRACK, dtype=np.uint8))),
+        int(colours.packed(np.array(colours.STEEL_EDGE, dtype=np.uint8))),
+        int(colours.packed(np.array(colours.STEEL, dtype=np.uint8))),
+    )
+
+
+@lru_cache(maxsize=2)
+def _scratch(height: int, width: int) -> NDArray[np.int32]:
+    """The samples, kept between frames: asking for fresh memory costs as much as filling it."""
+    return np.empty((FINE * height, FINE * width), dtype=np.int32)
+
+
+def _bands(height: int) -> tuple[int, int]:
+    """How many bands to cut the picture into, and the loop iterations per band."""
+    if ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64):
+        return min(BANDS, height), STRIDE
+    return height, 1  # a graphics device has threads for every row
+
+
+def _to_samples(points: NDArray[np.float64], view: View) -> NDArray[np.float64]:
+    """World points (n, 2) [m] in samples, rows downwards."""
+    flip = np.array([view.scale, -view.scale])
+    return FINE * (np.array([view.x_zero, view.y_zero]) + points * flip)
+
+
+def _inset(outline: NDArray[np.float64], by: float) -> NDArray[np.float64]:
+    """A convex outline with each edge moved inwards by `by` (any unit)."""
+    if len(outline) == 0:
+        return outline
+    ahead = np.roll(outline, -1, axis=0) - outline
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    area = np.sum(outline[:, 0] * np.roll(outline[:, 1], -1))
+    area -= np.sum(outline[:, 1] * np.roll(outline[:, 0], -1))
+    normal = np.sign(area) * np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    before = np.roll(normal, 1, axis=0)
+    # The corner of two shifted edges; a sharp corner would be thrown far, so it is held back.
+    corner = (normal + before) / np.maximum(1 + np.sum(normal * before, axis=1), 0.1)[:, None]
+    return outline + by * corner
+
+
+@ti.func
+def _sample(edge: ti.f64) -> ti.i32:
+    """First sample whose middle is at or beyond `edge`."""
+    return ti.cast(ti.ceil(ti.min(ti.max(edge, -1e6), 1e6) - 0.5), ti.i32)
+
+
+@ti.func
+def _crossing(xa: ti.f64, ya: ti.f64, xb: ti.f64, yb: ti.f64, y: ti.f64) -> ti.f64:
+    """Where the edge a-b crosses row `y`: the same number for both cells that share the edge."""
+    swap = ya > yb
+    x0, y0 = ti.select(swap, xb, xa), ti.select(swap, yb, ya)
+    x1, y1 = ti.select(swap, xa, xb), ti.select(swap, ya, yb)
+    return x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+
+
+@ti.func
+def _fill_row(samples: ti.template(), row: int, start: float, end: float, clip, colour: int):
+    for column in range(ti.max(clip[0], _sample(start)), ti.min(clip[2], _sample(end))):
+        samples[row, column] = colour
+
+
+@ti.func
+def _fill_quad(samples: ti.template(), x, y, clip, colour: int):
+    """Fill a convex quadrilateral with corners x, y (4-vectors) in samples, within `clip`."""
+    for row in range(ti.max(clip[1], _sample(y.min())), ti.min(clip[3], _sample(y.max()))):
+        level = row + 0.5
+        start, end = 1e9, -1e9
+        for k in ti.static(range(4)):
+            n = ti.static((k + 1) % 4)
+            if (y[k] <= level) != (y[n] <= level):
+                at = _crossing(x[k], y[k], x[n], y[n], level)
+                start, end = ti.min(start, at), ti.max(end, at)
+        if start < end:
+            _fill_row(samples, row, start, end, clip, colour)
+
+
+@ti.func
+def _fill_outline(samples: ti.template(), points: ti.template(), n: int, clip, colour: int):
+    """Fill a convex outline of `n` points (n, 2) in samples, within `clip`."""
+    lowest, highest = 1e9, -1e9
+    for k in range(n):
+        lowest, highest = ti.min(lowest, points[k, 1]), ti.max(highest, points[k, 1])
+    for row in range(ti.max(clip[1], _sample(lowest)), ti.min(clip[3], _sample(highest))):
+        level = row + 0.5
+        start, end = 1e9, -1e9
+        for k in range(n):
+            m = (k + 1) % n
+            if (points[k, 1] <= level) != (points[m, 1] <= level):
+                at = _crossing(points[k, 0], points[k, 1], points[m, 0], points[m, 1], level)
+                start, end = ti.min(start, at), ti.max(end, at)
+        if start < end:
+            _fill_row(samples, row, start, end, clip, colour)
+
+
+@ti.func
+def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, crack, crack_colour):
+    """One cell: grid line and colour, then a crack line inside each open side.
+
+    Lines are strips in the cell's own coordinates, each a bounded share of its width or height:
+    they close up with a cell that is crushed flat and leave its colour to be seen.
+    """
+    width = 0.5 * (
+        ti.sqrt((x[1] - x[0]) ** 2 + (y[1] - y[0]) ** 2)
+        + ti.sqrt((x[2] - x[3]) ** 2 + (y[2] - y[3]) ** 2)
+    )
+    height = 0.5 * (
+        ti.sqrt((x[3] - x[0]) ** 2 + (y[3] - y[0]) ** 2)
+        + ti.sqrt((x[2] - x[1]) ** 2 + (y[2] - y[1]) ** 2)
+    )
+    for part in range(6):
+        wanted = grid > 0 or part == 1
+        if part >= 2:
+            wanted = (sides >> (part - 2)) & 1 == 1
+        if wanted:
+            u0, u1, v0, v1 = 0.0, 1.0, 0.0, 1.0
+            colour = edge
+            if part == 1:
+                colour = fill
+                u0 = ti.min(0.2, grid / ti.max(width, 1e-9))
+                v0 = ti.min(0.2, grid / ti.max(height, 1e-9))
+                u1, v1 = 1 - u0, 1 - v0
+            elif part >= 2:
+                colour = crack_colour
+                across = ti.min(0.25, crack / ti.max(width, 1e-9))
+                upright = ti.min(0.25, crack / ti.max(height, 1e-9))
+                if part == 2:
+                    u1 = across
+                elif part == 3:
+                    u0 = 1 - across
+                elif part == 4:
+                    v1 = upright
+                else:
+                    v0 = 1 - upright
+            u, v = ti.Vector([u0, u1, u1, u0]), ti.Vector([v0, v0, v1, v1])
+            px = (1 - v) * ((1 - u) * x[0] + u * x[1]) + v * ((1 - u) * x[3] + u * x[2])
+            py = (1 - v) * ((1 - u) * y[0] + u * y[1]) + v * ((1 - u) * y[3] + u * y[2])
+            _fill_quad(samples, px, py, clip, colour)
+
+
+@ti.kernel
+def _paint(
+    image: ti.types.ndarray(dtype=ti.u8, ndim=3),
+    samples: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    shapes: ti.types.ndarray(dtype=ti.f64, ndim=3),
+    fill: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    edge: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    sides: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    order: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    span: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    outer: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    inner: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    outline_points: ti.i32,
+    scale: ti.f64,
+    x_zero: ti.f64,
+    y_zero: ti.f64,
+    grid: ti.f64,
+    crack: ti.f64,
+    left: ti.i32,
+    top: ti.i32,
+    right: ti.i32,
+    bottom: ti.i32,
+    bands: ti.i32,
+    stride: ti.i32,
+    crack_colour: ti.i32,
+    line_colour: ti.i32,
+    steel: ti.i32,
+):
+    """Sample every band in painter's order, then average the samples into its pixels.
+
+    A sample of -1 shows the image below. A pixel's value does not depend on how the picture
+    is cut into bands, so any number of threads gives the same picture.
+    """
+    for p in range(shapes.shape[0]):
+        lowest, highest = 1e9, -1e9
+        for k in range(4):
+            y = y_zero - scale * shapes[p, k, 1]
+            lowest, highest = ti.min(lowest, y), ti.max(highest, y)
+        span[p, 0], span[p, 1] = _sample(lowest), _sample(highest)
+
+    for q in range(bands * stride):
+        if q % stride == 0:
+            band = q // stride
+            first = ti.max(top, band * image.shape[0] // bands)
+            last = ti.min(bottom, (band + 1) * image.shape[0] // bands)
+            clip = ti.Vector([FINE * left, FINE * first, FINE * right, FINE * last])
+            for row in range(clip[1], clip[3]):
+                for column in range(clip[0], clip[2]):
+                    samples[row, column] = -1
+            for s in range(shapes.shape[0]):
+                p = order[s]
+                if span[p, 0] < clip[3] and span[p, 1] > clip[1]:
+                    x, y = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
+                    for k in ti.static(range(4)):
+                        x[k] = x_zero + scale * shapes[p, k, 0]
+                        y[k] = y_zero - scale * shapes[p, k, 1]
+                    _paint_cell(
+                        samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack, crack_colour
+                    )
+            if outline_points > 0:
+                _fill_outline(samples, outer, outline_points, clip, line_colour)
+                _fill_outline(samples, inner, outline_points, clip, steel)
+            for row in range(first, last):
+                for column in range(left, right):
+                    red, green, blue, seen = 0, 0, 0, 0
+                    for k in ti.static(range(FINE * FINE)):
+                        c = samples[FINE * row + k // FINE, FINE * column + k % FINE]
+                        if c >= 0:
+                            red += c >> 16
+                            green += (c >> 8) & 255
+                            blue += c & 255
+                            seen += 1
+                    if seen > 0:
+                        rest, all_samples = FINE * FINE - seen, FINE * FINE
+                        red += rest * ti.cast(image[row, column, 0], ti.i32)
+                        green += rest * ti.cast(image[row, column, 1], ti.i32)
+                        blue += rest * ti.cast(image[row, column, 2], ti.i32)
+                        half = all_samples // 2
+                        image[row, column, 0] = ti.cast((red + half) // all_samples, ti.u8)
+                        image[row, column, 1] = ti.cast((green + half) // all_samples, ti.u8)
+                        image[row, column, 2] = ti.cast((blue + half) // all_samples, ti.u8)

@@ -1,0 +1,92 @@
+"""Where things lie on a picture: the part of the world that is shown, and its scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taichi_foam.scene import Scene
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the world that a picture shows [m]."""
+
+    x_min: float
+    x_max: float
+    y_min: float
+    y_max: float
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of pixels: columns left <= c < right, rows top <= r < bottom."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def width(self) -> int:
+        return self.right - self.left
+
+    @property
+    def height(self) -> int:
+        return self.bottom - self.top
+
+
+@dataclass(frozen=True)
+class View:
+    """World to pixels: column = x_zero + scale x, row = y_zero - scale y, drawn within `box`."""
+
+    box: Box
+    scale: float
+    x_zero: float
+    y_zero: float
+
+
+def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
+    """The window of a run, the same for all of its frames.
+
+    Holds the block as it starts, `side` of its width on each side, a strip of floor, and
+    `above` of its height for the impactor (a seventh of it where there is no impactor).
+    """
+    block, impactor = scene.block, scene.impactor
+    half, height = block.width / 2, block.height
+    base = np.array([0.0, block.dy / 2])
+    reference = np.array([[-half, 0.0], [half, 0.0], [half, height], [-half, height]])
+    start = base + (reference - base) @ np.array(scene.start.deformation_gradient).T
+    (x_min, y_min), (x_max, y_max) = start.min(axis=0), start.max(axis=0)
+    margin = side * (x_max - x_min)
+    if impactor is not None:
+        # A platen is shown to its ends, a much wider one is cut.
+        ends = impactor.x + 1.05 * impactor.outline()[:, 0]
+        span = x_max - x_min
+        x_min, x_max = (
+            min(x_min, max(ends.min() + margin, x_min - span / 2)),
+            max(x_max, min(ends.max() - margin, x_max + span / 2)),
+        )
+    tall = y_max - y_min
+    top = above if impactor is not None else above / 7
+    return Window(
+        float(x_min - margin),
+        float(x_max + margin),
+        float(min(y_min, 0.0) - 0.07 * tall),
+        float(y_max + top * tall),
+    )
+
+
+def fit(world: Window, box: Box) -> View:
+    """Centre `world` in `box` at the largest scale at which all of it is seen."""
+    scale = min(box.width / (world.x_max - world.x_min), box.height / (world.y_max - world.y_min))
+    x_middle, y_middle = (world.x_min + world.x_max) / 2, (world.y_min + world.y_max) / 2
+    return View(
+        box,
+        scale,
+        (box.left + box.right) / 2 - scale * x_middle,
+        (box.top + box.bottom) / 2 + scale * y_middle,
+    )

@@ -1,0 +1,28 @@
+"""Scenes: one impact on one foam block, as typed, frozen, validated values in SI units.
+
+Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end.
+A value that cannot be raises `pydantic.ValidationError`; `taichi_foam.scene_io.explain` turns
+that into text for people.
+"""
+
+from taichi_foam.scene.impactor import Cylinder, FlatBlock, Impactor, Polygon, Wedge
+from taichi_foam.scene.material import Block, Foam
+from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+from taichi_foam.scene.whole import CHOICE_SETS, Scene
+
+__all__ = [
+    "CHOICE_SETS",
+    "Base",
+    "Block",
+    "Cylinder",
+    "FlatBlock",
+    "Foam",
+    "Impactor",
+    "Model",
+    "Numerics",
+    "Output",
+    "Polygon",
+    "Scene",
+    "Start",
+    "Wedge",
+]

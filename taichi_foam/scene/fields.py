@@ -1,0 +1,82 @@
+"""What every part of a scene shares: a strict frozen base, and fields that know their range."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+FIX_BY_UNIT = {
+    "m": "lengths are in metres (200 mm is 0.2)",
+    "s": "times are in seconds (1 ms is 1e-3)",
+    "m/s": "speeds are in metres per second (3030 mm/s is 3.03), positive downwards",
+    "m/s2": "accelerations are in m/s2 (free fall is 9.81)",
+    "kg": "masses are in kilograms (500 g is 0.5)",
+    "kg/m3": "densities are in kg/m3 (0.0256 g/cm3 is 25.6)",
+    "Pa": "moduli and stresses are in pascals (2.78 MPa is 2.78e6)",
+    "tension": "strains are fractions (5 % is 0.05), positive in tension",
+    "compression": "strains are fractions (5 % is 0.05), negative in compression: -0.05",
+    "deg": "angles are in degrees",
+    "1/s": "rates are in 1/s",
+    "-": "it is a plain number",
+    "px": "sizes are in pixels",
+}
+"""What to say about a value out of range, by the field's unit."""
+
+# The two strain entries differ in sign convention only; both print as a plain number.
+_PRINTED_UNIT = {"tension": "", "compression": "", "-": "", "count": "", "px": " px"}
+
+
+class Part(BaseModel):
+    """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
+    )
+
+
+def quantity(
+    default: Any,
+    unit: str,
+    meaning: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    allowed: str | None = None,
+    fix: str | None = None,
+    **more: Any,
+) -> Any:
+    """Return a pydantic field for a number with its unit and its range.
+
+    Args:
+        default: value when the scene does not give one.
+        unit: key of `FIX_BY_UNIT`.
+        meaning: what the number is; becomes the field's description, unit appended.
+        above, at_least, below, at_most: the range, enforced and described.
+        allowed: the range in words, for a field whose type enforces it.
+        fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
+        more: passed on to `pydantic.Field`.
+    """
+    suffix = _PRINTED_UNIT.get(unit, f" {unit}")
+    limits = {"above": above, "at least": at_least, "below": below, "at most": at_most}
+    given = [
+        f"{text} {limit:{',' if isinstance(limit, int) else 'g'}}"
+        for text, limit in limits.items()
+        if limit is not None
+    ]
+    bounds = {"gt": above, "ge": at_least, "lt": below, "le": at_most}
+    allowed = allowed or " and ".join(given) + suffix
+    return Field(
+        default=default,
+        description=f"{meaning}{f' [{suffix.strip()}]' if suffix else ''}",
+        json_schema_extra={"allowed": allowed, "fix": fix or FIX_BY_UNIT[unit]},
+        **{name: limit for name, limit in bounds.items() if limit is not None},
+        **more,
+    )
+
+
+def choice(default: Any, meaning: str) -> Any:
+    """Return a pydantic field for a named option or a switch."""
+    return Field(default=default, description=meaning)

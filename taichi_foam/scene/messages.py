@@ -1,0 +1,132 @@
+"""Validation errors as text for people: one line a problem, each with its key, value and cure."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from taichi_foam.scene.fields import Part
+from taichi_foam.scene.impactor import Impactor
+from taichi_foam.scene.whole import Scene
+
+SHAPES: dict[str, type[Part]] = {
+    kind.model_fields["shape"].default: kind for kind in get_args(Impactor)
+}
+"""Impactor classes by the word that a scene calls them."""
+
+_PARTS: dict[str, type[Part]] = {
+    name: field.annotation
+    for name, field in Scene.model_fields.items()
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Part)
+}
+_ROOTS: dict[str, tuple[str, type[Part]]] = {
+    "Scene": ("", Scene),
+    **{part.__name__: (name, part) for name, part in _PARTS.items()},
+    **{part.__name__: ("impactor", part) for part in SHAPES.values()},
+}
+"""Where in a scene a class stands, by its name: a part may also be built by itself."""
+
+_KIND_OF_VALUE = {
+    "float_type": "a number, ",
+    "int_type": "a whole number, ",
+    "int_from_float": "a whole number, ",
+    "int_parsing_size": "a whole number, ",
+    "finite_number": "a finite number, ",
+}
+
+
+def explain(error: ValidationError) -> str:
+    """Return the problems of an invalid scene, or part of one, one line each."""
+    lines = (line for detail in error.errors(include_url=False) for line in _lines(error, detail))
+    return "\n".join(dict.fromkeys(lines))
+
+
+def _lines(error: ValidationError, detail: ErrorDetails) -> Iterator[str]:
+    """Yield the line or lines of one of pydantic's details."""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if kind == "value_error":
+        yield from str(context["error"]).splitlines()
+        return
+    path, owner, field = _locate(error.title, detail["loc"])
+    shapes = ", ".join(SHAPES)
+    if kind == "extra_forbidden":
+        yield _unknown_key(path, owner)
+    elif kind == "union_tag_not_found":
+        yield f"{path}.shape: missing; choose one of {shapes}"
+    elif kind == "union_tag_invalid":
+        yield f"{path}.shape = {context['tag']!r}: must be one of {shapes}"
+    elif kind in ("model_type", "model_attributes_type", "dict_type"):
+        known = ", ".join(owner.model_fields)
+        yield f"{path} = {_shown(value)}: must be a table with keys such as {known}"
+    elif kind == "bool_type":
+        yield f"{path} = {_shown(value)}: must be true or false"
+    else:
+        extra = field.json_schema_extra if field else None
+        hints = extra if isinstance(extra, dict) else {}
+        allowed = str(hints.get("allowed") or context.get("expected") or detail["msg"])
+        # Ranges that begin with a word say themselves what kind of value they want.
+        sort = _KIND_OF_VALUE.get(kind, "") if allowed.startswith(("above", "at")) else ""
+        given = ": missing;" if kind == "missing" else f" = {_shown(value)}:"
+        fix = f"; {hints['fix']}" if "fix" in hints else ""
+        yield f"{path}{given} must be {sort}{allowed}{fix}"
+
+
+def _locate(
+    title: str, location: tuple[int | str, ...]
+) -> tuple[str, type[Part], FieldInfo | None]:
+    """Return the dotted path, the innermost part reached and the field of pydantic's location.
+
+    Pydantic puts the names of union members between the keys; they are left out.
+    """
+    path, owner = _ROOTS.get(title, ("", Scene))
+    field: FieldInfo | None = None
+    for step in location:
+        if isinstance(step, int):
+            path += f"[{step}]"
+        elif owner is Scene and step in _PARTS:
+            path, owner = step, _PARTS[step]
+        elif path == "impactor" and step in SHAPES:
+            owner = SHAPES[step]
+        elif owner is Scene and step == "impactor":
+            path, owner = step, SHAPES["flat"]
+        elif field is None:
+            path = f"{path}.{step}" if path else step
+            field = owner.model_fields.get(step)
+    return path, owner, field
+
+
+def _unknown_key(path: str, owner: type[Part]) -> str:
+    """Say that a key is unknown, and which known one comes nearest."""
+    *_, key = path.split(".")
+    head = path[: -len(key)]
+    here = {name: head + name for name in owner.model_fields}
+    # Other shapes' keys stand in the same place: to suggest one would repeat the question.
+    everywhere = {
+        name: f"{part}.{name}"
+        for part, kind in _all_parts()
+        for name in kind.model_fields
+        if f"{part}.{name}" != path
+    }
+    for known in (here, everywhere):
+        near = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
+        if near:
+            return f"{path}: unknown key; did you mean {known[near[0]]}?"
+    return f"{path}: unknown key; known here: {', '.join(here)}"
+
+
+def _all_parts() -> Iterator[tuple[str, type[Part]]]:
+    """Yield every class that a scene can hold, with the key that it stands under."""
+    yield from _PARTS.items()
+    for kind in SHAPES.values():
+        yield "impactor", kind
+
+
+def _shown(value: Any) -> str:
+    """Return a value as a message shows it, cut to a line's share."""
+    text = "none" if value is None else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,205 @@
+"""How the block stands, which reading of the model holds, how it is stepped and what is kept."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from taichi_foam.scene.fields import Part, choice, quantity
+
+# Lists are as good as tuples here: TOML and most scripts write lists.
+_Component = Annotated[float, Field(ge=-10, le=10)]
+_Row = Annotated[tuple[_Component, _Component], Field(strict=False)]
+_Rate = Annotated[float, Field(ge=-1e6, le=1e6)]
+_RateRow = Annotated[tuple[_Rate, _Rate], Field(strict=False)]
+
+
+class Base(Part):
+    """What holds the block's bottom row of mass points."""
+
+    kind: Literal["held", "gripped", "floor"] = choice(
+        "gripped",
+        "held: fixed vertically, free to slide sideways; gripped: fixed; "
+        "floor: pressed on, with friction, free to lift off",
+    )
+    friction: float = quantity(
+        0.5, "-", "friction coefficient between block and floor (floor only)", at_least=0, at_most=5
+    )
+
+
+class Model(Part):
+    """Readings of what the paper leaves open."""
+
+    damping: Literal["connection", "absolute"] = choice(
+        "connection",
+        "connection: a dashpot in each connection, on relative velocity; "
+        "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
+    )
+    shear_failure: Literal["tension-only", "always", "pressure-dependent"] = choice(
+        "tension-only",
+        "tension-only: a connection in compression does not fail in shear; always: it does; "
+        "pressure-dependent: its shear strength grows with the compression",
+    )
+    shear_pressure_coefficient: float = quantity(
+        1.0,
+        "-",
+        "growth of the shear strength with compressive stress (pressure-dependent only)",
+        at_least=0,
+        at_most=10,
+    )
+    broken_contact: Literal["reload", "jump"] = choice(
+        "reload",
+        "faces of a broken connection that meet again: reload: elastically from the strain of "
+        "zero stress; jump: on to the loading curve at the worst strain so far",
+    )
+    self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
+    self_contact_friction: float = quantity(
+        0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5
+    )
+
+
+class Numerics(Part):
+    """Step size, damping, contact stiffness and end of the run."""
+
+    dt: Annotated[float, Field(gt=0, le=1e-4)] | Literal["auto"] = quantity(
+        "auto",
+        "s",
+        "time step; auto: from the stiffest connection at that moment",
+        allowed="'auto' or above 0 and at most 1e-4 s",
+        fix="times are in seconds (the paper uses 1e-7)",
+    )
+    safety: float = quantity(
+        0.8, "-", "fraction of the stability limit that auto uses", above=0, at_most=1
+    )
+    damping_time: float = quantity(
+        1e-6 / 0.057,
+        "s",
+        "retardation time tau of a connection: its dashpot is tau K area / length "
+        "(Table 6's beta is tau times the thickness)",
+        at_least=0,
+        at_most=1e-2,
+        fix="times are in seconds (the paper's beta = 1e-6 m s over 0.057 m is 1.75e-5)",
+    )
+    contact_stiffness: float = quantity(
+        20.0,
+        "-",
+        "penalty stiffness of a contact over K times the thickness",
+        above=0,
+        at_most=1e4,
+    )
+    gravity: float = quantity(
+        0.0, "m/s2", "gravity on block and impactor, downwards", at_least=0, at_most=1000
+    )
+    end: Annotated[float, Field(gt=0, le=10)] | Literal["rebound"] = quantity(
+        "rebound",
+        "s",
+        "end of the run; rebound: after the impactor has come to rest",
+        allowed="'rebound' or above 0 and at most 10 s",
+    )
+    time_limit: float = quantity(
+        0.12, "s", "end of a run that has not rebounded by then", above=0, at_most=10
+    )
+
+    @property
+    def latest_end(self) -> float:
+        """Time by which the run is over at the latest [s]."""
+        return self.time_limit if self.end == "rebound" else float(self.end)
+
+
+class Start(Part):
+    """A homogeneous deformation and motion that the block starts with, about the base's middle.
+
+    A mass point with reference position X starts at x = b + F (X - b) with velocity L (x - b),
+    b = (0, dy/2) being the middle of the bottom row.
+    """
+
+    deformation_gradient: Annotated[tuple[_Row, _Row], Field(strict=False)] = quantity(
+        ((1.0, 0.0), (0.0, 1.0)),
+        "-",
+        "deformation gradient F, by rows",
+        allowed="two rows of two numbers from -10 to 10",
+        fix="no deformation is [[1, 0], [0, 1]]",
+    )
+    velocity_gradient: Annotated[tuple[_RateRow, _RateRow], Field(strict=False)] = quantity(
+        ((0.0, 0.0), (0.0, 0.0)),
+        "1/s",
+        "velocity gradient L, by rows",
+        allowed="two rows of two numbers from -1e6 to 1e6 1/s",
+        fix="rest is [[0, 0], [0, 0]]",
+    )
+
+    @field_validator("deformation_gradient")
+    @classmethod
+    def _check_orientation(cls, F: tuple) -> tuple:
+        determinant = F[0][0] * F[1][1] - F[0][1] * F[1][0]
+        if determinant <= 0:
+            raise ValueError(
+                f"start.deformation_gradient = {[list(row) for row in F]}: its determinant is "
+                f"{determinant:g}, which turns the block inside out; must be above 0; "
+                "no deformation is [[1, 0], [0, 1]]"
+            )
+        return F
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the block starts undeformed and still."""
+        return self == Start()
+
+    @property
+    def strains(self) -> tuple[float, float]:
+        """Engineering strains that the start gives connections A and B."""
+        (a, b), (c, d) = self.deformation_gradient
+        return math.hypot(a, c) - 1, math.hypot(b, d) - 1
+
+
+class Output(Part):
+    """What a run keeps."""
+
+    history_interval: float = quantity(
+        1e-4, "s", "time between rows of the history", at_least=1e-7, at_most=0.1
+    )
+    snapshot_interval: float = quantity(
+        1e-3, "s", "time between snapshots, and so between frames", at_least=1e-7, at_most=1
+    )
+    frames: bool = choice(False, "write each frame as a PNG")
+    film: bool = choice(True, "write a GIF and an MP4")
+    width: int = quantity(
+        1280,
+        "px",
+        "width of a frame",
+        at_least=64,
+        at_most=7680,
+        multiple_of=2,
+        allowed="even, at least 64 and at most 7680 px",
+        fix="films need even sizes (1280 by 720)",
+    )
+    height: int = quantity(
+        720,
+        "px",
+        "height of a frame",
+        at_least=64,
+        at_most=7680,
+        multiple_of=2,
+        allowed="even, at least 64 and at most 7680 px",
+        fix="films need even sizes (1280 by 720)",
+    )
+    fps: int = quantity(
+        25,
+        "count",
+        "frames of the film per second of watching",
+        at_least=1,
+        at_most=120,
+        fix="25 is usual",
+    )
+
+    @model_validator(mode="after")
+    def _check_intervals(self) -> Output:
+        if self.snapshot_interval < self.history_interval:
+            raise ValueError(
+                f"output.snapshot_interval = {self.snapshot_interval:g}: must be at least "
+                f"output.history_interval = {self.history_interval:g} s; "
+                "lengthen the one or shorten the other"
+            )
+        return self

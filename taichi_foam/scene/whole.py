@@ -1,0 +1,200 @@
+"""The whole scene, and the checks that need more than one of its parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from taichi_foam.scene.fields import Part
+from taichi_foam.scene.impactor import Impactor
+from taichi_foam.scene.material import Block, Foam
+from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+
+CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
+    {
+        "calibrated": MappingProxyType(
+            {
+                "base.kind": "gripped",
+                "impactor.friction": 0.3,
+                "model.damping": "connection",
+                "model.shear_failure": "tension-only",
+                "model.broken_contact": "reload",
+                "model.self_contact": True,
+            }
+        ),
+        "paper-literal": MappingProxyType(
+            {
+                "base.kind": "held",
+                "impactor.friction": 0.0,
+                "model.damping": "absolute",
+                "model.shear_failure": "always",
+                "model.broken_contact": "jump",
+                "model.self_contact": False,
+            }
+        ),
+    }
+)
+"""Named readings of what the paper leaves open: dotted keys of a scene and their values."""
+
+
+class Scene(Part):
+    """One impact on one block, complete: everything that decides its result. SI units.
+
+    The frame: x to the right from the block's mid-width, y up from its bottom; displacement and
+    impactor velocity downwards. Mass point (i, j) is the centre of a cell:
+    x = (i - (columns-1)/2) dx, y = (j + 1/2) dy.
+    """
+
+    name: str = Field(
+        default="scene",
+        min_length=1,
+        max_length=100,
+        pattern=r"^[^\x00-\x1f\x7f]+$",
+        description="name, for titles and tables",
+        json_schema_extra={"allowed": "1 to 100 printable characters", "fix": "shorten it"},
+    )
+    block: Block = Field(default=Block(), description="the foam block and its lattice")
+    foam: Foam = Field(default=Foam(), description="the foam's law")
+    impactor: Annotated[Impactor, Field(discriminator="shape")] | None = Field(
+        default=None, description="what hits the block; none: nothing does"
+    )
+    base: Base = Field(default=Base(), description="what holds the bottom row")
+    model: Model = Field(default=Model(), description="readings of what the paper leaves open")
+    numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
+    start: Start = Field(default=Start(), description="deformation and motion at the start")
+    output: Output = Field(default=Output(), description="what a run keeps")
+
+    @model_validator(mode="after")
+    def _check_parts_agree(self) -> Scene:
+        problems = [
+            *_problems_of_foam(self),
+            *_problems_of_start(self),
+            *_problems_of_times(self),
+            *_problems_of_contact(self),
+        ]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    @property
+    def contact_height(self) -> float:
+        """Height of the impactor's lowest point at first contact [m]: the top row's."""
+        return self.block.height - self.block.dy / 2
+
+
+def _problems_of_foam(scene: Scene) -> list[str]:
+    foam = scene.foam
+    if foam.shear_modulus > foam.youngs_modulus * 10:
+        return [
+            f"foam.shear_modulus = {foam.shear_modulus:g}: more than ten times "
+            f"foam.youngs_modulus = {foam.youngs_modulus:g}; both are in pascals "
+            "(0.84 MPa is 0.84e6)"
+        ]
+    return []
+
+
+def _problems_of_start(scene: Scene) -> list[str]:
+    problems = []
+    for axis, strain in zip("xy", scene.start.strains, strict=True):
+        if strain <= scene.foam.locking_strain:
+            problems.append(
+                f"start.deformation_gradient: strain {strain:.3g} along {axis}; must be above "
+                f"foam.locking_strain = {scene.foam.locking_strain:g}; compress it less"
+            )
+    return problems
+
+
+def _problems_of_times(scene: Scene) -> list[str]:
+    problems = []
+    numerics, output = scene.numerics, scene.output
+    if scene.impactor is None and numerics.end == "rebound":
+        problems.append(
+            "numerics.end = 'rebound': nothing rebounds without an impactor; "
+            "give a time in seconds, or give [impactor] a shape"
+        )
+    latest = numerics.latest_end
+    key = "time_limit" if numerics.end == "rebound" else "end"
+    if numerics.dt != "auto" and numerics.dt > min(latest, output.history_interval):
+        problems.append(
+            f"numerics.dt = {numerics.dt:g}: longer than output.history_interval = "
+            f"{output.history_interval:g} s or the run's {latest:g} s; take a shorter step"
+        )
+    if output.history_interval > latest:
+        problems.append(
+            f"output.history_interval = {output.history_interval:g}: longer than the run's "
+            f"{latest:g} s (numerics.{key}); times are in seconds; shorten it"
+        )
+    return problems
+
+
+def _problems_of_contact(scene: Scene) -> list[str]:
+    """Say why the impactor could never touch the block, or would start inside it."""
+    impactor = scene.impactor
+    if impactor is None:
+        return []
+    corners = _starting_corners(scene)
+    left, right = corners[:, 0].min(), corners[:, 0].max()
+    outline = impactor.outline()
+    low, high = impactor.x + outline[:, 0].min(), impactor.x + outline[:, 0].max()
+    if high <= left or low >= right:
+        return [
+            f"impactor.x = {impactor.x:g}: never touches the block; the impactor spans "
+            f"{low:.4g} to {high:.4g} m, the block's mass points {left:.4g} to {right:.4g} m; "
+            "bring impactor.x nearer to 0"
+        ]
+    if scene.start.is_at_rest and not _meets_a_column(scene, low, high):
+        return [
+            f"impactor.x = {impactor.x:g}: never touches the block; with {high - low:.4g} m of "
+            f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; "
+            "take more block.columns or a wider impactor"
+        ]
+    above = scene.contact_height + impactor.gap - corners[:, 1].max()
+    if above < -1e-9 * scene.block.height:
+        return [
+            f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, which "
+            f"start.deformation_gradient raises; must be at least {impactor.gap - above:.4g} m"
+        ]
+    return _problems_of_arrival(scene)
+
+
+def _problems_of_arrival(scene: Scene) -> list[str]:
+    impactor, g = scene.impactor, scene.numerics.gravity
+    assert impactor is not None
+    if impactor.velocity == 0 and g == 0:
+        return [
+            "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
+            "(positive downwards), or set numerics.gravity = 9.81"
+        ]
+    # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
+    speed = math.sqrt(impactor.velocity**2 + 2 * g * impactor.gap)
+    arrival = 2 * impactor.gap / (impactor.velocity + speed) if impactor.gap > 0 else 0.0
+    if arrival >= scene.numerics.latest_end:
+        key = "time_limit" if scene.numerics.end == "rebound" else "end"
+        return [
+            f"impactor.gap = {impactor.gap:g}: never touches the block; at {impactor.velocity:g} "
+            f"m/s it arrives after {arrival:.4g} s, and the run ends at numerics.{key} = "
+            f"{scene.numerics.latest_end:g} s; lengths are in metres; bring it closer"
+        ]
+    return []
+
+
+def _starting_corners(scene: Scene) -> np.ndarray:
+    """Positions (4, 2) [m] of the lattice's corner mass points at the start."""
+    block = scene.block
+    half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
+    origin = np.array([0.0, low])
+    X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
+
+
+def _meets_a_column(scene: Scene, low: float, high: float) -> bool:
+    """Whether a column of mass points lies strictly between two positions [m]."""
+    block = scene.block
+    first = math.floor(low / block.dx + (block.columns - 1) / 2) + 1
+    position = (max(first, 0) - (block.columns - 1) / 2) * block.dx
+    return position < high

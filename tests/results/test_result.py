@@ -1,0 +1,203 @@
+"""Results survive the way to disk and back, and damage is told."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_foam.errors import UserError
+from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot, storage_bytes, write_json
+from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
+
+FILES = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
+
+
+def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, count: int = 3):
+    """Every number has all its digits; some are awkward."""
+    rng = np.random.default_rng(1)
+    block = Block(columns=columns, rows=rows)
+    scene = Scene(name="noise", block=block, impactor=Wedge(velocity=2.86))
+    t = np.sort(rng.random(50))
+    values = {name: rng.standard_normal(50) / 3 for name in HISTORY_COLUMNS[1:]}
+    values["strain_J"][:5] = [math.nan, -0.0, 5e-324, 1.7e308, 1 / 3]
+    values["broken_connections"] = np.arange(50.0)
+    snapshots = []
+    for n in range(count):
+        broken = [(i, j) for i in range(columns - 1) for j in range(rows) if (i + j + n) % 3 == 0]
+        shape = (columns, rows, 2)
+        snapshots.append(
+            make_snapshot(
+                block,
+                a=broken,
+                times=lambda i, j: math.pi * (i + j),
+                time=n / 3,
+                impactor_y=0.1 - n / 7,
+                position=rng.standard_normal(shape),
+                velocity=rng.standard_normal(shape),
+                e_min_a=-rng.random((columns - 1, rows)),
+                e_min_b=-rng.random((columns, rows - 1)),
+            )
+        )
+    run = {"steps": 12, "wall_s": 0.1, "versions": {"numpy": "2"}, "interrupted": False}
+    return make_result(scene, t, snapshots, run, **values)
+
+
+def assert_same(a: Result, b: Result) -> None:
+    assert a.scene == b.scene
+    assert a.run == b.run
+    for name in HISTORY_COLUMNS:
+        assert a.history[name].tobytes() == b.history[name].tobytes(), name
+    assert len(a.snapshots) == len(b.snapshots)
+    for one, other in zip(a.snapshots, b.snapshots, strict=True):
+        for name in Snapshot.__dataclass_fields__:
+            mine, theirs = np.asarray(getattr(one, name)), np.asarray(getattr(other, name))
+            assert mine.dtype == theirs.dtype == np.float64
+            assert np.array_equal(mine, theirs, equal_nan=True), name
+
+
+def test_round_trip_is_exact(tmp_path: Path, make_result, make_snapshot) -> None:
+    result = noisy_result(make_result, make_snapshot)
+    assert result.save(tmp_path / "run") == tmp_path / "run"
+    assert sorted(os.listdir(tmp_path / "run")) == FILES
+    assert_same(Result.load(tmp_path / "run"), result)
+
+
+def test_round_trip_of_a_run_stopped_at_once(tmp_path: Path, make_result) -> None:
+    result = make_result(time=[])
+    result.save(tmp_path / "run")
+    assert_same(Result.load(tmp_path / "run"), result)
+
+
+def test_history_is_plain_csv(tmp_path: Path, make_result, make_snapshot) -> None:
+    result = noisy_result(make_result, make_snapshot)
+    result.save(tmp_path / "run")
+    with (tmp_path / "run" / "history.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == HISTORY_COLUMNS
+    assert [float(row["time_s"]) for row in rows] == result.history["time_s"].tolist()
+    assert [row["broken_connections"] for row in rows[:3]] == ["0", "1", "2"]
+
+
+def test_summary_is_strict_json(tmp_path: Path, make_result) -> None:
+    nan = math.nan
+    result = make_result(
+        residual_J=nan, strain_J=1.0, run={"wall_s": math.inf, "steps": np.int64(3)}
+    )
+    result.save(tmp_path / "run")
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    text = (tmp_path / "run" / "summary.json").read_text()
+    found = json.loads(text, parse_constant=refuse)
+    assert text.startswith('{\n  "scene": "hand-made"')
+    assert found["impact_duration_s"] is None
+    assert found["energy_residual"] is None
+    assert found["run"] == {"wall_s": None, "steps": 3}
+
+
+def test_json_of_numpy_values(tmp_path: Path) -> None:
+    value = {"a": np.array([1.5, np.nan]), "b": (np.bool_(True), np.float64(2)), "µ": "λ"}
+    write_json(tmp_path / "x.json", value)
+    found = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
+    assert found == {"a": [1.5, None], "b": [True, 2.0], "µ": "λ"}
+
+
+def test_an_existing_result_is_kept_unless_overwritten(
+    tmp_path: Path, make_result, make_snapshot
+) -> None:
+    first = noisy_result(make_result, make_snapshot)
+    second = make_result()
+    first.save(tmp_path / "run")
+    with pytest.raises(UserError, match="not empty"):
+        second.save(tmp_path / "run")
+    assert_same(Result.load(tmp_path / "run"), first)
+    second.save(tmp_path / "run", overwrite=True)
+    assert_same(Result.load(tmp_path / "run"), second)
+
+
+def test_an_interrupted_write_leaves_the_old_result(
+    tmp_path: Path, make_result, make_snapshot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = noisy_result(make_result, make_snapshot)
+    first.save(tmp_path / "run")
+
+    def interrupt(*args, **kwargs) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez_compressed", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        make_result().save(tmp_path / "run", overwrite=True)
+    assert os.listdir(tmp_path) == ["run"]
+    assert_same(Result.load(tmp_path / "run"), first)
+
+
+def test_columns_must_fit(make_result) -> None:
+    good = make_result()
+    with pytest.raises(ValueError, match="dt_s"):
+        Result(good.scene, {k: v for k, v in good.history.items() if k != "dt_s"}, [], {})
+    with pytest.raises(ValueError, match="length"):
+        Result(good.scene, {**good.history, "dt_s": np.zeros(99)}, [], {})
+
+
+def test_a_missing_folder_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such folder"):
+        Result.load(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        *product(["history.csv", "snapshots.npz", "summary.json"], ["empty", "cut"]),
+        *product(FILES, ["missing", "garbage"]),
+        ("snapshots.npz", "flipped"),
+    ],
+)
+def test_damage_is_told(tmp_path: Path, make_result, make_snapshot, name: str, damage: str) -> None:
+    noisy_result(make_result, make_snapshot).save(tmp_path / "run")
+    file = tmp_path / "run" / name
+    whole = file.read_bytes()
+    if damage == "missing":
+        file.unlink()
+    elif damage == "empty":
+        file.write_bytes(b"")
+    elif damage == "cut":
+        file.write_bytes(whole[: len(whole) // 2 - 3])
+    elif damage == "flipped":
+        middle = len(whole) // 2
+        flipped = bytes(byte ^ 0xFF for byte in whole[middle : middle + 50])
+        file.write_bytes(whole[:middle] + flipped + whole[middle + 50 :])
+    else:
+        file.write_bytes(b"\x93\x00\xff garbage = [")
+    with pytest.raises(UserError):
+        Result.load(tmp_path / "run")
+
+
+def test_snapshots_of_another_lattice_are_told(tmp_path: Path, make_result, make_snapshot) -> None:
+    noisy_result(make_result, make_snapshot).save(tmp_path / "a")
+    noisy_result(make_result, make_snapshot, columns=8).save(tmp_path / "b")
+    os.replace(tmp_path / "b" / "snapshots.npz", tmp_path / "a" / "snapshots.npz")
+    with pytest.raises(UserError, match="shape"):
+        Result.load(tmp_path / "a")
+
+
+def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_snapshot) -> None:
+    """A run of 50 rows and 3 snapshots that do not compress."""
+    noise = noisy_result(make_result, make_snapshot, columns=60, rows=40)
+    scene = Scene(
+        name="noise",
+        block=noise.scene.block,
+        impactor=Wedge(),
+        numerics=Numerics(end=4.9e-3),
+        output=Output(history_interval=1e-4, snapshot_interval=2.4e-3),
+    )
+    Result(scene, noise.history, noise.snapshots, {}).save(tmp_path / "run")
+    taken = sum(file.stat().st_size for file in (tmp_path / "run").iterdir())
+    assert taken < storage_bytes(scene) < 4 * taken
