@@ -1,9 +1,24 @@
 """The two ways in which a request can end badly."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from taichi_foam.result import Result
+
 
 class UserError(Exception):
     """Something in the request cannot be: the message says what, and how to mend it (exit code 2)."""
 
 
 class RunError(Exception):
-    """A run that started well cannot go on: the message says when and where (exit code 1)."""
+    """A run that started well cannot go on: the message says when and where (exit code 1).
+
+    `results` holds what it gave until then.
+    """
+
+    def __init__(self, message: str, results: Sequence[Result] = ()) -> None:
+        super().__init__(message)
+        self.results = list(results)

@@ -136,7 +136,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
 
     found = []
-    for label in np.unique(cluster[below][broken[below]]):
+    labels, counts = np.unique(cluster[below][broken[below]], return_counts=True)
+    for label in labels[counts >= length]:
         mine = cluster == label
         edges = np.count_nonzero(mine[below], axis=0)
         if _longest_run((edges >= 1) & (edges <= CRACK_EDGES_PER_ROW)) < length:

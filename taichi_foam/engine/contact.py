@@ -106,10 +106,14 @@ def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> v
 
 @ti.func
 def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
-    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis."""
+    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis.
+
+    Never more than the room that the node had when it came to the surface.
+    """
     worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
     worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
-    lattice.radius[b, i, j] = 0.5 * ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
+    half = 0.5 * ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
+    lattice.radius[b, i, j] = ti.min(half, lattice.room[b, i, j])
 
 
 @ti.func
@@ -162,7 +166,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     Serial, so that the order of every list, and with it every sum, is the same for any number of
     threads; it is rare (a piece has moved by half the skin, or a connection has broken).
     """
-    count = lattice.clock[b].surface
+    before = lattice.clock[b].surface
+    count = before
     for i in range(lattice.columns):
         for j in range(lattice.rows):
             if lattice.touchable[b, i, j] == 0 and faces.is_surface(lattice, b, i, j):
@@ -190,7 +195,35 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     lattice.pair_start[b, count] = found
     if found > PAIRS_PER_NODE * lattice.nodes:
         lattice.clock[b].status = CROWDED
+    else:
+        for s in range(before, count):
+            _make_room(lattice, b, s)
+        for s in range(count):
+            node = lattice.surface[b, s]
+            update_radius(lattice, b, node // lattice.rows, node % lattice.rows, p)
     lattice.clock[b].stale = 0
+
+
+@ti.func
+def _make_room(lattice: ti.template(), b, s):
+    """Let a node that has just come to the surface touch its neighbours without overlap.
+
+    Foam that has sheared under compression may be closer than its radii. Contact that sprang up
+    there at once would push with energy from nothing.
+    """
+    node = lattice.surface[b, s]
+    i = node // lattice.rows
+    j = node % lattice.rows
+    radius = lattice.radius[b, i, j]
+    for k in range(lattice.pair_start[b, s], lattice.pair_start[b, s + 1]):
+        other = lattice.pairs[b, k]
+        oi = other // lattice.rows
+        oj = other % lattice.rows
+        distance = (lattice.trial[b, oi, oj].xy - lattice.trial[b, i, j].xy).norm()
+        other_radius = lattice.radius[b, oi, oj]
+        share = ti.min(distance / (radius + other_radius), 1.0)
+        lattice.room[b, i, j] = ti.min(lattice.room[b, i, j], share * radius)
+        lattice.room[b, oi, oj] = ti.min(lattice.room[b, oi, oj], share * other_radius)
 
 
 @ti.func

@@ -4,7 +4,8 @@ Every field has a leading batch axis. Node fields are padded by one on each side
 neighbour's index is always valid and a missing neighbour is only a connection that never was.
 """
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import taichi as ti
@@ -46,7 +47,6 @@ class Body:
     rate_y: ti.f64  # weighted sums of the RK4 stages
     rate_v: ti.f64
     force: ti.f64  # on the impactor at the current stage [N]
-    max_overlap: ti.f64
 
 
 @ti.dataclass
@@ -101,13 +101,14 @@ class Lattice:
         self.push = vec2.field()  # self-contact force [N]
         self.slip = vec2.field()  # stretch of the friction springs: impactor, floor [m]
         self.radius = ti.field(ti.f64)  # in self-contact [m]
+        self.room = ti.field(ti.f64)  # that the node had when it came to the surface [m]
         self.touchable = ti.field(ti.i32)  # 1: in the list of surface nodes
 
         # what a column of nodes adds up; a sum over columns has one order on any machine
         self.column_power = vec3.field()  # of its faces now: all, shear, dashpots [W]
         self.column_found = vec2.field()  # by the last latch: stiffest [N/m], newly broken
         self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
-        self.column_overlap = ti.field(ti.f64)  # deepest in the impactor [m]
+        self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
         self.column_bad = ti.field(ti.i32)  # first row that is not finite, or `rows`
         self.column_work = vec8.field()  # see ledger.WORK
         self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
@@ -132,7 +133,7 @@ class Lattice:
         offset = (0, -1, -1)
         for field in (
             self.state, self.trial, self.rate, self.force, self.link_a, self.link_b,
-            self.push, self.slip, self.radius, self.touchable,
+            self.push, self.slip, self.radius, self.room, self.touchable,
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         self.column_fields = (
@@ -150,7 +151,7 @@ class Lattice:
             builder.dense(ti.i, batch).place(field)
         builder.dense(ti.ij, (batch, MAX_EDGES)).place(self.edges)
         builder.dense(ti.ijk, (batch, ROWS, ROW_VALUES)).place(self.history)
-        self.tree = builder.finalize()
+        builder.finalize()
 
     def load(self, scenes: Sequence[Scene]) -> None:
         """Set every field to the start of `scenes`, one for each lattice of the batch."""
@@ -178,6 +179,7 @@ class Lattice:
             self.rate, self.force, self.push, self.slip, self.touchable, *self.column_fields,
         ):  # fmt: skip
             field.fill(0)
+        self.room.fill(NEVER)
 
     def snapshots(self) -> list[Snapshot]:
         """The accepted state of every lattice, copied."""
@@ -202,6 +204,24 @@ class Lattice:
             )
             for b in range(self.batch)
         ]
+
+
+_idle: dict[tuple[int, int, int], list[Lattice]] = {}
+
+
+@contextlib.contextmanager
+def borrowed(batch: int, columns: int, rows: int) -> Iterator[Lattice]:
+    """A lattice of these counts for the time of a run.
+
+    Lattices are kept and lent again: Taichi compiles its kernels anew for every new set of
+    fields, and a process can hold only so many of them.
+    """
+    kept = _idle.setdefault((batch, columns, rows), [])
+    lattice = kept.pop() if kept else Lattice(batch, columns, rows)
+    try:
+        yield lattice
+    finally:
+        kept.append(lattice)
 
 
 def reference_positions(columns: int, rows: int, dx: float, dy: float) -> np.ndarray:

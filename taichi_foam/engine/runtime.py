@@ -59,6 +59,12 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
     _started = wanted
 
 
+def settings() -> dict[str, str | int]:
+    """What the runtime was started with, for a result's record."""
+    assert _started is not None
+    return {"arch": _started[0], "threads": _started[1]}
+
+
 def _is_present(arch: str) -> bool:
     """Ask Taichi's own probe: `ti.init` itself would fall back to the CPU with only a warning."""
     from taichi._lib import core

@@ -104,18 +104,14 @@ def _hatch(image: Image8, box: Box, line: float) -> None:
     patch = Image.new("RGB", (box.width * fine, depth * fine), colours.FIELD)
     draw = ImageDraw.Draw(patch)
     pitch = max(4, round(12 * line)) * fine
+    for x in range(pitch // 2, (box.width + depth) * fine, pitch):
+        start, end = (x, 0), (x + 0.8 * depth * fine, depth * fine)
+        draw.line((start, end), fill=colours.FRAME, width=max(1, round(1.4 * line * fine)))
+    strokes = np.array(patch.resize((box.width, depth), Image.Resampling.BOX))
     # Strokes lean away from the middle on both sides: the floor is as symmetric as the block.
-    half = box.width * fine / 2
-    for k in range(math.ceil(half / pitch) + 1):
-        near = (k + 0.5) * pitch
-        for sign in (-1, 1):
-            draw.line(
-                (half + sign * near, 0, half + sign * (near + 0.8 * depth * fine), depth * fine),
-                fill=colours.FRAME,
-                width=max(1, round(1.4 * line * fine)),
-            )
-    small = patch.resize((box.width, depth), Image.Resampling.BOX)
-    image[box.top : box.top + depth, box.left : box.right] = np.asarray(small)
+    right = strokes[:, : (box.width + 1) // 2]
+    strokes[:, box.width // 2 :], strokes[:, : right.shape[1]] = right, right[:, ::-1].copy()
+    image[box.top : box.top + depth, box.left : box.right] = strokes
     thick = max(1, round(2 * line))
     rectangle(image, Box(box.left, box.top, box.right, box.top + thick), colours.FLOOR)
 

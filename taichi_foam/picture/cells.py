@@ -110,7 +110,8 @@ class _Joints:
         a, b = self.whole_a, self.whole_b
         whole = a[:, :-1] & a[:, 1:]
         whole &= b[:-1] & b[1:]
-        return np.nonzero(~whole)
+        p, q = np.nonzero(~whole)
+        return p, q
 
 
 def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> None:
@@ -160,10 +161,10 @@ def _half_vectors(
     here = z[i, j]
     whole_l, whole_r = joints.whole_a[i, j + 1], joints.whole_a[i + 1, j + 1]
     whole_d, whole_u = joints.whole_b[i + 1, j], joints.whole_b[i + 1, j + 1]
-    left = 0.5 * np.where(whole_l, z[np.maximum(i - 1, 0), j] - here, 0)
-    right = 0.5 * np.where(whole_r, z[np.minimum(i + 1, columns - 1), j] - here, 0)
-    down = 0.5 * np.where(whole_d, z[i, np.maximum(j - 1, 0)] - here, 0)
-    up = 0.5 * np.where(whole_u, z[i, np.minimum(j + 1, rows - 1)] - here, 0)
+    left: Points = 0.5 * whole_l * (z[np.maximum(i - 1, 0), j] - here)
+    right: Points = 0.5 * whole_r * (z[np.minimum(i + 1, columns - 1), j] - here)
+    down: Points = 0.5 * whole_d * (z[i, np.maximum(j - 1, 0)] - here)
+    up: Points = 0.5 * whole_u * (z[i, np.minimum(j + 1, rows - 1)] - here)
 
     along, upward = _unit(right - left), _unit(up - down)
     along = np.where(along == 0, -1j * upward, along)

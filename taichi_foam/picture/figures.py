@@ -34,7 +34,7 @@ BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, YELLOW, GREY = (
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 INK = "#202124"
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 13,
     "axes.labelsize": 13,

@@ -111,7 +111,7 @@ class Numerics(Part):
 class Start(Part):
     """A homogeneous deformation and motion that the block starts with, about the base's middle.
 
-    A mass point with reference position X starts at x = b + F (X - b) with velocity L (x - b),
+    A mass point with reference position X starts at x = b + F (X - b) with velocity L (X - b),
     b = (0, dy/2) being the middle of the bottom row.
     """
 
@@ -125,7 +125,7 @@ class Start(Part):
     velocity_gradient: Annotated[tuple[_RateRow, _RateRow], Field(strict=False)] = quantity(
         ((0.0, 0.0), (0.0, 0.0)),
         "1/s",
-        "velocity gradient L, by rows",
+        "velocity gradient L, over reference positions, by rows",
         allowed="two rows of two numbers from -1e6 to 1e6 1/s",
         fix="rest is [[0, 0], [0, 0]]",
     )

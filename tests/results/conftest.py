@@ -21,7 +21,7 @@ def intact_snapshot(block: Block) -> Snapshot:
     columns, rows = block.columns, block.rows
     x = (np.arange(columns) - (columns - 1) / 2) * block.dx
     y = (np.arange(rows) + 0.5) * block.dy
-    position = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    position = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1, dtype=np.float64)
     return Snapshot(
         time=0.0,
         impactor_y=block.height - block.dy / 2,

@@ -177,7 +177,7 @@ def test_every_problem_gets_one_line():
 
 
 @given(
-    st.sampled_from(["block.width", "foam.yield_strain", "impactor.mass", "numerics.safety"]),
+    st.sampled_from(["block.thickness", "foam.yield_strain", "impactor.mass", "numerics.safety"]),
     st.floats(),
 )
 def test_a_number_is_taken_as_it_is_or_refused_by_name(key, value):

@@ -1,0 +1,196 @@
+"""Figures: what they show is what they were given, and nothing written overlaps."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
+
+from taichi_foam.errors import UserError
+from taichi_foam.paper import MEASURED
+from taichi_foam.picture import figures
+
+VELOCITIES = (2.46, 3.03, 3.60)
+
+
+def history_of(velocity: float, plateau: float = 70.0) -> dict[str, np.ndarray]:
+    """An impact at constant deceleration: its velocity and displacement are known."""
+    time = np.arange(0, 1.2 * velocity / plateau, 1e-4)
+    stop = velocity / plateau
+    during = np.minimum(time, stop)
+    kinetic = 3.0 * (velocity - plateau * during) ** 2
+    lost = 3.0 * velocity**2 - kinetic
+    return {
+        "time_s": time,
+        "deceleration_m_s2": np.where(time < stop, plateau, 0.0),
+        "deceleration_smoothed_m_s2": np.where(time < stop, plateau, 0.0),
+        "velocity_m_s": velocity - plateau * during,
+        "displacement_m": velocity * during - plateau * during**2 / 2,
+        "impactor_kinetic_J": kinetic,
+        "foam_kinetic_J": 0.01 * lost,
+        "strain_J": 0.04 * lost,
+        "crushing_J": 0.70 * lost,
+        "shear_J": 0.10 * lost,
+        "damping_J": 0.06 * lost,
+        "friction_J": 0.05 * lost,
+        "fracture_J": 0.02 * lost,
+        "contact_J": 0.02 * lost,
+    }
+
+
+def deceleration_of(velocity: float) -> figures.Deceleration:
+    history = history_of(velocity)
+    return figures.Deceleration(
+        velocity,
+        history["time_s"],
+        history["deceleration_m_s2"],
+        MEASURED[f"paper/rectangular-{velocity:.2f}"],
+    )
+
+
+def absorption_of(velocity: float, per_volume: float) -> figures.Absorption:
+    energy = np.linspace(0, 3 * velocity**2, 20)
+    return figures.Absorption(velocity, energy / per_volume, energy)
+
+
+def all_figures() -> dict[str, Figure]:
+    groups = {
+        "flat block": [absorption_of(v, 1.5e5) for v in VELOCITIES],
+        "cylinder": [absorption_of(v, 1.4e5) for v in (2.32, 2.94, 3.32)],
+    }
+    slopes = {"flat block": (1.5e5, 1.56e5, 1.6e5), "cylinder": (1.32e5, 1.43e5, 1.46e5)}
+    branches = {
+        "loading": (
+            np.array([0.05, -0.05, -0.8, -0.9]),
+            np.array([0.139e6, -0.139e6, -0.139e6, -4e5]),
+        ),
+        "unloading from 40 %": (np.array([-0.4, -0.35]), np.array([-0.139e6, 0.0])),
+        "re-tension": (np.array([-0.35, 0.025]), np.array([0.0, 0.0695e6])),
+    }
+    return {
+        "histories": figures.impact_histories({v: history_of(v) for v in VELOCITIES}),
+        "decelerations": figures.decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
+        "energy": figures.energy_against_volume(groups, slopes),
+        "law": figures.stress_strain(branches),
+        "ledger": figures.energy_ledger(history_of(3.03)),
+    }
+
+
+@pytest.mark.parametrize("name", ["histories", "decelerations", "energy", "law", "ledger"])
+def test_no_text_overlaps_or_is_cut(name: str) -> None:
+    figure = all_figures()[name]
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()
+    boxes = [
+        (text.get_text(), text.get_window_extent(renderer))
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip() and text.get_window_extent().width > 0
+    ]
+    # Matplotlib keeps tick labels beyond the axes' limits, unseen.
+    ticks = {t for a in figure.axes for t in [*a.get_xticklabels(), *a.get_yticklabels()]}
+    hidden = {t.get_text() for t in ticks}
+    boxes = [(t, b) for t, b in boxes if t not in hidden]
+    assert len(boxes) >= 4
+    for (first, a), (second, b) in itertools.combinations(boxes, 2):
+        assert not (a.padded(-1.5)).overlaps(b.padded(-1.5)), f"{first!r} over {second!r}"
+    page = figure.bbox
+    for text, box in boxes:
+        assert page.x0 - 1 <= box.x0, text
+        assert box.x1 <= page.x1 + 1, text
+
+
+def test_histories_are_drawn_in_the_units_of_their_axes() -> None:
+    figure = figures.impact_histories({3.03: history_of(3.03)})
+    history = history_of(3.03)
+    for axis, column, factor, unit in zip(
+        figure.axes,
+        ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m"),
+        (1, 1, 100),
+        ("m/s²", "m/s", "cm"),
+        strict=True,
+    ):
+        line = axis.lines[0]
+        np.testing.assert_allclose(line.get_xdata(), 1e3 * history["time_s"])
+        np.testing.assert_allclose(line.get_ydata(), factor * history[column])
+        assert axis.get_ylabel().endswith(f"({unit})")
+
+
+def test_measured_marks_stand_at_the_tables_figures() -> None:
+    figure = figures.decelerations([deceleration_of(3.03)])
+    lines = {line.get_label(): line for line in figure.axes[0].lines}
+    plateau = lines["measured plateau ± 5 %"]
+    np.testing.assert_allclose(plateau.get_ydata(), 74)
+    np.testing.assert_allclose(plateau.get_xdata(), [3.0, 0.85 * 42])
+    np.testing.assert_allclose(lines["measured duration"].get_xdata(), 42)
+    ring = lines["measured initial peak"]
+    assert (ring.get_xdata()[0], ring.get_ydata()[0]) == (2.0, 97)
+
+
+def test_the_ledger_stacks_up_to_the_impact_energy() -> None:
+    figure = figures.energy_ledger(history_of(3.03))
+    tops = [c.get_paths()[0].vertices[:, 1].max() for c in figure.axes[0].collections]
+    assert max(tops) == pytest.approx(3 * 3.03**2)
+    assert len(tops) == 9
+
+
+def test_a_ledger_without_energy_is_refused() -> None:
+    with pytest.raises(UserError, match="no energy"):
+        figures.energy_ledger({"time_s": np.arange(3.0), "crushing_J": np.zeros(3)})
+
+
+def test_figures_are_saved_as_png_and_svg_and_are_the_same_each_time(tmp_path: Path) -> None:
+    digests = []
+    for k in range(2):
+        figure = figures.stress_strain({"elastic": ([0.0, -0.05], [0.0, -0.139e6])})
+        png, svg = figures.save(figure, tmp_path / f"law{k}.png", svg=True)
+        with Image.open(png) as image:
+            assert image.size == (960, 648)
+        digests.append(svg.read_bytes())
+    assert digests[0] == digests[1]
+    assert b"<svg" in digests[0]
+
+
+def test_a_figure_that_cannot_be_saved_is_reported(tmp_path: Path) -> None:
+    figure = figures.stress_strain({"elastic": ([0.0, -0.05], [0.0, -0.139e6])})
+    with pytest.raises(UserError, match=r"end in \.png"):
+        figures.save(figure, tmp_path / "law.pdf")
+    with pytest.raises(UserError, match="could not be written"):
+        figures.save(figure, tmp_path / "absent" / "law.png")
+
+
+def test_figures_leave_pyplot_and_the_global_style_alone() -> None:
+    code = (
+        "import sys, matplotlib as mpl; before = dict(mpl.rcParams)\n"
+        "from taichi_foam.picture import figures\n"
+        "figures.stress_strain({'a': ([0.0, -0.05], [0.0, -1e5])})\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+        "assert dict(mpl.rcParams) == before\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@given(
+    st.lists(st.floats(-100, 100), min_size=1, max_size=12),
+    st.floats(0.01, 20),
+)
+def test_labels_are_spread_apart_and_keep_their_order(wanted: list[float], apart: float) -> None:
+    placed = figures.spread(wanted, apart)
+    order = np.argsort(wanted, kind="stable")
+    gaps = np.diff(np.array(placed)[order])
+    assert np.all(gaps >= apart * (1 - 1e-9) - 1e-9)
+    # Shifting a stack as a whole keeps the mean of the wanted places.
+    assert np.mean(placed) == pytest.approx(np.mean(wanted), abs=1e-6)
+
+
+def test_labels_that_fit_stay_where_they_are() -> None:
+    assert figures.spread([5.0, 0.0, 9.0], 2.0) == pytest.approx([5.0, 0.0, 9.0])
+    assert figures.spread([1.0, 1.0], 2.0) == pytest.approx([0.0, 2.0])

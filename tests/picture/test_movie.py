@@ -1,0 +1,123 @@
+"""Films read back by another reader than the one that wrote them."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from picture_states import dented, scene_of
+from PIL import Image
+
+from taichi_foam.errors import UserError
+from taichi_foam.picture import movie, raster
+
+
+def plain(count: int = 5, width: int = 64, height: int = 48) -> Iterator[np.ndarray]:
+    """Frames of one grey each, growing lighter by 40, from black again after the sixth."""
+    for k in range(count):
+        yield np.full((height, width, 3), 40 * (k % 6), dtype=np.uint8)
+
+
+def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
+    path = movie.save_mp4(plain(), tmp_path / "film.mp4", fps=10)
+    read = iio.imread(path, plugin="FFMPEG")
+    assert read.shape == (5, 48, 64, 3)
+    for k, frame in enumerate(read):
+        assert np.abs(frame.astype(int) - 40 * k).max() <= 6
+    assert iio.immeta(path, plugin="FFMPEG")["fps"] == 10
+    assert iio.immeta(path, plugin="FFMPEG")["pix_fmt"].startswith("yuv420p")
+
+
+def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None:
+    path = movie.save_gif(plain(), tmp_path / "film.gif", fps=20)
+    with Image.open(path) as film:
+        assert film.n_frames == 5
+        assert film.size == (64, 48)
+        assert film.info["loop"] == 0
+        for k in range(5):
+            film.seek(k)
+            assert np.abs(np.asarray(film.convert("RGB")).astype(int) - 40 * k).max() <= 3
+            assert film.info["duration"] == (50 if k < 4 else 1000)
+
+
+def test_a_gif_is_scaled_down_to_its_width(tmp_path: Path) -> None:
+    path = movie.save_gif(plain(2, 200, 100), tmp_path / "film.gif", width=100)
+    with Image.open(path) as film:
+        assert film.size == (100, 50)
+
+
+def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
+    scene = scene_of()
+    run = [dented(scene, 0.0012 * k, time=0.001 * k) for k in range(50)]
+    path = movie.save_gif(movie.frames(run, scene, (640, 360)), tmp_path / "film.gif")
+    assert path.stat().st_size < 1.5e6
+    with Image.open(path) as film:
+        assert film.n_frames == 50
+        film.seek(30)
+        shown = np.asarray(film.convert("RGB")).astype(int)
+    exact = raster.frame(run[30], scene, (640, 360)).astype(int)
+    assert np.abs(shown - exact).mean() < 2
+
+
+def test_frames_are_taken_one_at_a_time(tmp_path: Path) -> None:
+    seen: list[weakref.ref[np.ndarray]] = []
+    most = 0
+
+    def watched() -> Iterator[np.ndarray]:
+        nonlocal most
+        for frame in plain(40):
+            seen.append(weakref.ref(frame))
+            gc.collect()
+            most = max(most, sum(one() is not None for one in seen))
+            yield frame
+
+    movie.save_mp4(watched(), tmp_path / "film.mp4")
+    assert most <= 4
+
+
+@pytest.mark.parametrize("size", [(63, 48), (64, 47)])
+def test_an_odd_size_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
+    with pytest.raises(UserError, match="must be even, such as 64 x 48"):
+        movie.save_mp4(plain(3, *size), tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_bad_requests_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no frames"):
+        movie.save_mp4([], tmp_path / "film.mp4")
+    with pytest.raises(UserError, match=r"end in \.gif"):
+        movie.save_gif(plain(), tmp_path / "film.mp4")
+    with pytest.raises(UserError, match="no folder"):
+        movie.save_mp4(plain(), tmp_path / "absent" / "film.mp4")
+    with pytest.raises(UserError, match="size changes"):
+        movie.save_mp4([*plain(2), *plain(1, 32)], tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
+    path = movie.save_mp4(plain(3), tmp_path / "film.mp4")
+    before = path.read_bytes()
+
+    def broken() -> Iterator[np.ndarray]:
+        yield from plain(2)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        movie.save_mp4(broken(), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file that ffmpeg writes is a link to the device that is always full."""
+    monkeypatch.setattr(movie.secrets, "token_hex", lambda n: "0" * 2 * n)
+    (tmp_path / ".film.00000000.partial.gif").symlink_to("/dev/full")
+    with pytest.raises(UserError, match="could not be written"):
+        movie.save_gif(plain(30), tmp_path / "film.gif")
+    assert list(tmp_path.iterdir()) == []

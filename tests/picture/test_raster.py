@@ -1,0 +1,263 @@
+"""The renderer against areas, symmetries and colours that are known without it."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
+
+from taichi_foam.errors import UserError
+from taichi_foam.picture import annotate, colours, raster
+from taichi_foam.picture.paint import paint
+from taichi_foam.picture.view import Box, View, Window, fit, window
+from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Start, Wedge
+
+NO_SHAPE = np.empty((0, 2))
+#: A view in which a metre is a pixel and y points up from the bottom left.
+PLAIN = View(Box(0, 0, 300, 200), 1.0, 0.0, 200.0)
+
+
+def painted(quads: np.ndarray, shape: np.ndarray = NO_SHAPE) -> np.ndarray:
+    """White polygons on black: the share of each pixel that they cover, in quarters."""
+    image = annotate.blank(300, 200, (0, 0, 0))
+    white = np.full(len(quads), 0xFFFFFF, dtype=np.int32)
+    paint(
+        image,
+        PLAIN,
+        quads,
+        fill=white,
+        edge=white,
+        sides=np.zeros(len(quads), dtype=np.int32),
+        order=np.arange(len(quads), dtype=np.int32),
+        shape=shape,
+    )
+    return np.round(image[..., 0] / 255.0 * 4) / 4
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, 0.5, 0.9, 1.4, 2.2])
+def test_area_of_a_quadrilateral(angle: float) -> None:
+    square = np.array([[-60.0, -40.0], [60.0, -40.0], [60.0, 40.0], [-60.0, 40.0]])
+    quad = turned(square, angle) + np.array([150.3, 100.2])
+    assert painted(quad[None]).sum() == pytest.approx(120 * 80, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("impactor", "exact"),
+    [
+        (FlatBlock(width=0.5, height=0.4), 0.5 * 0.4),
+        (FlatBlock(width=0.5, height=0.4, rotation_deg=30), 0.5 * 0.4),
+        (Cylinder(radius=0.3), np.pi * 0.3**2),
+        (Wedge(shank_width=0.5, height=0.6), 0.5 * 0.35 + 0.5 * 0.5 * 0.25),
+    ],
+)
+def test_area_of_an_impactor(impactor, exact: float) -> None:
+    image = painted(np.zeros((1, 4, 2)), 200 * impactor.outline() + [150.0, 20.0])
+    seen = (image > 0).sum()  # its own colours: count pixels, partly covered ones too
+    edge = 200 * np.linalg.norm(np.diff(impactor.outline(), axis=0, append=impactor.outline()[:1]))
+    assert seen == pytest.approx(200**2 * exact, abs=2.5 * edge + 1)
+
+
+def test_cells_that_share_corners_leave_no_hole_and_draw_no_sample_twice() -> None:
+    """Every sample within a torn-up but closed lattice is covered once, whatever the order."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.linspace(20, 280, 27), np.linspace(20, 180, 17), indexing="ij")
+    nodes = np.stack([x, y], axis=-1)
+    nodes[1:-1, 1:-1] += rng.uniform(-2.5, 2.5, (25, 15, 2))
+    quads = np.stack([nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]], axis=2)
+    quads = quads.reshape(-1, 4, 2)
+    whole = painted(quads)
+    assert np.all(whole[20:180, 20:280] == 1.0)
+    assert whole.sum() == 260 * 160
+    single = sum(painted(quads[k::7]).sum() for k in range(7))
+    assert single == pytest.approx(260 * 160, abs=1e-9)
+
+
+def field_of(snapshot, scene, size=(640, 360)) -> np.ndarray:
+    """Only block and impactor on white, the block's middle on the middle of the picture."""
+    image = annotate.blank(*size, colours.FIELD)
+    raster.draw(image, snapshot, scene, fit(window(scene), Box(0, 0, *size)))
+    return image
+
+
+@pytest.mark.parametrize("state", [intact, dented, split])
+@pytest.mark.parametrize("impactor", [FlatBlock(), Cylinder(), Wedge()])
+def test_a_symmetric_state_gives_a_symmetric_picture(state, impactor) -> None:
+    scene = scene_of(impactor=impactor)
+    image = field_of(state(scene), scene)
+    np.testing.assert_array_equal(image, image[:, ::-1])
+
+
+def test_the_frame_around_a_symmetric_state_is_symmetric_too() -> None:
+    scene = scene_of()
+    image = raster.frame(dented(scene), scene)
+    field = image[62:702, 18:1030]
+    np.testing.assert_array_equal(field, field[:, ::-1])
+
+
+def test_each_node_has_the_colour_of_its_worst_strain() -> None:
+    scene = scene_of(10, 5)
+    e_min_a, e_min_b = np.zeros((9, 5)), np.zeros((10, 4))
+    e_min_a[3, 2], e_min_b[7, 1] = -0.4, -0.95
+    snapshot = snapshot_of(scene, reference(scene), e_min_a=e_min_a, e_min_b=e_min_b)
+    view = fit(window(scene), Box(0, 0, 640, 360))
+    image = field_of(snapshot, scene)
+    table = colours.strain_map()
+    expected = {(0, 0): 0, (3, 2): 107, (4, 2): 107, (7, 1): 255, (7, 2): 255, (5, 2): 0}
+    for (i, j), level in expected.items():
+        x, y = snapshot.position[i, j]
+        pixel = image[int(view.y_zero - view.scale * y), int(view.x_zero + view.scale * x)]
+        np.testing.assert_array_equal(pixel, table[level])
+
+
+def test_the_colours_grow_steadily_darker_with_the_strain() -> None:
+    luminance = colours.strain_map().astype(float) @ [0.2126, 0.7152, 0.0722]
+    assert np.all(np.diff(luminance) < 0.5)
+    assert luminance[0] > 230
+    assert luminance[-1] < 40
+
+
+def test_a_crack_shows_the_background_and_whole_foam_does_not() -> None:
+    scene = scene_of(impactor=None, numerics=Numerics(end=0.01))
+    view = fit(window(scene), Box(0, 0, 640, 360))
+    row = int(view.y_zero - view.scale * 0.8 * scene.block.height)
+    middle = slice(316, 324)
+    opened = field_of(split(scene, 0.1), scene)[row, middle]
+    closed = field_of(intact(scene), scene)[row, middle]
+    assert np.all(opened == 255)
+    assert not np.any(np.all(closed == 255, axis=-1))
+
+
+def test_the_impactor_is_drawn_on_top_of_the_cells() -> None:
+    scene = scene_of()
+    view = fit(window(scene), Box(0, 0, 640, 360))
+    image = field_of(intact(scene), scene)
+    y = scene.contact_height + scene.block.dy / 4  # within the top cells' outer half
+    pixel = image[int(view.y_zero - view.scale * y) - 1, 320]
+    np.testing.assert_array_equal(pixel, colours.STEEL)
+
+
+def test_nothing_is_drawn_outside_the_field() -> None:
+    scene = scene_of()
+    pages = [raster.frame(s, scene) for s in (intact(scene), shattered(scene))]
+    changed = np.any(pages[0] != pages[1], axis=-1)
+    changed[62:702, 18:1030] = False
+    rows, columns = np.nonzero(changed)
+    assert columns.min() > 1030  # only the two numbers beside it
+    assert rows.max() < 280
+
+
+def test_the_same_picture_again() -> None:
+    scene = scene_of()
+    first = raster.frame(shattered(scene), scene)
+    raster.frame(dented(scene), scene)
+    np.testing.assert_array_equal(raster.frame(shattered(scene), scene), first)
+
+
+_DIGEST = """
+import hashlib, sys
+sys.path.insert(0, sys.argv[2])
+from picture_states import dented, scene_of, shattered
+from taichi_foam.engine import runtime
+from taichi_foam.picture import raster
+runtime.start(threads=int(sys.argv[1]))
+digest = hashlib.sha256()
+for state, scene in ((dented, scene_of()), (shattered, scene_of(100, 50))):
+    digest.update(raster.frame(state(scene), scene).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_any_number_of_threads_gives_the_same_picture() -> None:
+    here = str(Path(__file__).parent)
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", _DIGEST, threads, here],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for threads in ("1", "2", "3")
+    }
+    own = hashlib.sha256()
+    for state, scene in ((dented, scene_of()), (shattered, scene_of(100, 50))):
+        own.update(raster.frame(state(scene), scene).tobytes())
+    assert digests == {own.hexdigest() + "\n"}
+
+
+@pytest.mark.parametrize("size", [(64, 64), (161, 121), (640, 360), (720, 1280), (1920, 1080)])
+def test_frames_of_any_size(size: tuple[int, int]) -> None:
+    scene = scene_of()
+    image = raster.frame(dented(scene), scene, size)
+    assert image.shape == (size[1], size[0], 3)
+    assert image.dtype == np.uint8
+    steel = np.all(image == colours.STEEL, axis=-1)
+    assert steel.sum() > 0.01 * size[0] * size[1]
+
+
+def test_a_frame_too_small_is_refused() -> None:
+    scene = scene_of()
+    with pytest.raises(UserError, match="at least 64 x 64"):
+        raster.frame(intact(scene), scene, (63, 100))
+
+
+def test_the_window_holds_block_floor_and_room_for_the_impactor() -> None:
+    seen = window(scene_of())
+    assert seen.x_min == pytest.approx(-0.125)
+    assert seen.x_max == pytest.approx(0.125)
+    assert seen.y_min < 0
+    assert seen.y_max == pytest.approx(0.16)
+
+
+def test_the_window_shows_a_platen_to_its_ends_and_a_tilted_block_to_its_corners() -> None:
+    platen = window(scene_of(impactor=FlatBlock(width=0.3)))
+    assert platen.x_min < -0.15
+    c, s = np.cos(0.5), np.sin(0.5)
+    tilted = scene_of(
+        impactor=None,
+        numerics=Numerics(end=0.01),
+        start=Start(deformation_gradient=((c, -s), (s, c))),
+    )
+    seen = window(tilted)
+    corner = np.array([0.0, 0.0025]) + np.array([[c, -s], [s, c]]) @ [0.1, 0.0975]
+    assert seen.x_max > corner[0]
+    assert seen.y_max > corner[1]
+
+
+@pytest.mark.parametrize("box", [Box(0, 0, 200, 100), Box(10, 20, 110, 420)])
+def test_a_view_shows_its_whole_window_at_one_scale(box: Box) -> None:
+    world = Window(-0.2, 0.3, -0.1, 0.5)
+    view = fit(world, box)
+    left, right = (view.x_zero + view.scale * x for x in (world.x_min, world.x_max))
+    top, bottom = (view.y_zero - view.scale * y for y in (world.y_max, world.y_min))
+    assert left >= box.left - 1e-9
+    assert right <= box.right + 1e-9
+    assert top >= box.top - 1e-9
+    assert bottom <= box.bottom + 1e-9
+    assert left + right == pytest.approx(box.left + box.right)
+
+
+@pytest.mark.parametrize(
+    ("longest", "length", "text"),
+    [(0.047, 0.02, "2 cm"), (0.05, 0.05, "5 cm"), (0.0012, 0.001, "1 mm"), (3.0, 2.0, "2 m")],
+)
+def test_scale_bars_have_round_lengths(longest: float, length: float, text: str) -> None:
+    assert annotate.round_length(longest) == pytest.approx(length)
+    assert annotate.length_text(annotate.round_length(longest)) == text
+
+
+def test_a_long_title_is_cut_to_its_room() -> None:
+    face = annotate.font(20)
+    cut = annotate.shortened("a very long title indeed", face, 120)
+    assert cut.endswith("…")
+    assert face.getlength(cut) <= 120
+    assert annotate.shortened("short", face, 120) == "short"
