@@ -1,8 +1,72 @@
-"""Impact on crushable foam: a breakable particle lattice on Taichi, after Shim, Tu & Lim (2000)."""
+"""Impact on crushable foam: a breakable particle lattice on Taichi, after Shim, Tu & Lim (2000).
+
+    import taichi_foam as tf
+    result = tf.run(tf.paper_scene("paper/wedge-2.86"))
+    print(tf.summary(result))
+    result.save("runs/wedge")
+
+Taichi, SciPy and Matplotlib load when something first needs them, not on import.
+"""
+
+from __future__ import annotations
 
 import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from taichi_foam.errors import RunError, UserError
+    from taichi_foam.measures import summary
+    from taichi_foam.paper import paper_scene
+    from taichi_foam.result import Result
+    from taichi_foam.scene import Scene
+    from taichi_foam.scene_io import load_scene
+    from taichi_foam.simulation import run, run_many, simulate
+    from taichi_foam.study.reproduce import reproduce
 
 # Taichi prints a banner when it is first imported, wherever that happens.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Result",
+    "RunError",
+    "Scene",
+    "UserError",
+    "__version__",
+    "load_scene",
+    "paper_scene",
+    "reproduce",
+    "run",
+    "run_many",
+    "simulate",
+    "summary",
+]
+
+_HOMES = {
+    "Result": "result",
+    "RunError": "errors",
+    "Scene": "scene",
+    "UserError": "errors",
+    "load_scene": "scene_io",
+    "paper_scene": "paper",
+    "reproduce": "study.reproduce",
+    "run": "simulation",
+    "run_many": "simulation",
+    "simulate": "simulation",
+    "summary": "measures",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module on first use (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

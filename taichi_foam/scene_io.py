@@ -28,13 +28,14 @@ __all__ = ["explain", "list_scenes", "load_scene", "scene_to_toml"]
 
 
 def load_scene(
-    source: str | Path, choices: str | None = None, overrides: Sequence[str] = ()
+    source: str | Path | Scene, choices: str | None = None, overrides: Sequence[str] = ()
 ) -> Scene:
     """Load a scene and apply a choice set, then single values.
 
     Args:
-        source: built-in name ("paper/wedge-2.86", "gallery/wave-bar"), a TOML file, or a Python
-            script that defines `scene`. A script's `if __name__ == "__main__"` part does not run.
+        source: built-in name ("paper/wedge-2.86", "gallery/wave-bar"), a TOML file, a Python
+            script that defines `scene`, or a scene itself. A script's
+            `if __name__ == "__main__"` part does not run.
         choices: key of `CHOICE_SETS`; None keeps the scene's own.
         overrides: "block.rows=40" and the like, the later ones winning. A value is read as TOML,
             otherwise as a plain word; `none` empties an optional key.
@@ -44,7 +45,7 @@ def load_scene(
     """
     if choices is not None and choices not in CHOICE_SETS:
         raise UserError(f"choices = {choices!r}: must be one of {', '.join(CHOICE_SETS)}")
-    data = _read(source, choices)
+    data = source if isinstance(source, Scene) else _read(source, choices)
     if isinstance(data, Scene):
         if choices is None and not overrides:
             return data
@@ -60,7 +61,8 @@ def load_scene(
     try:
         return Scene.model_validate(data)
     except ValidationError as error:
-        raise UserError(_titled(str(source), explain(error))) from None
+        title = source.name if isinstance(source, Scene) else str(source)
+        raise UserError(_titled(title, explain(error))) from None
 
 
 def scene_to_toml(scene: Scene) -> str:

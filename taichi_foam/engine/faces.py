@@ -7,7 +7,6 @@ from taichi_foam.laws import foam as foam_law
 from taichi_foam.laws import kinematics
 
 vec2 = ti.types.vector(2, ti.f64)
-vec3 = ti.types.vector(3, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
 
 # A connection runs along its own axis (A along x, B along y); the other axis lies across it.
@@ -16,66 +15,62 @@ B = 1
 
 
 @ti.func
-def columns_of_f(lattice: ti.template(), axis: ti.template(), b, i, j, link: vec4, p: ti.template()):
-    """The two columns of F at a connection, along it and across it, and its nodes' closing speed.
+def crossing(lattice: ti.template(), axis: ti.template(), side: ti.template(), b, i, j) -> vec2:
+    """Sum of the differences that cross a connection at its two nodes, on one side of it [m].
 
-    `across` is the mean of the one-sided differences at the connection's two nodes, over the
-    halves that its broken neighbours leave (Eqs 13 and 27). The two nodes' parts are added first:
-    mirrored, the sum is then the same to the last bit.
+    `side` 0 is above an A and right of a B, -1 below and left. The two nodes' parts are added
+    first: mirrored, the sum is then the same to the last bit.
     """
     ei, ej = ti.static((1, 0) if axis == A else (0, 1))  # to the connection's other node
     si, sj = ti.static((0, 1) if axis == A else (1, 0))  # to the neighbours beside it
-    length = p.cell[axis]
-    beside = p.cell[1 - axis]
-    start = lattice.trial[b, i, j]
-    end = lattice.trial[b, i + ei, j + ej]
-    ahead = (lattice.trial[b, i + si, j + sj].xy - start.xy) + (
-        lattice.trial[b, i + ei + si, j + ej + sj].xy - end.xy
-    )
-    behind = (start.xy - lattice.trial[b, i - si, j - sj].xy) + (
-        end.xy - lattice.trial[b, i + ei - si, j + ej - sj].xy
-    )
-    along = (end.xy - start.xy) * (1.0 / length)
-    across = (link[AHEAD] * ahead + link[BEHIND] * behind) * (0.5 / beside)
-    return along, across, end.zw - start.zw
+    fi, fj = ti.static((side * si, side * sj))
+    x = ti.static(lattice.trial)
+    at_start = x[b, i + fi + si, j + fj + sj].xy - x[b, i + fi, j + fj].xy
+    at_end = x[b, i + ei + fi + si, j + ej + fj + sj].xy - x[b, i + ei + fi, j + ej + fj].xy
+    return at_start + at_end
 
 
 @ti.func
 def face_force(
-    lattice: ti.template(), axis: ti.template(), latching: ti.template(), b, i, j, p: ti.template()
-):
-    """Force [N] of connection (i, j) on its first node, its power [W], and what latching found.
+    lattice: ti.template(), axis: ti.template(), latching: ti.template(),
+    b, i, j, ahead: vec2, behind: vec2, p: ti.template(),
+):  # fmt: skip
+    """Force [N] of connection (i, j) on its first node, powers [W], and what latching found.
 
-    The power that the face takes up, T . (v_end - v_start), comes in all, in shear and in the
-    dashpot: the ledger then closes to the integrator's order though the shear force is no gradient
-    of an energy. With `latching`, the state is an accepted one, and the connection's history is
-    brought up to date with it: the stiffness [N/m] comes back, and 1 if the connection breaks.
+    `ahead` and `behind` are the crossing differences on its two sides. The powers are what its
+    shear and its dashpot take up, T . (v_end - v_start). With `latching`, the state is an accepted
+    one, and the connection's history is brought up to date with it: the stiffness [N/m] comes
+    back, and 1 if the connection breaks.
     """
     links = ti.static(lattice.links[axis])
+    ei, ej = ti.static((1, 0) if axis == A else (0, 1))
     link = links[b, i, j]
-    along, across, relative = columns_of_f(lattice, axis, b, i, j, link, p)
-    stretch = along.norm()
-    e = stretch - 1.0
+    start = lattice.trial[b, i, j]
+    end = lattice.trial[b, i + ei, j + ej]
+    reach = end.xy - start.xy
+    relative = end.zw - start.zw
+    per_length = 1.0 / p.cell[axis]
+    length = reach.norm()
+    e = kinematics.engineering_strain(length * per_length)
     broken = ti.i32(link[BREAK_TIME] >= 0.0)
     stress = foam_law.normal_stress(p.foam, e, link[WORST], broken)
-    force = along * (p.area[axis] * stress / stretch)
-    shear_power = 0.0
-    damping_power = 0.0
+    force = reach * (p.area[axis] * stress / length)
+    power = vec2(0.0)
     found = vec2(0.0)
     if ti.static(latching):
         if e < link[WORST]:
             links[b, i, j][WORST] = e
         # a compressed connection is stiff, or rather unstable, across itself too
-        modulus = ti.max(foam_law.tangent_modulus(p.foam, e), ti.abs(stress) / stretch)
-        found[0] = modulus * p.area[axis] / p.cell[axis]
+        modulus = ti.max(foam_law.tangent_modulus(p.foam, e), ti.abs(stress) / (1.0 + e))
+        found[0] = modulus * p.area[axis] * per_length
     if not broken:
-        gamma = kinematics.shear_strain(along, across)
-        tau = foam_law.shear_stress(p.foam, gamma)
-        shear = kinematics.shear_traction(p.area[axis] * tau, across)
+        # F's column across the connection, from the halves that its broken neighbours leave
+        across = link[AHEAD] * ahead + link[BEHIND] * behind
+        gamma = kinematics.shear_strain(reach, across) * per_length
+        shear = across * (p.area[axis] * foam_law.shear_stress(p.foam, gamma))
         dragging = p.dashpot[axis] * relative
-        shear_power = shear.dot(relative)
-        damping_power = dragging.dot(relative)
         force += shear + dragging
+        power = vec2(shear.dot(relative), dragging.dot(relative))
         if ti.static(latching):
             worst = ti.min(link[WORST], e)
             if foam_law.fails(p.foam, e, stress, gamma, worst):
@@ -84,26 +79,34 @@ def face_force(
                 if stress > 0.0 or p.foam.broken_contact == foam_law.JUMP:
                     lost = foam_law.stored_energy(p.foam, e, worst, 0)
                     lattice.column_fracture[b, i] += p.area[axis] * p.cell[axis] * lost
-    return force, vec3(force.dot(relative), shear_power, damping_power), found
+    return force, power, found
 
 
 @ti.func
 def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.template()):
-    """Forces of the connections to the right of and above each node of column `i`."""
-    power = vec3(0.0)
+    """Forces of the connections to the right of and above each node of column `i`.
+
+    What crosses an A above it crosses the next A below it, and is carried on.
+    """
+    power = vec2(0.0)
     stiffest = 0.0
     breaks = 0.0
+    below = crossing(lattice, A, -1, b, i, 0)
     for j in range(lattice.rows):
         force_a = vec2(0.0)
         force_b = vec2(0.0)
         if i < lattice.columns - 1:
-            force, taken, found = face_force(lattice, A, latching, b, i, j, p)
+            above = crossing(lattice, A, 0, b, i, j)
+            force, taken, found = face_force(lattice, A, latching, b, i, j, above, below, p)
+            below = above
             force_a = force
             power += taken
             stiffest = ti.max(stiffest, found[0])
             breaks += found[1]
         if j < lattice.rows - 1:
-            force, taken, found = face_force(lattice, B, latching, b, i, j, p)
+            right = crossing(lattice, B, 0, b, i, j)
+            left = crossing(lattice, B, -1, b, i, j)
+            force, taken, found = face_force(lattice, B, latching, b, i, j, right, left, p)
             force_b = force
             power += taken
             stiffest = ti.max(stiffest, found[0])
@@ -120,15 +123,18 @@ def _whole(link: vec4) -> ti.i32:
 
 
 @ti.func
-def _weights(ahead: ti.i32, behind: ti.i32) -> vec2:
-    """Shares of the two halves in the mean: equal, all to the one that is left, or none."""
-    left = ti.max(ahead + behind, 1)
-    return vec2(ahead / left, behind / left)
+def _weights(ahead: ti.i32, behind: ti.i32, spacing: ti.f64) -> vec2:
+    """Factors of the two halves in the mean gradient [1/m], none of a half that does not count.
+
+    Each half is the sum of two differences over `spacing`.
+    """
+    halves = ti.max(ahead + behind, 1)
+    return vec2(ahead, behind) / (2.0 * halves * spacing)
 
 
 @ti.func
-def update_halves(lattice: ti.template(), b, i, j):
-    """Which halves of the node's two connections still count (Eq. 27, Fig. 20).
+def update_halves(lattice: ti.template(), b, i, j, p: ti.template()):
+    """Which halves of the node's two connections still count (Eqs 13, 27, Fig. 20).
 
     A half counts while the crossing connections at both of the connection's nodes are whole. With
     none left the connection is a bare fibre: `across` vanishes, and the shear with it.
@@ -136,15 +142,15 @@ def update_halves(lattice: ti.template(), b, i, j):
     if i < lattice.columns - 1:
         above = _whole(lattice.link_b[b, i, j]) * _whole(lattice.link_b[b, i + 1, j])
         below = _whole(lattice.link_b[b, i, j - 1]) * _whole(lattice.link_b[b, i + 1, j - 1])
-        halves = _weights(above, below)
-        lattice.link_a[b, i, j][AHEAD] = halves[0]
-        lattice.link_a[b, i, j][BEHIND] = halves[1]
+        factors = _weights(above, below, p.cell.y)
+        lattice.link_a[b, i, j][AHEAD] = factors[0]
+        lattice.link_a[b, i, j][BEHIND] = factors[1]
     if j < lattice.rows - 1:
         right = _whole(lattice.link_a[b, i, j]) * _whole(lattice.link_a[b, i, j + 1])
         left = _whole(lattice.link_a[b, i - 1, j]) * _whole(lattice.link_a[b, i - 1, j + 1])
-        halves = _weights(right, left)
-        lattice.link_b[b, i, j][AHEAD] = halves[0]
-        lattice.link_b[b, i, j][BEHIND] = halves[1]
+        factors = _weights(right, left, p.cell.x)
+        lattice.link_b[b, i, j][AHEAD] = factors[0]
+        lattice.link_b[b, i, j][BEHIND] = factors[1]
 
 
 @ti.func

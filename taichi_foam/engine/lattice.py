@@ -16,8 +16,8 @@ from taichi_foam.result import Snapshot
 from taichi_foam.scene import Scene
 
 # Members of a connection's four numbers.
-AHEAD = 0  # weight of the half above (A) or right (B) in the mean of Eq. 13
-BEHIND = 1  # weight of the half below (A) or left (B)
+AHEAD = 0  # factor of the half above (A) or right (B) in the mean of Eq. 13 [1/m]
+BEHIND = 1  # factor of the half below (A) or left (B)
 WORST = 2  # e_min
 BREAK_TIME = 3  # time of breaking [s]; INTACT while whole, NEVER where no connection is
 
@@ -105,7 +105,7 @@ class Lattice:
         self.touchable = ti.field(ti.i32)  # 1: in the list of surface nodes
 
         # what a column of nodes adds up; a sum over columns has one order on any machine
-        self.column_power = vec3.field()  # of its faces now: all, shear, dashpots [W]
+        self.column_power = vec2.field()  # that shear and dashpots take up now [W]
         self.column_found = vec2.field()  # by the last latch: stiffest [N/m], newly broken
         self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
         self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]

@@ -31,7 +31,9 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one column of nodes.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
-    numbers. After the last stage the step is accepted.
+    numbers. After the last stage the step is accepted. What the faces take up is the power of
+    their forces on the nodes, not the gradient of an energy (the shear force is none): the ledger
+    closes to the integrator's order.
     """
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)
@@ -46,7 +48,9 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
         below = lattice.force[b, i, j - 1].zw
         force = (own.xy - left) + (own.zw - below)
         v = lattice.trial[b, i, j].zw
-        if p.impactor_kind != NO_IMPACTOR:
+        power[FACES] -= force.dot(v)
+        held = p.hold_y and j == 0  # part of the support, which lets the impactor pass
+        if p.impactor_kind != NO_IMPACTOR and not held:
             pressing, rubbing, distance = contact.impactor_contact(lattice, b, i, j, stage, p)
             if distance < 0.0:
                 relative = vec2(v.x, v.y - lattice.body[b].trial_v)
@@ -55,7 +59,7 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
                 lift -= pressing.y + rubbing.y
                 force += pressing + rubbing
                 overlap = ti.max(overlap, -distance)
-        if not (p.hold_y and j == 0):
+        if not held:
             floor = contact.floor_contact(lattice, b, i, j, stage, p)
             power[BASE] -= floor.dot(v)
             force += floor
@@ -66,7 +70,7 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
         if p.drag > 0.0:
             power[DRAG] += p.drag * v.norm_sqr()
             force -= p.drag * v
-        acceleration = force / p.node_mass
+        acceleration = force * (1.0 / p.node_mass)
         acceleration.y -= p.gravity
         if j == 0:
             if p.hold_x:
@@ -88,9 +92,8 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
             if bad == lattice.rows and (ti.math.isnan(total) or ti.math.isinf(total)):
                 bad = j
     face_power = lattice.column_power[b, i]
-    power[FACES] = face_power[0]
-    power[SHEAR] = face_power[1]
-    power[DASHPOTS] = face_power[2]
+    power[SHEAR] = face_power[0]
+    power[DASHPOTS] = face_power[1]
     lattice.column_work[b, i] += weight * power
     lattice.column_lift[b, i] = lift
     lattice.column_overlap[b, i] = ti.max(lattice.column_overlap[b, i], overlap)

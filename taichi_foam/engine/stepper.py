@@ -134,7 +134,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
     if broke:
         for i in range(lattice.columns):
             for j in range(lattice.rows):
-                faces.update_halves(lattice, b, i, j)
+                faces.update_halves(lattice, b, i, j, p)
     if p.self_contact:
         _refresh_contacts(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
@@ -155,7 +155,8 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
 def prepare(lattice: ti.template()):
     """Before the first step: say which halves every connection's gradient has."""
     for b, i, j in ti.ndrange(lattice.batch, lattice.columns, lattice.rows):
-        faces.update_halves(lattice, b, i, j)
+        p = lattice.parameters[b]
+        faces.update_halves(lattice, b, i, j, p)
 
 
 @ti.kernel
@@ -200,12 +201,12 @@ def _staged_latch(lattice: ti.template()):
                 b = column // lattice.columns
                 i = column % lattice.columns
                 if lattice.clock[b].active:
+                    p = lattice.parameters[b]
                     if _row_is_due(lattice, b):
-                        p = lattice.parameters[b]
                         ledger.energy_column(lattice, b, i, p)
                     if lattice.clock[b].newly_broken:
                         for j in range(lattice.rows):
-                            faces.update_halves(lattice, b, i, j)
+                            faces.update_halves(lattice, b, i, j, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]

@@ -61,41 +61,30 @@ def _densified(foam: Foam, e: ti.f64) -> vec2:
 
 
 @ti.func
-def loading_stress(foam: Foam, e: ti.f64) -> ti.f64:
-    """Engineering stress of a first loading: elastic, plateau, densification (Eq. 26)."""
-    stress = foam.youngs_modulus * ti.max(e, foam.yield_strain)
-    if e < foam.densification_strain:
-        stress = _densified(foam, e)[0]
-    return stress
+def permanent_strain(foam: Foam, e_min: ti.f64) -> ti.f64:
+    """Strain at which a connection that has met `e_min` is without stress.
 
-
-@ti.func
-def turning_strain(foam: Foam, e_min: ti.f64) -> ti.f64:
-    """Where unloading leaves the plateau: densification retraces itself, so never beyond e_d."""
-    return ti.max(e_min, foam.densification_strain)
+    It unloads from the plateau with the slope K; densification retraces itself, so that the
+    turning point is never beyond e_d.
+    """
+    turn = ti.math.clamp(e_min, foam.densification_strain, foam.yield_strain)
+    return turn - foam.yield_strain
 
 
 @ti.func
 def normal_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
     """Engineering stress at strain `e` with history `e_min`, intact or broken (Fig. 19)."""
-    turn = turning_strain(foam, e_min)
-    if e_min >= foam.yield_strain:
-        turn = ti.math.inf  # not yet crushed: always on the loading curve
-    jumps = broken and foam.broken_contact == JUMP
-    if jumps:
-        turn = e_min
-    permanent = turn - foam.yield_strain
-    stress = 0.0
-    if e <= turn:
-        stress = loading_stress(foam, e)
-    elif not jumps:
-        if e <= permanent:
-            stress = foam.youngs_modulus * (e - permanent)
-        else:
-            slope = foam.crushed_tensile_stress / (foam.crushed_tensile_strain - permanent)
-            stress = slope * (e - permanent)
+    permanent = permanent_strain(foam, e_min)
+    stress = foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain)
+    if e < foam.densification_strain:
+        stress = _densified(foam, e)[0]
+    elif stress > 0.0 and e_min < foam.yield_strain:
+        slope = foam.crushed_tensile_stress / (foam.crushed_tensile_strain - permanent)
+        stress = slope * (e - permanent)
     if broken:
         stress = ti.min(stress, 0.0)
+        if foam.broken_contact == JUMP and e > e_min:
+            stress = 0.0
     return stress
 
 
@@ -105,17 +94,13 @@ def stored_energy(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f6
 
     Under the jump reading a broken connection gives nothing back: its stress drops at once.
     """
-    permanent = 0.0
-    turn = foam.yield_strain
-    if e_min < foam.yield_strain:
-        turn = turning_strain(foam, e_min)
-        permanent = turn - foam.yield_strain
+    permanent = permanent_strain(foam, e_min)
     energy = 0.0
     if e > permanent:
         if not broken:
             energy = 0.5 * (e - permanent) * normal_stress(foam, e, e_min, broken)
     elif not (broken and foam.broken_contact == JUMP):
-        energy = 0.5 * foam.youngs_modulus * (ti.max(e, turn) - permanent) ** 2
+        energy = 0.5 * foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain) ** 2
         if e < foam.densification_strain:
             energy += _densified_energy(foam, e)
     return energy

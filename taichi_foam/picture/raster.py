@@ -160,8 +160,11 @@ def draw(image: Image8, snapshot: Snapshot, scene: Scene, view: View, unit: floa
 
 
 def _even(width: float) -> float:
-    """A line width [pixels] of whole samples: such a line is equally strong wherever it falls."""
-    return max(1, round(FINE * width)) / FINE
+    """A line width [pixels] of whole samples: such a line is equally strong wherever it falls.
+
+    The trifle above that settles the case in which both edges fall on samples.
+    """
+    return (max(1, round(FINE * width)) + 0.02) / FINE
 
 
 @lru_cache(maxsize=8)

@@ -75,18 +75,18 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     return Window(
         float(x_min - margin),
         float(x_max + margin),
-        float(min(y_min, 0.0) - 0.07 * tall),
+        float(min(y_min, 0.0) - max(0.07 * tall, 0.03 * (x_max - x_min))),
         float(y_max + top * tall),
     )
 
 
 def fit(world: Window, box: Box) -> View:
-    """Centre `world` in `box` at the largest scale at which all of it is seen."""
+    """Show all of `world` in `box` as large as it goes, centred, and at the foot of the box."""
     scale = min(box.width / (world.x_max - world.x_min), box.height / (world.y_max - world.y_min))
-    x_middle, y_middle = (world.x_min + world.x_max) / 2, (world.y_min + world.y_max) / 2
+    x_middle = (world.x_min + world.x_max) / 2
     return View(
         box,
         scale,
         (box.left + box.right) / 2 - scale * x_middle,
-        (box.top + box.bottom) / 2 + scale * y_middle,
+        box.bottom + scale * world.y_min,
     )

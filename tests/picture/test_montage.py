@@ -7,6 +7,7 @@ import pytest
 from picture_states import dented, intact, scene_of
 
 from taichi_foam.errors import UserError
+from taichi_foam.picture import colours
 from taichi_foam.picture.montage import choose, montage
 from taichi_foam.result import Snapshot
 from taichi_foam.scene import Scene
@@ -19,6 +20,13 @@ def scene() -> Scene:
 
 def run_of(scene: Scene, count: int = 21) -> list[Snapshot]:
     return [dented(scene, 0.002 * k, time=0.001 * k) for k in range(count)]
+
+
+def long_runs(flags: np.ndarray, least: float) -> np.ndarray:
+    """Starts of the runs of true flags that are at least so long."""
+    steps = np.diff(np.r_[0, flags.astype(int), 0])
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return starts[ends - starts >= least]
 
 
 def test_instants_are_the_snapshots_nearest_to_the_times(scene: Scene) -> None:
@@ -38,18 +46,20 @@ def test_panels_stand_in_a_grid(scene: Scene, n: int, grid: tuple[int, int]) -> 
     """The same state n times: each panel repeats the first, apart from nothing."""
     image = montage([intact(scene)] * n, scene, n=n, width=900)
     across, down = grid
-    white = np.all(image == 255, axis=-1)
-    columns = np.flatnonzero(np.diff(np.r_[0, white.any(axis=0), 0]) == 1)
+    height, width = image.shape[:2]
+    drawn = np.any(image != colours.PAGE, axis=-1)
+    # The panels are the only things as wide or as tall as this.
+    columns = long_runs(drawn[height // 3], 0.15 * width)
     assert len(columns) == across
-    rows = np.flatnonzero(
-        np.diff(np.r_[0, white[:, columns[0] : columns[0] + 3].any(axis=1), 0]) == 1
-    )
+    rows = long_runs(drawn[:, columns[0]], 80)
     assert len(rows) == down
-    width = 900 // across // 2
-    first = image[rows[0] : rows[0] + 80, columns[0] : columns[0] + width]
+    span = width // across // 2
+    first = image[rows[0] : rows[0] + 80, columns[0] : columns[0] + span]
     for k in range(1, n):
         top, left = rows[k // across], columns[k % across]
-        np.testing.assert_array_equal(image[top : top + 80, left : left + width], first)
+        panel = image[top : top + 80, left : left + span]
+        # A grid line that falls on a sample to the last bit may go either way.
+        assert np.mean(panel != first) < 0.005
 
 
 def test_a_montage_has_an_even_size_and_the_width_asked_for(scene: Scene) -> None:

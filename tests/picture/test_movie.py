@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
@@ -113,11 +115,30 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file that ffmpeg writes is a link to the device that is always full."""
-    monkeypatch.setattr(movie.secrets, "token_hex", lambda n: "0" * 2 * n)
-    (tmp_path / ".film.00000000.partial.gif").symlink_to("/dev/full")
-    with pytest.raises(UserError, match="could not be written"):
-        movie.save_gif(plain(30), tmp_path / "film.gif")
+_ON_A_FULL_DISK = """
+import resource, sys
+import numpy as np
+from taichi_foam.errors import UserError
+from taichi_foam.picture import movie
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+noise = np.random.default_rng(1).integers(0, 256, (12, 240, 320, 3), dtype=np.uint8)
+try:
+    getattr(movie, sys.argv[1])(iter(noise), sys.argv[2])
+except UserError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
+@pytest.mark.parametrize(("save", "name"), [("save_mp4", "film.mp4"), ("save_gif", "film.gif")])
+def test_a_film_that_does_not_fit_is_reported(tmp_path: Path, save: str, name: str) -> None:
+    """A limit on the size of files stands in for a full disk."""
+    run = subprocess.run(
+        [sys.executable, "-c", _ON_A_FULL_DISK, save, str(tmp_path / name)],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert "could not be written" in run.stdout
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,134 @@
+"""Each law's `ti.func` behind a kernel that maps it over an array, and a law of the test's own.
+
+`Reference` is written from Eq. 26 and Figs 19-20 by branch, not by the program's expressions.
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from taichi_foam.engine.parameters import parameters_of
+from taichi_foam.laws import foam as law
+from taichi_foam.scene import Foam, Model, Numerics, Scene
+
+Array = ti.types.ndarray(dtype=ti.f64, ndim=1)
+
+
+def constants(foam: Foam | None = None, model: Model | None = None) -> law.Foam:
+    """The record that the kernels take, of a scene's foam and model choices."""
+    scene = Scene(foam=foam or Foam(), model=model or Model(), numerics=Numerics(end=1e-3))
+    return law.Foam(**parameters_of(scene)["foam"])
+
+
+@ti.kernel
+def _normal(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
+    for k in range(e.shape[0]):
+        out[k] = law.normal_stress(foam, e[k], e_min, broken)
+
+
+@ti.kernel
+def _stored(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
+    for k in range(e.shape[0]):
+        out[k] = law.stored_energy(foam, e[k], e_min, broken)
+
+
+@ti.kernel
+def _tangent(foam: law.Foam, e: Array, out: Array):
+    for k in range(e.shape[0]):
+        out[k] = law.tangent_modulus(foam, e[k])
+
+
+@ti.kernel
+def _shear(foam: law.Foam, gamma: Array, out: Array):
+    for k in range(gamma.shape[0]):
+        out[k] = law.shear_stress(foam, gamma[k])
+
+
+@ti.kernel
+def _fails(
+    foam: law.Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64
+) -> ti.i32:
+    return law.fails(foam, e, sigma_e, gamma, e_min)
+
+
+def loading(foam: law.Foam, e: np.ndarray) -> np.ndarray:
+    """Stress [Pa] of virgin foam at strains `e`."""
+    return normal(foam, e, 0.0)
+
+
+def normal(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
+    """Stress [Pa] at strains `e` with a history."""
+    e, out = _arrays(e)
+    _normal(foam, e, e_min, int(broken), out)
+    return out
+
+
+def stored(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
+    """Stored energy [J/m3] at strains `e` with a history."""
+    e, out = _arrays(e)
+    _stored(foam, e, e_min, int(broken), out)
+    return out
+
+
+def tangent(foam: law.Foam, e: np.ndarray) -> np.ndarray:
+    """Tangent modulus [Pa] at strains `e`."""
+    e, out = _arrays(e)
+    _tangent(foam, e, out)
+    return out
+
+
+def shear(foam: law.Foam, gamma: np.ndarray) -> np.ndarray:
+    """Shear stress [Pa] at shear strains `gamma`."""
+    gamma, out = _arrays(gamma)
+    _shear(foam, gamma, out)
+    return out
+
+
+def fails(
+    foam: law.Foam, e: float, sigma_e: float = 0.0, gamma: float = 0.0, e_min: float = 0.0
+) -> bool:
+    """Whether an intact connection breaks."""
+    return bool(_fails(foam, e, sigma_e, gamma, e_min))
+
+
+def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    values = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    return values, np.empty_like(values)
+
+
+class Reference:
+    """Eq. 26 and Fig. 19, branch by branch."""
+
+    def __init__(self, foam: Foam) -> None:
+        self.foam = foam
+        self.crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
+        stress = foam.crushed_tensile_stress
+        self.crushed_stress = foam.youngs_modulus * self.crushed_strain if stress is None else stress
+
+    def loading(self, e: float) -> float:
+        f = self.foam
+        if e >= f.yield_strain:
+            return f.youngs_modulus * e
+        plateau = -f.plateau_stress
+        if e >= f.densification_strain:
+            return plateau
+        room = (e - f.locking_strain) ** f.densification_b
+        return plateau * math.exp(f.densification_a * (f.densification_strain - e) / room)
+
+    def permanent(self, e_min: float) -> float:
+        """Strain of zero stress after unloading."""
+        f = self.foam
+        if e_min >= f.yield_strain:
+            return 0.0
+        return max(e_min, f.densification_strain) - f.yield_strain
+
+    def normal(self, e: float, e_min: float) -> float:
+        """Stress of an intact connection."""
+        f = self.foam
+        if e_min >= f.yield_strain or e <= max(e_min, f.densification_strain):
+            return self.loading(e)
+        e_p = self.permanent(e_min)
+        if e <= e_p:
+            return f.youngs_modulus * (e - e_p)
+        return self.crushed_stress * (e - e_p) / (self.crushed_strain - e_p)

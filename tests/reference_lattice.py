@@ -1,0 +1,133 @@
+"""Sections 4.1-4.5 of the paper in NumPy, tensor by tensor: what the program must agree with.
+
+Nothing is shared with the program: strains come from the Green-Lagrange tensor (Eq. 12), forces
+from F S N (Eqs 10-11), and it loops over connections one by one.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from taichi_foam.scene import Scene
+
+
+@dataclass
+class ReferenceLattice:
+    """One lattice of I x J nodes; history and breaks by connection, as a Snapshot has them."""
+
+    scene: Scene
+    position: np.ndarray  # (I, J, 2)
+    velocity: np.ndarray | None = None
+    worst_a: np.ndarray | None = None  # (I-1, J), 0 by default
+    worst_b: np.ndarray | None = None
+    broken_a: set[tuple[int, int]] = field(default_factory=set)
+    broken_b: set[tuple[int, int]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.I, self.J = self.position.shape[:2]
+
+    def exists(self, axis: int, i: int, j: int) -> bool:
+        """Whether connection (i, j) of this axis (0: A, 1: B) was ever there."""
+        last_i, last_j = (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
+        return 0 <= i < last_i and 0 <= j < last_j
+
+    def whole(self, axis: int, i: int, j: int) -> bool:
+        broken = self.broken_a if axis == 0 else self.broken_b
+        return self.exists(axis, i, j) and (i, j) not in broken
+
+    def gradient(self, axis: int, i: int, j: int) -> np.ndarray | None:
+        """F with the columns along x and y (Eq. 13, 27); None for the second where none is left.
+
+        The cross column is the mean of all one-sided differences at the two end nodes over the
+        halves whose two crossing connections are both whole.
+        """
+        x, (dx, dy) = self.position, self.cell
+        ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
+        length, beside = (dx, dy) if axis == 0 else (dy, dx)
+        along = (x[ends[1]] - x[ends[0]]) / length
+        step = np.array([0, 1]) if axis == 0 else np.array([1, 0])
+        differences = []
+        for side in (0, -1):  # the crossing connection that starts at the node, or ends there
+            crossing = [tuple(np.array(end) + side * step) for end in ends]
+            if all(self.whole(1 - axis, *c) for c in crossing):
+                differences += [x[tuple(np.array(c) + step)] - x[c] for c in crossing]
+        across = np.mean(differences, axis=0) / beside if differences else np.zeros(2)
+        columns = [along, across] if axis == 0 else [across, along]
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def cell(self) -> tuple[float, float]:
+        return self.scene.block.dx, self.scene.block.dy
+
+    def strains(self, axis: int, i: int, j: int) -> tuple[float, float]:
+        """Engineering strain along the connection and shear strain (Eqs 12, 21, 23)."""
+        F = self.gradient(axis, i, j)
+        E = 0.5 * (F.T @ F - np.eye(2))
+        return float(np.sqrt(1 + 2 * E[axis, axis]) - 1), float(2 * E[0, 1])
+
+    def stress(self, e: float, e_min: float, broken: bool) -> float:
+        """Fig. 19 with the broken pair's law of continuous reloading."""
+        f = self.scene.foam
+        K = f.youngs_modulus
+        e_min = min(e, e_min)
+        e_p = max(e_min, f.densification_strain) - f.yield_strain if e_min < f.yield_strain else 0.0
+        if e < f.densification_strain:
+            room = (e - f.locking_strain) ** f.densification_b
+            sigma = -f.plateau_stress * np.exp(
+                f.densification_a * (f.densification_strain - e) / room
+            )
+        elif e > e_p and e_min < f.yield_strain:
+            e_c = f.crushed_tensile_fraction * f.tensile_strain
+            sigma = K * e_c * (e - e_p) / (e_c - e_p)
+        else:
+            sigma = max(K * (e - e_p), -f.plateau_stress)
+        return min(sigma, 0.0) if broken else sigma
+
+    def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
+        """Force [N] of the face on the connection's first node: T = F S N A0, and its dashpot."""
+        block, f = self.scene.block, self.scene.foam
+        dx, dy = self.cell
+        area = (dy if axis == 0 else dx) * block.thickness
+        broken = not self.whole(axis, i, j)
+        worst = (self.worst_a, self.worst_b)[axis]
+        F = self.gradient(axis, i, j)
+        e, gamma = self.strains(axis, i, j)
+        S = np.zeros((2, 2))
+        S[axis, axis] = self.stress(e, 0.0 if worst is None else worst[i, j], broken) / (1 + e)
+        bare = not F[:, 1 - axis].any()
+        if not broken and not bare:
+            S[0, 1] = S[1, 0] = f.shear_modulus * gamma
+        force = F @ S @ np.eye(2)[axis] * area
+        if self.velocity is not None and not broken:
+            end = (i + 1, j) if axis == 0 else (i, j + 1)
+            dashpot = self.scene.numerics.damping_time * f.youngs_modulus * area
+            force = force + dashpot / (dx, dy)[axis] * (self.velocity[end] - self.velocity[i, j])
+        return force
+
+    def node_forces(self) -> np.ndarray:
+        """Sum of the faces' forces on every node [N], (I, J, 2)."""
+        total = np.zeros((self.I, self.J, 2))
+        for axis, i, j in self.connections():
+            force = self.face_force(axis, i, j)
+            total[i, j] += force
+            total[(i + 1, j) if axis == 0 else (i, j + 1)] -= force
+        return total
+
+    def connections(self) -> list[tuple[int, int, int]]:
+        """(axis, i, j) of every connection."""
+        return [
+            (axis, i, j)
+            for axis in (0, 1)
+            for i in range(self.I)
+            for j in range(self.J)
+            if self.exists(axis, i, j)
+        ]
+
+
+def reference_positions(scene: Scene) -> np.ndarray:
+    """Cell centres (I, J, 2) [m] of a scene's block."""
+    block = scene.block
+    x = (np.arange(block.columns) - (block.columns - 1) / 2) * block.dx
+    y = (np.arange(block.rows) + 0.5) * block.dy
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
