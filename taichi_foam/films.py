@@ -32,7 +32,7 @@ def storage_bytes(scene: Scene) -> int:
 
 
 def frames_to_draw(result: Result) -> int:
-    """How many frames `write` draws: the films' two sizes are drawn apart, so that each is sharp."""
+    """How many frames `write` draws: those of MP4 and GIF apart, so that both are sharp."""
     output = result.scene.output
     snapshots = len(result.snapshots)
     full = snapshots if output.film or output.frames else 0
@@ -80,7 +80,8 @@ def write_gif(
     snapshots = _thinned(result)[::every]
     # The pace stays that of the film.
     fps = max(1, round(output.fps / (_stride(output.fps) * every)))
-    pictures = _drawn(snapshots, result.scene, _scaled(output.width, output.height, width), on_frame)
+    size = _scaled(output.width, output.height, width)
+    pictures = _drawn(snapshots, result.scene, size, on_frame)
     return movie.save_gif(pictures, path, fps, width)
 
 

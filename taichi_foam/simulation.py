@@ -32,6 +32,7 @@ from taichi_foam.smoothing import smooth_deceleration
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
+MOST_STEPS = 1_000_000
 
 ENDINGS = {
     RUNNING: "interrupt",
@@ -179,7 +180,8 @@ def _drive(scenes: Sequence[Scene], wall: _Wall) -> Iterator[list[_Run]]:
 
 def _steps_for_call(most_steps: int, took: float) -> int:
     """Steps of the next call: towards CALL_SECONDS, at most doubling."""
-    return int(np.clip(most_steps * CALL_SECONDS / max(took, 1e-6), 1, 2 * most_steps))
+    wanted = most_steps * CALL_SECONDS / max(took, 1e-6)
+    return int(np.clip(wanted, 1, min(2 * most_steps, MOST_STEPS)))
 
 
 def _collect(lattice: Lattice, runs: list[_Run], wall: _Wall) -> None:

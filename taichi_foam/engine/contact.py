@@ -2,7 +2,6 @@
 
 import taichi as ti
 
-from taichi_foam.engine import faces
 from taichi_foam.engine.lattice import CROWDED, PAIRS_PER_NODE, WORST
 from taichi_foam.engine.parameters import CIRCLE, POLYGON
 from taichi_foam.laws import contact as contact_law
@@ -106,26 +105,25 @@ def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> v
 
 @ti.func
 def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
-    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis.
-
-    Never more than the room that the node had when it came to the surface.
-    """
+    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis."""
     worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
     worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
-    half = 0.5 * ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    lattice.radius[b, i, j] = ti.min(half, lattice.room[b, i, j])
+    thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
+    lattice.radius[b, i, j] = 0.5 * thinner
 
 
 @ti.func
-def self_contact(lattice: ti.template(), b, s, p: ti.template()):
-    """Push [N] on surface node `s` from the pieces that it touches."""
-    node = lattice.surface[b, s]
-    i = node // lattice.rows
-    j = node % lattice.rows
+def self_contact(lattice: ti.template(), b, i, j, p: ti.template()):
+    """Find the push [N] on a node from the nodes that it touches.
+
+    Any two touch that are no neighbours in the lattice: those have their connection's own law for
+    compression, broken or not. Foam that is whole never touches itself, unless it folds.
+    """
+    node = i * lattice.rows + j
     here = lattice.trial[b, i, j].xy
     radius = lattice.radius[b, i, j]
     push = vec2(0.0)
-    for k in range(lattice.pair_start[b, s], lattice.pair_start[b, s + 1]):
+    for k in range(lattice.pair_start[b, node], lattice.pair_start[b, node + 1]):
         other = lattice.pairs[b, k]
         oi = other // lattice.rows
         oj = other % lattice.rows
@@ -139,10 +137,9 @@ def self_contact(lattice: ti.template(), b, s, p: ti.template()):
 
 
 @ti.func
-def drifted(lattice: ti.template(), b, s, p: ti.template()) -> ti.i32:
-    """Whether a surface node has moved so far that the neighbour list may miss a touch."""
-    node = lattice.surface[b, s]
-    moved = lattice.trial[b, node // lattice.rows, node % lattice.rows].xy - lattice.anchor[b, s]
+def drifted(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
+    """Whether a node has moved so far that the neighbour list may miss a touch."""
+    moved = lattice.trial[b, i, j].xy - lattice.anchor[b, i, j]
     return ti.i32(4.0 * moved.norm_sqr() > p.skin * p.skin)
 
 
@@ -161,95 +158,51 @@ def _bin(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vect
 
 @ti.func
 def list_neighbours(lattice: ti.template(), b, p: ti.template()):
-    """Build the surface list, the search grid and the neighbour list of one lattice, serially.
+    """Build the search grid and the neighbour list of one lattice, serially.
 
     Serial, so that the order of every list, and with it every sum, is the same for any number of
-    threads; it is rare (a piece has moved by half the skin, or a connection has broken).
+    threads; it is rare (a node has moved by half the skin).
     """
-    before = lattice.clock[b].surface
-    count = before
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
-            if lattice.touchable[b, i, j] == 0 and faces.is_surface(lattice, b, i, j):
-                lattice.touchable[b, i, j] = 1
-                lattice.surface[b, count] = i * lattice.rows + j
-                count += 1
-    lattice.clock[b].surface = count
     for k in range(lattice.bins_x * lattice.bins_y):
         lattice.bin_head[b, k] = -1
-    for s in range(count):
-        node = lattice.surface[b, s]
-        i = node // lattice.rows
-        j = node % lattice.rows
-        update_radius(lattice, b, i, j, p)
-        point = lattice.trial[b, i, j].xy
-        lattice.anchor[b, s] = point
-        cell = _bin(lattice, point, p)
-        head = cell.x * lattice.bins_y + cell.y
-        lattice.next_in_bin[b, s] = lattice.bin_head[b, head]
-        lattice.bin_head[b, head] = s
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            point = lattice.trial[b, i, j].xy
+            lattice.anchor[b, i, j] = point
+            update_radius(lattice, b, i, j, p)
+            node = i * lattice.rows + j
+            cell = _bin(lattice, point, p)
+            head = cell.x * lattice.bins_y + cell.y
+            lattice.next_in_bin[b, node] = lattice.bin_head[b, head]
+            lattice.bin_head[b, head] = node
     found = 0
-    for s in range(count):
-        lattice.pair_start[b, s] = found
-        found = _list_around(lattice, b, s, found, p)
-    lattice.pair_start[b, count] = found
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            lattice.pair_start[b, i * lattice.rows + j] = found
+            found = _list_around(lattice, b, i, j, found, p)
+    lattice.pair_start[b, lattice.nodes] = found
     if found > PAIRS_PER_NODE * lattice.nodes:
         lattice.clock[b].status = CROWDED
-    else:
-        for s in range(before, count):
-            _make_room(lattice, b, s)
-        for s in range(count):
-            node = lattice.surface[b, s]
-            update_radius(lattice, b, node // lattice.rows, node % lattice.rows, p)
     lattice.clock[b].stale = 0
 
 
 @ti.func
-def _make_room(lattice: ti.template(), b, s):
-    """Let a node that has just come to the surface touch its neighbours without overlap.
-
-    Foam that has sheared under compression may be closer than its radii. Contact that sprang up
-    there at once would push with energy from nothing.
-    """
-    node = lattice.surface[b, s]
-    i = node // lattice.rows
-    j = node % lattice.rows
-    radius = lattice.radius[b, i, j]
-    for k in range(lattice.pair_start[b, s], lattice.pair_start[b, s + 1]):
-        other = lattice.pairs[b, k]
-        oi = other // lattice.rows
-        oj = other % lattice.rows
-        distance = (lattice.trial[b, oi, oj].xy - lattice.trial[b, i, j].xy).norm()
-        other_radius = lattice.radius[b, oi, oj]
-        share = ti.min(distance / (radius + other_radius), 1.0)
-        lattice.room[b, i, j] = ti.min(lattice.room[b, i, j], share * radius)
-        lattice.room[b, oi, oj] = ti.min(lattice.room[b, oi, oj], share * other_radius)
-
-
-@ti.func
-def _list_around(lattice: ti.template(), b, s, found, p: ti.template()) -> ti.i32:
-    """Append the nodes near surface node `s`, but not those that it is or was connected to.
-
-    Those have their connection's own law for compression, broken or not.
-    """
-    node = lattice.surface[b, s]
-    i = node // lattice.rows
-    j = node % lattice.rows
-    point = lattice.anchor[b, s]
+def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti.i32:
+    """Append the nodes near node (i, j), but not those that it is or was connected to."""
+    point = lattice.anchor[b, i, j]
     home = _bin(lattice, point, p)
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
-            t = lattice.bin_head[b, bx * lattice.bins_y + by]
-            while t >= 0:
-                other = lattice.surface[b, t]
+            other = lattice.bin_head[b, bx * lattice.bins_y + by]
+            while other >= 0:
                 oi = other // lattice.rows
                 oj = other % lattice.rows
                 if ti.abs(oi - i) + ti.abs(oj - j) > 1:
                     reach = lattice.radius[b, i, j] + lattice.radius[b, oi, oj] + p.skin
-                    if (lattice.anchor[b, t] - point).norm_sqr() < reach * reach:
+                    if (lattice.anchor[b, oi, oj] - point).norm_sqr() < reach * reach:
                         if count < PAIRS_PER_NODE * lattice.nodes:
                             lattice.pairs[b, count] = other
                         count += 1
-                t = lattice.next_in_bin[b, t]
+                other = lattice.next_in_bin[b, other]
     return count

@@ -151,15 +151,3 @@ def update_halves(lattice: ti.template(), b, i, j, p: ti.template()):
         factors = _weights(right, left, p.cell.x)
         lattice.link_b[b, i, j][AHEAD] = factors[0]
         lattice.link_b[b, i, j][BEHIND] = factors[1]
-
-
-@ti.func
-def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether any of the node's four connections is broken or was never there."""
-    return ti.i32(
-        _whole(lattice.link_a[b, i, j])
-        + _whole(lattice.link_a[b, i - 1, j])
-        + _whole(lattice.link_b[b, i, j])
-        + _whole(lattice.link_b[b, i, j - 1])
-        < 4
-    )

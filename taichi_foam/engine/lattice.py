@@ -67,7 +67,6 @@ class Clock:
     broken: ti.i32  # connections broken so far
     newly_broken: ti.i32  # by the last latch
     bad_node: ti.i32
-    surface: ti.i32  # nodes that may touch others
     stale: ti.i32  # the neighbour list is to be built again
     active: ti.i32  # takes part in the current step (staged stepping)
 
@@ -101,8 +100,7 @@ class Lattice:
         self.push = vec2.field()  # self-contact force [N]
         self.slip = vec2.field()  # stretch of the friction springs: impactor, floor [m]
         self.radius = ti.field(ti.f64)  # in self-contact [m]
-        self.room = ti.field(ti.f64)  # that the node had when it came to the surface [m]
-        self.touchable = ti.field(ti.i32)  # 1: in the list of surface nodes
+        self.anchor = vec2.field()  # where the node was when the neighbours were listed [m]
 
         # what a column of nodes adds up; a sum over columns has one order on any machine
         self.column_power = vec2.field()  # that shear and dashpots take up now [W]
@@ -114,12 +112,11 @@ class Lattice:
         self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
         self.column_energy = vec3.field()  # kinetic, stored, potential [J]
 
-        self.surface = ti.field(ti.i32)  # node number of each surface node
-        self.anchor = vec2.field()  # where it was when the list was built
-        self.next_in_bin = ti.field(ti.i32)
-        self.bin_head = ti.field(ti.i32)
+        # the neighbour list: pairs[pair_start[n] : pair_start[n + 1]] are near node n
         self.pair_start = ti.field(ti.i32)
         self.pairs = ti.field(ti.i32)
+        self.bin_head = ti.field(ti.i32)
+        self.next_in_bin = ti.field(ti.i32)
 
         self.parameters = Parameters.field()
         self.edges = ti.types.vector(3, ti.f64).field()
@@ -133,7 +130,7 @@ class Lattice:
         offset = (0, -1, -1)
         for field in (
             self.state, self.trial, self.rate, self.force, self.link_a, self.link_b,
-            self.push, self.slip, self.radius, self.room, self.touchable,
+            self.push, self.slip, self.radius, self.anchor,
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         self.column_fields = (
@@ -142,8 +139,7 @@ class Lattice:
         )  # fmt: skip
         for field in self.column_fields:
             builder.dense(ti.ij, (batch, columns)).place(field)
-        for field in (self.surface, self.anchor, self.next_in_bin):
-            builder.dense(ti.ij, (batch, self.nodes)).place(field)
+        builder.dense(ti.ij, (batch, self.nodes)).place(self.next_in_bin)
         builder.dense(ti.ij, (batch, self.nodes + 1)).place(self.pair_start)
         builder.dense(ti.ij, (batch, self.bins_x * self.bins_y)).place(self.bin_head)
         builder.dense(ti.ij, (batch, PAIRS_PER_NODE * self.nodes)).place(self.pairs)
@@ -176,10 +172,9 @@ class Lattice:
         self.link_b.from_numpy(link_b)
         self.edges.from_numpy(edges)
         for field in (
-            self.rate, self.force, self.push, self.slip, self.touchable, *self.column_fields,
+            self.rate, self.force, self.push, self.slip, *self.column_fields,
         ):  # fmt: skip
             field.fill(0)
-        self.room.fill(NEVER)
 
     def snapshots(self) -> list[Snapshot]:
         """The accepted state of every lattice, copied."""

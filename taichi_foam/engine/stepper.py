@@ -54,7 +54,6 @@ def _take_stock(lattice: ti.template(), b, p: ti.template()):
         breaks += found[1]
     lattice.clock[b].newly_broken = ti.i32(breaks)
     lattice.clock[b].broken += ti.i32(breaks)
-    lattice.clock[b].stale |= ti.i32(breaks > 0.0)
     step = p.step
     if step == 0.0:
         step = stable_step(p, stiffest)
@@ -95,15 +94,18 @@ def _close_row(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
-def _refresh_contacts(lattice: ti.template(), b, p: ti.template()):
-    """Keep the touching radii up to date, and the neighbour list when it may miss a touch."""
-    stale = lattice.clock[b].stale
-    for s in range(lattice.clock[b].surface):
-        node = lattice.surface[b, s]
-        contact.update_radius(lattice, b, node // lattice.rows, node % lattice.rows, p)
-        stale |= contact.drifted(lattice, b, s, p)
-    if stale:
-        contact.list_neighbours(lattice, b, p)
+def _refresh_column(lattice: ti.template(), b, i, p: ti.template()):
+    """Keep the touching radii up to date, and see whether the neighbour list may miss a touch."""
+    for j in range(lattice.rows):
+        contact.update_radius(lattice, b, i, j, p)
+        if contact.drifted(lattice, b, i, j, p):
+            lattice.clock[b].stale = 1
+
+
+@ti.func
+def _push_column(lattice: ti.template(), b, i, p: ti.template()):
+    for j in range(lattice.rows):
+        contact.self_contact(lattice, b, i, j, p)
 
 
 @ti.func
@@ -136,15 +138,18 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
             for j in range(lattice.rows):
                 faces.update_halves(lattice, b, i, j, p)
     if p.self_contact:
-        _refresh_contacts(lattice, b, p)
+        for i in range(lattice.columns):
+            _refresh_column(lattice, b, i, p)
+        if lattice.clock[b].stale:
+            contact.list_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
         for stage in range(4):
             if stage > 0 or broke:
                 for i in range(lattice.columns):
                     faces.face_column(lattice, False, b, i, p)
             if p.self_contact:
-                for s in range(lattice.clock[b].surface):
-                    contact.self_contact(lattice, b, s, p)
+                for i in range(lattice.columns):
+                    _push_column(lattice, b, i, p)
             for i in range(lattice.columns):
                 nodes.node_column(lattice, b, i, stage, p)
             nodes.body_stage(lattice, b, stage, p)
@@ -207,13 +212,15 @@ def _staged_latch(lattice: ti.template()):
                     if lattice.clock[b].newly_broken:
                         for j in range(lattice.rows):
                             faces.update_halves(lattice, b, i, j, p)
+                    if p.self_contact:
+                        _refresh_column(lattice, b, i, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             if _row_is_due(lattice, b):
                 _close_row(lattice, b, p)
-            if p.self_contact:
-                _refresh_contacts(lattice, b, p)
+            if p.self_contact and lattice.clock[b].stale:
+                contact.list_neighbours(lattice, b, p)
             lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
 
 
@@ -225,15 +232,12 @@ def _staged_stage(lattice: ti.template(), stage: ti.i32):
             task = q // GRAIN
             for column in range(_first_column(lattice, task), _first_column(lattice, task + 1)):
                 b = column // lattice.columns
-                if lattice.clock[b].active and (stage > 0 or lattice.clock[b].newly_broken):
+                if lattice.clock[b].active:
                     p = lattice.parameters[b]
-                    faces.face_column(lattice, False, b, column % lattice.columns, p)
-            for b in range(lattice.batch):
-                p = lattice.parameters[b]
-                if lattice.clock[b].active and p.self_contact:
-                    count = lattice.clock[b].surface
-                    for s in range(task * count // TASKS, (task + 1) * count // TASKS):
-                        contact.self_contact(lattice, b, s, p)
+                    if stage > 0 or lattice.clock[b].newly_broken:
+                        faces.face_column(lattice, False, b, column % lattice.columns, p)
+                    if p.self_contact:
+                        _push_column(lattice, b, column % lattice.columns, p)
     for q in range(TASKS * GRAIN):
         if q % GRAIN == 0:
             task = q // GRAIN

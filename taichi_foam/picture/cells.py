@@ -19,6 +19,11 @@ LONGEST_HALF = 0.53
 #: A crushed face is never drawn thinner than this share of the cell.
 THINNEST = 0.05
 
+#: Only torn cells that were compressed further than this are suspected to have folded.
+FOLDING_STRAIN = -0.3
+#: A side longer than this share of the reference cell belongs to a cell torn out of shape.
+LONGEST_SIDE = 1.2
+
 #: Bits of `open_sides`.
 LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
 
@@ -37,7 +42,8 @@ def corners(
     Around each lattice corner the cells that hang together through unbroken connections share
     one point, the mean of what each of them takes its corner to be; cells on the two sides of
     a crack have a point each, so the crack opens as a gap. A free edge is carried on by half
-    a cell.
+    a cell. Crushed rubble that has tumbled about would fold or stretch its cells; each of those
+    is drawn as a rectangle of its own.
 
     Args:
         position: node positions (columns, rows, 2) [m].
@@ -59,7 +65,11 @@ def corners(
     points[..., 1] = shared[1:, :-1]
     points[..., 2] = shared[1:, 1:]
     points[..., 3] = shared[:-1, 1:]
-    _mend(points, z, _Joints(e_min_a, e_min_b, broken_a, broken_b), dx, dy)
+    joints = _Joints(e_min_a, e_min_b, broken_a, broken_b)
+    _mend(points, z, joints, dx, dy)
+    torn_and_crushed = _torn(broken_a, broken_b)
+    torn_and_crushed &= worst_strain(e_min_a, e_min_b) < FOLDING_STRAIN
+    _unfold(points, torn_and_crushed, z, joints, dx, dy)
     return points.view(np.float64).reshape(columns, rows, 4, 2)
 
 
@@ -90,6 +100,16 @@ def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
     sides[:, 1:] |= broken_b * np.int32(BOTTOM)
     sides[:, :-1] |= broken_b * np.int32(TOP)
     return sides
+
+
+def _torn(broken_a: Bools, broken_b: Bools) -> Bools:
+    """Which nodes have a broken connection, (columns, rows)."""
+    torn = np.zeros((broken_b.shape[0], broken_a.shape[1]), dtype=bool)
+    torn[:-1] |= broken_a
+    torn[1:] |= broken_a
+    torn[:, :-1] |= broken_b
+    torn[:, 1:] |= broken_b
+    return torn
 
 
 class _Joints:
@@ -147,6 +167,33 @@ def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> N
         )
         mean = total / (1 + across + (after.astype(np.intp) + before))
         points[i[inside], j[inside], own] = mean[inside]
+
+
+def _unfold(
+    points: Points, suspect: Bools, z: Points, joints: _Joints, dx: float, dy: float
+) -> None:
+    """Replace those of the suspect cells that are folded or torn out of shape by rectangles."""
+    i, j = np.nonzero(suspect)
+    quad = points[i, j]
+    side = np.roll(quad, -1, axis=1) - quad
+    turn = np.imag(np.conj(side) * np.roll(side, -1, axis=1))
+    bad = np.any(turn < 0, axis=1) | np.any(np.abs(side) > LONGEST_SIDE * max(dx, dy), axis=1)
+    i, j = i[bad], j[bad]
+    left, right, down, up = _half_vectors(z, i, j, joints, dx, dy)
+    wide, high = np.abs(left) + np.abs(right), np.abs(down) + np.abs(up)
+    # The longer axis tells the direction; the shorter one may point anywhere.
+    along = np.where(wide >= high, _unit(right - left), -1j * _unit(up - down))
+    middle = z[i, j] + ((left + right) + (down + up)) / 2
+    across, upward = along * wide / 2, 1j * along * high / 2
+    points[i, j] = np.stack(
+        [
+            middle - across - upward,
+            middle + across - upward,
+            middle + across + upward,
+            middle - across + upward,
+        ],
+        axis=1,
+    )
 
 
 def _half_vectors(

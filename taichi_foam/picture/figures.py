@@ -15,10 +15,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.picture.labels import beside, spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,18 +132,23 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
     with mpl.rc_context(_STYLE):
         figure = _figure(8.0, 10.5)
         axes = figure.subplots(3, 1, sharex=True)
+        ends = []
         for axis, (column, factor, label), mark in zip(axes, panels, "abc", strict=True):
+            ends.clear()
             for colour, (velocity, history) in zip(CYCLE, sorted(histories.items()), strict=False):
                 time, values = 1e3 * history["time_s"], factor * history[column]
-                name = f"{velocity:.2f} m/s"
-                axis.plot(time, values, color=colour, label=name)
-                if column == "displacement_m":  # elsewhere the curves end in one point
-                    _beside(axis, time[-1], values[-1], name, colour, (7, 0), "center")
+                axis.plot(time, values, color=colour, label=f"{velocity:.2f} m/s")
+                ends.append((time[-1], values[-1], f"{velocity:.2f} m/s", colour))
             axis.set_ylabel(label)
             axis.set_title(f"({mark})")
             axis.axhline(0, color=INK, linewidth=0.8)
+        low, high = axes[-1].get_ylim()  # only the displacements end apart from one another
+        heights = spread([value for _, value, *_ in ends], 0.075 * (high - low))
+        for height, (x, _, name, colour) in zip(heights, ends, strict=True):
+            beside(axes[-1], x, height, name, colour, (7, 0), "center")
         axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
-        axes[0].legend(loc="lower left", bbox_to_anchor=(0.12, 0.12), **_LEGEND)
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), **_LEGEND)
         axes[-1].set_xlabel("time (ms)")
         latest = max(float(history["time_s"][-1]) for history in histories.values())
         axes[-1].set_xlim(0, 1e3 * latest * 1.18)
@@ -162,7 +167,7 @@ def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
         axes = figure.subplots(1, len(impacts), sharey=True, squeeze=False)[0]
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-        top = 1.16 * max(_tallest(impact) for impact in impacts)
+        top = 1.25 * max(_tallest(impact) for impact in impacts)
         last = max(_latest(impact) for impact in impacts)
         for k, (axis, impact) in enumerate(zip(axes, impacts, strict=True)):
             time = 1e3 * impact.time
@@ -209,7 +214,7 @@ def energy_against_volume(
                 axis.plot(volume, impact.energy, color=colour, solid_capstyle="round")
                 axis.plot(volume[-1], impact.energy[-1], "o", color=colour, markersize=6)
                 name, end = f"{impact.velocity:.2f} m/s", impact.energy[-1]
-                _beside(axis, volume[-1], end, name, colour, (-9, 3), "bottom", "right")
+                beside(axis, volume[-1], end, name, colour, (-9, 3), "bottom", "right")
         axes[0].set_ylabel("energy absorbed (J)")
     return figure
 
@@ -230,7 +235,7 @@ def stress_strain(branches: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure
             for k in (0, -1):
                 if y[k] < 0:  # a branch that ends in tension ends where the connection breaks
                     axis.plot(x[k], y[k], "x", color=colour, markersize=10, mew=2.5)
-                    _beside(axis, x[k], y[k], "breaks", colour, (9, -3), "top")
+                    beside(axis, x[k], y[k], "breaks", colour, (9, -3), "top")
         axis.axhline(0, color=INK, linewidth=0.9)
         axis.axvline(0, color=INK, linewidth=0.9)
         axis.set_xlabel("compressive engineering strain (%)")
@@ -293,56 +298,10 @@ def energy_ledger(history: History) -> Figure:
     return figure
 
 
-def spread(wanted: Sequence[float], apart: float) -> list[float]:
-    """Positions as near as possible to `wanted` (any order), at least `apart` from one another."""
-    order = np.argsort(wanted, kind="stable")
-    # Clusters [sum of (wanted - offset), count] are merged while they would overlap.
-    clusters: list[list[float]] = []
-    for k in order:
-        clusters.append([float(wanted[k]), 1.0])
-        while len(clusters) > 1:
-            (a, n), (b, m) = clusters[-2], clusters[-1]
-            if b / m - (m - 1) * apart / 2 >= a / n + (n - 1) * apart / 2 + apart:
-                break
-            clusters[-2:] = [[a + b, n + m]]
-    ends: list[float] = []
-    for total, count in clusters:
-        start = total / count - (count - 1) * apart / 2
-        ends.extend(start + apart * k for k in range(int(count)))
-    placed = [0.0] * len(wanted)
-    for k, end in zip(order, ends, strict=True):
-        placed[k] = end
-    return placed
-
-
 def _figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
-
-
-def _beside(
-    axis: Axes,
-    x: float,
-    y: float,
-    text: str,
-    colour: str,
-    offset: tuple[float, float],
-    vertical: str,
-    horizontal: str = "left",
-) -> None:
-    """A label in the colour of its curve, `offset` points from (x, y), on a white halo."""
-    axis.annotate(
-        text,
-        (x, y),
-        xytext=offset,
-        textcoords="offset points",
-        ha=horizontal,
-        va=vertical,
-        color=colour,
-        fontweight="bold",
-        path_effects=[withStroke(linewidth=3, foreground="white")],
-    )
 
 
 def _tallest(impact: Deceleration) -> float:
@@ -360,27 +319,28 @@ def _mark_measured(axis: Axes, impact: Deceleration, measured: Measured, top: fl
     span = [1e3 * impact.plateau_start, 0.85 * duration]
     axis.fill_between(span, 0.95 * level, 1.05 * level, color=ORANGE, alpha=0.35, linewidth=0)
     axis.plot(span, [level, level], color=VERMILION, linewidth=2.4, label="measured plateau ± 5 %")
-    # The figure stands on that side of the band where the curve is not.
-    during = (1e3 * impact.time > span[0]) & (1e3 * impact.time < span[1])
-    below = bool(during.any()) and float(np.median(impact.deceleration[during])) > level
+    # The figure stands towards the end, since the initial peak has its figure near the start,
+    # and on that side of the band where less of the curve is in its way.
+    at = span[0] + 0.7 * (span[1] - span[0])
+    beyond = impact.deceleration[np.abs(1e3 * impact.time - at) < 0.1 * duration] - level
+    below = float(np.sum(np.maximum(beyond, 0))) > float(np.sum(np.maximum(-beyond, 0)))
     edge, gap, side = (0.95, -4, "top") if below else (1.05, 4, "bottom")
-    text = f"{level:.0f} m/s²"
-    _beside(axis, sum(span) / 2, edge * level, text, VERMILION, (0, gap), side, "center")
+    beside(axis, at, edge * level, f"{level:.0f} m/s²", VERMILION, (0, gap), side, "center")
     dashes = (0, (5, 3))
     axis.plot(
         [duration, duration],
-        [0, 0.84 * top],
+        [0, 0.88 * top],
         color=VERMILION,
         linewidth=1.6,
         linestyle=dashes,
         label="measured duration",
     )
-    _beside(axis, duration, 0.85 * top, f"{duration:.0f} ms", VERMILION, (0, 0), "bottom", "center")
+    beside(axis, duration, 0.89 * top, f"{duration:.0f} ms", VERMILION, (0, 0), "bottom", "center")
     peak, when = measured.initial_peak_m_s2, measured.initial_peak_time_s
     if peak is not None and when is not None:
         ring = {"linestyle": "", "marker": "o", "mfc": "none", "mec": VERMILION, "mew": 2.2}
         axis.plot([1e3 * when], [peak], markersize=9, label="measured initial peak", **ring)
-        _beside(axis, 1e3 * when, peak, f"{peak:.0f} m/s²", VERMILION, (10, 0), "center")
+        beside(axis, 1e3 * when, peak, f"{peak:.0f} m/s²", VERMILION, (10, 0), "center")
 
 
 def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) -> None:
@@ -391,5 +351,6 @@ def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) 
     middle = (low + high) / 2
     axis.plot(x, middle * x, color=VERMILION, linewidth=1.2, linestyle=(0, (5, 3)))
     x_text = 0.97 * right
-    text = f"measured\n{10 * low:.2f} to {10 * high:.2f} · 10⁵ J/m³"
+    span = f"{10 * low:.2f}" if low == high else f"{10 * low:.2f} to {10 * high:.2f}"
+    text = f"measured\n{span} · 10⁵ J/m³"
     axis.annotate(text, (x_text, 0.05 * top), ha="right", va="bottom", color=VERMILION)

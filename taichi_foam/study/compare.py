@@ -1,4 +1,4 @@
-"""Simulated figures beside measured ones: which are compared, how they are shown, what is a miss."""
+"""Simulated figures beside measured ones: which are compared, and what is a miss."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """The foam's law as curves, from the very functions that the engine calls (Fig. 19)."""
 
 import contextlib
+import itertools
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -23,7 +25,7 @@ TOP = 4.0
 
 @ti.kernel
 def _normal_stresses(
-    foam: foam_law.Foam,
+    foam: foam_law.Foam,  # pyright: ignore[reportGeneralTypeIssues]
     strain: ti.types.ndarray(dtype=ti.f64, ndim=1),  # pyright: ignore[reportInvalidTypeForm]
     worst: ti.types.ndarray(dtype=ti.f64, ndim=1),  # pyright: ignore[reportInvalidTypeForm]
     stress: ti.types.ndarray(dtype=ti.f64, ndim=1),  # pyright: ignore[reportInvalidTypeForm]
@@ -43,7 +45,7 @@ def branches(scene: Scene) -> dict[str, Branch]:
     # Cosine spacing towards locking, where the curve turns upwards.
     steep = np.cos(np.linspace(0.0, np.pi / 2, 400))
     locking = foam.locking_strain + (foam.densification_strain - foam.locking_strain) * steep
-    down = np.concatenate([np.linspace(a, b, 60) for a, b in zip(corners, corners[1:], strict=False)])
+    down = np.concatenate([np.linspace(a, b, 60) for a, b in itertools.pairwise(corners)])
     strain = np.concatenate([down, locking[1:]])
     loading = _stress(record, strain, np.minimum(strain, 0.0))
     shown = -loading <= TOP * foam.plateau_stress
@@ -59,8 +61,8 @@ def branches(scene: Scene) -> dict[str, Branch]:
     }
 
 
-def _stress(foam: foam_law.Foam, strain: Array, worst: Array | float) -> Array:
-    """Engineering stress [Pa] (n,) of an intact connection that has met `worst`."""
+def _stress(foam: Any, strain: Array, worst: Array | float) -> Array:
+    """Engineering stress [Pa] (n,) of an intact connection of foam that has met `worst`."""
     # A runtime that already works on another architecture does just as well.
     with contextlib.suppress(UserError):
         runtime.start()

@@ -126,6 +126,22 @@ def test_no_cell_is_turned_inside_out_or_larger_than_a_stretched_one(state) -> N
     assert np.all(quads < 1.06**2 * scene.block.dx * scene.block.dy)
 
 
+def test_rubble_pushed_past_its_neighbour_is_drawn_as_a_rectangle_of_its_own() -> None:
+    """Sharing corners with the neighbour it has passed would fold the cell."""
+    scene = scene_of(6, 6)
+    dx, dy = scene.block.dx, scene.block.dy
+    position = reference(scene)
+    position[2, 3, 0] += 1.4 * dx  # its right connection is turned round, and 0.4 dx long
+    broken_a, broken_b = np.zeros((5, 6), dtype=bool), np.zeros((6, 5), dtype=bool)
+    broken_a[1, 3] = broken_b[2, 2] = broken_b[2, 3] = True
+    snapshot = snapshot_of(scene, position, broken_a=broken_a, broken_b=broken_b)
+    quad = corners_of(snapshot, scene)[2, 3]
+    # Half a whole cell on the torn side, half of what is left of the connection on the other.
+    wide = (0.5 + 0.2) * dx
+    sides = np.diff(quad, axis=0)
+    np.testing.assert_allclose(sides, [[-wide, 0], [0, -dy], [wide, 0]], atol=1e-15)
+
+
 def test_worst_strain_is_the_least_over_the_connections_of_a_node() -> None:
     e_min_a = np.array([[-0.1, 0.0], [-0.5, -0.2]])
     e_min_b = np.array([[-0.3], [0.0], [-0.4]])

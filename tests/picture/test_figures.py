@@ -18,6 +18,7 @@ from PIL import Image
 from taichi_foam.errors import UserError
 from taichi_foam.paper import MEASURED
 from taichi_foam.picture import figures
+from taichi_foam.picture.labels import spread
 
 VELOCITIES = (2.46, 3.03, 3.60)
 
@@ -186,7 +187,7 @@ def test_figures_leave_pyplot_and_the_global_style_alone() -> None:
     st.floats(0.01, 20),
 )
 def test_labels_are_spread_apart_and_keep_their_order(wanted: list[float], apart: float) -> None:
-    placed = figures.spread(wanted, apart)
+    placed = spread(wanted, apart)
     order = np.argsort(wanted, kind="stable")
     gaps = np.diff(np.array(placed)[order])
     assert np.all(gaps >= apart * (1 - 1e-9) - 1e-9)
@@ -195,5 +196,5 @@ def test_labels_are_spread_apart_and_keep_their_order(wanted: list[float], apart
 
 
 def test_labels_that_fit_stay_where_they_are() -> None:
-    assert figures.spread([5.0, 0.0, 9.0], 2.0) == pytest.approx([5.0, 0.0, 9.0])
-    assert figures.spread([1.0, 1.0], 2.0) == pytest.approx([0.0, 2.0])
+    assert spread([5.0, 0.0, 9.0], 2.0) == pytest.approx([5.0, 0.0, 9.0])
+    assert spread([1.0, 1.0], 2.0) == pytest.approx([0.0, 2.0])

@@ -1,0 +1,253 @@
+"""The commands. Each checks everything that could go wrong before it computes anything."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from taichi_foam import __version__
+from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
+from taichi_foam.errors import RunError
+from taichi_foam.folders import check_output_folder, output_folder
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.progress import Bars
+from taichi_foam.result import Result, storage_bytes
+from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene_io import list_scenes, load_scene
+
+Out = Annotated[str | None, typer.Option(help="Folder for the result; default runs/NAME.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Set one value, e.g. block.rows=40; repeatable."
+    ),
+]
+Choices = Annotated[
+    str | None,
+    typer.Option(metavar="|".join(CHOICE_SETS), help="Readings of what the paper leaves open."),
+]
+Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
+Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]
+Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
+NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
+Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]
+
+# An energy residual beyond this tells of a step size that is too large.
+_RESIDUAL_LIMIT = 0.01
+
+_app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def main() -> None:
+    """Entry point of `taichi-foam`."""
+    _app(prog_name="taichi-foam")
+
+
+def run_script(scene: Scene) -> None:
+    """Run a script's own scene, with the options of `taichi-foam run` from the command line.
+
+    Ends the process as that command does.
+    """
+    script = typer.Typer(
+        add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+    )
+
+    @script.command(help=f"Run the scene {scene.name!r} of this script.")
+    def command(
+        out: Out = None,
+        set_: Set = None,
+        choices: Choices = None,
+        dt: Dt = None,
+        arch: Arch = "cpu",
+        threads: Threads = None,
+        overwrite: Overwrite = False,
+        no_film: NoFilm = False,
+        frames: Frames = False,
+    ) -> None:
+        overrides = _overrides(set_, dt, no_film, frames)
+        _run(scene, out, choices, overrides, arch, threads, overwrite)
+
+    script()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"taichi-foam {__version__}")
+        raise typer.Exit
+
+
+@_app.callback(help="Impact on crushable foam: a breakable particle lattice on Taichi.")
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and leave."
+        ),
+    ] = False,
+) -> None:
+    """Hold the options that belong to no command."""
+
+
+@_app.command("run")
+def run_command(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name or file.")],
+    out: Out = None,
+    set_: Set = None,
+    choices: Choices = None,
+    dt: Dt = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    overwrite: Overwrite = False,
+    no_film: NoFilm = False,
+    frames: Frames = False,
+) -> None:
+    """Run one scene and write its result: histories, snapshots, measures, a GIF and an MP4."""
+    overrides = _overrides(set_, dt, no_film, frames)
+    _run(scene, out, choices, overrides, arch, threads, overwrite)
+
+
+@_app.command("scenes")
+def scenes_command() -> None:
+    """List the built-in scenes."""
+    known = list_scenes()
+    width = max(map(len, known)) + 2
+    for name, about in known.items():
+        typer.echo(f"{name:<{width}}{about}")
+
+
+@_app.command("reproduce")
+def reproduce_command(
+    out: Annotated[str, typer.Option(help="Folder for report, tables and runs.")] = "reproduction",
+    cases: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Some of the nine tests; default: all.")
+    ] = None,
+    choices: Choices = "calibrated",
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    overwrite: Overwrite = False,
+    no_films: Annotated[bool, typer.Option("--no-films", help="Write no GIFs and MP4s.")] = False,
+) -> None:
+    """Run the paper's nine impacts and write a report: tables, curves, pictures."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        from taichi_foam.cli import tables
+        from taichi_foam.study.reproduce import reproduce
+
+        content = reproduce(
+            out,
+            None if cases is None else cases.split(","),
+            choices=choices or "calibrated",
+            arch=arch,
+            threads=threads,
+            overwrite=overwrite,
+            films=not no_films,
+            bars=Bars(errors),
+        )
+        console.print(tables.study(content))
+        _say_where(console, out)
+        if content["interrupted"]:
+            missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
+            left = f"not finished and left out: {missing}" if missing else "films may be missing"
+            errors.print(f"interrupted: the finished cases are kept; {left}")
+            raise typer.Exit(INTERRUPTED)
+
+
+def _overrides(given: list[str] | None, dt: str | None, no_film: bool, frames: bool) -> list[str]:
+    """The options as scene overrides; --set comes last and so has the last word."""
+    overrides = [] if dt is None else [f"numerics.dt={dt}"]
+    if no_film:
+        overrides.append("output.film=false")
+    if frames:
+        overrides.append("output.frames=true")
+    return [*overrides, *(given or [])]
+
+
+def _run(
+    source: str | Scene,
+    out: str | None,
+    choices: str | None,
+    overrides: list[str],
+    arch: str,
+    threads: int | None,
+    overwrite: bool,
+) -> None:
+    """Load, check, compute, save, show."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    bars = Bars(errors)
+    with exit_codes(errors):
+        scene = load_scene(source, choices, overrides)
+        folder = f"runs/{_file_name(scene.name)}" if out is None else out
+        # Names and values are right: now what needs Taichi, and costs its import.
+        from taichi_foam import films, simulation
+        from taichi_foam.cli import tables
+        from taichi_foam.engine import runtime
+        from taichi_foam.measures import summary
+
+        check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
+        runtime.start(arch, threads)
+        failure = None
+        with bars.computing(scene.name) as on_progress:
+            try:
+                result = simulation.run(scene, on_progress)
+            except RunError as error:
+                if not error.results:
+                    raise
+                result, failure = error.results[0], error
+        cut = _save(result, folder, overwrite, bars, with_films=failure is None)
+        figures = summary(result)
+        console.print(tables.key_figures(figures))
+        _say_where(console, folder)
+        residual = figures["energy_residual"]
+        if failure is None and residual is not None and abs(residual) > _RESIDUAL_LIMIT:
+            errors.print(
+                f"warning: {abs(residual):.1%} of the impact energy is unaccounted for; do not "
+                "trust this run; take a smaller --dt, or auto",
+                soft_wrap=True,
+            )
+        if failure is not None:
+            raise RunError(f"{failure}; what was computed until then is in {folder}")
+        if cut:
+            errors.print(f"interrupted: what there was is in {folder}", soft_wrap=True)
+            raise typer.Exit(INTERRUPTED)
+
+
+def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: bool) -> bool:
+    """Write the result's folder; return whether Ctrl-C came, in the run or since."""
+    from taichi_foam import films
+
+    with output_folder(folder, overwrite) as staging:
+        with held_interrupts() as pressed:
+            result.write(staging)
+        if pressed.is_set() or result.run["interrupted"]:
+            return True
+        frames = films.frames_to_draw(result) if with_films else 0
+        if frames == 0:
+            return False
+        try:
+            with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
+                films.write(result, staging, on_frame)
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def _file_name(name: str) -> str:
+    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
+    return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
+
+
+def _say_where(console: Console, folder: str) -> None:
+    """Name the files just written, those for people first."""
+    order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
+    names = sorted(os.listdir(folder), key=lambda n: (order.index(n) if n in order else 99, n))
+    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)

@@ -1,0 +1,48 @@
+"""From exceptions to a clear line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from taichi_foam.errors import RunError, UserError
+
+FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+
+
+@contextlib.contextmanager
+def exit_codes(console: Console) -> Iterator[None]:
+    """Print what ends the block badly, without a traceback, and leave with its exit code."""
+    try:
+        yield
+    except UserError as error:
+        raise _told(console, str(error), REFUSED) from None
+    except RunError as error:
+        raise _told(console, str(error), FAILED) from None
+    except KeyboardInterrupt:
+        text = "interrupted before there was anything to save; nothing was written"
+        raise _told(console, text, INTERRUPTED) from None
+    except BrokenPipeError:
+        raise  # whoever read the output has gone; Typer leaves quietly
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        text = f"{where}{error.strerror or error}; check the disk, the folder and its permissions"
+        raise _told(console, text, REFUSED) from None
+    except ImportError as error:
+        if "libX11" not in str(error):
+            raise
+        text = f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
+        raise _told(console, text, REFUSED) from None
+
+
+def _told(console: Console, text: str, code: int) -> typer.Exit:
+    word = "interrupted" if code == INTERRUPTED else "error"
+    label = "" if text.startswith(word) else f"{word}: "
+    message = Text(label, style="bold red") + Text(text, style="not bold default")
+    # Without a terminal to fit it to, a line stays whole.
+    console.print(message, soft_wrap=not console.is_terminal)
+    return typer.Exit(code)

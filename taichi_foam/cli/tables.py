@@ -1,0 +1,81 @@
+"""Tables for the terminal: key figures of a run, and those of a whole study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from taichi_foam.study.compare import COMPARED, JUDGED, Quantity, comparison, is_miss
+
+_MORE = (
+    Quantity("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
+    Quantity("crushed_volume_m3", "volume crushed", "cm³", 1e6, 1),
+    Quantity("rebound_velocity_m_s", "rebound velocity", "m/s", 1.0, 2),
+    Quantity("pieces", "pieces", ""),
+    Quantity("broken_connections", "broken connections", ""),
+    Quantity("crack_lowest_height_m", "crack below impactor, down to", "cm", 1e2, 1),
+    Quantity("energy_residual", "energy residual", "", 1.0, 6),
+)
+
+
+def key_figures(summary: Mapping[str, Any]) -> Table:
+    """The main figures of one run, beside the measured ones where it is one of the tests."""
+    case = comparison(summary["scene"], summary)
+    known = any(value is not None for value in case["measured"].values())
+    table = _table(summary["scene"])
+    table.add_column("", no_wrap=True)
+    table.add_column("simulated", justify="right", no_wrap=True)
+    if known:
+        table.add_column("measured", justify="right", no_wrap=True)
+        table.add_column("error", justify="right", no_wrap=True)
+    table.add_column("unit", style="dim", no_wrap=True)
+    for quantity in (*COMPARED, *_MORE):
+        value, measured = summary[quantity.key], case["measured"][quantity.key]
+        if value is None and measured is None:
+            continue
+        row: list[str | Text] = [quantity.label, quantity.text(value)]
+        if known:
+            shown = "" if measured is None else quantity.text(measured)
+            row += [shown, _error(case["error"][quantity.key], measured is not None)]
+        table.add_row(*row, quantity.unit)
+    return table
+
+
+def study(content: Mapping[str, Any]) -> Table:
+    """The judged figures of all cases of a study: simulated, and the error."""
+    cases: Sequence[Mapping[str, Any]] = content["cases"]
+    table = _table(f"simulated, and its error ({content['choices']})")
+    table.add_column("")
+    for quantity in JUDGED:
+        # The unit stands below, so that the table fits a narrow terminal.
+        head = f"{quantity.label.split()[-1]}\n{quantity.unit}"
+        table.add_column(head, justify="right", no_wrap=True)
+        table.add_column("", justify="right", no_wrap=True)
+    for case in cases:
+        row: list[str | Text] = [case["name"].removeprefix("paper/")]
+        for quantity in JUDGED:
+            row.append(quantity.text(case["simulated"][quantity.key]))
+            row.append(_error(case["error"][quantity.key], True))
+        table.add_row(*row)
+    hits = content["within_tolerance"]
+    table.add_section()
+    last: list[str | Text] = [f"within {100 * content['tolerance']:.0f} %"]
+    for quantity in JUDGED:
+        last += ["", f"{hits[quantity.key]['within']} of {hits[quantity.key]['of']}"]
+    table.add_row(*last)
+    return table
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+
+
+def _error(error: float | None, wanted: bool) -> Text:
+    """An error in per cent; a miss is marked in words, not by colour alone."""
+    if error is None:
+        return Text("no answer" if wanted else "")
+    text = f"{100 * error:+.1f} %"
+    return Text(f"miss {text}", style="bold") if is_miss(error) else Text(text)

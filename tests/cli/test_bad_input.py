@@ -1,0 +1,161 @@
+"""Every bad request gets a clear line and exit code 2, and nothing is written or lost."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from command_line import COARSE_OPTIONS, call, tree
+
+from taichi_foam import result as result_module
+from taichi_foam import simulation
+
+WEDGE = "paper/wedge-2.86"
+
+BAD_VALUES = {
+    "unknown key": ("foam.youngs_module=1e6", "did you mean foam.youngs_modulus?"),
+    "wrong magnitude": ("numerics.dt=1", "times are in seconds"),
+    "negative": ("block.width=-0.2", "block.width = -0.2"),
+    "not a number": ("foam.youngs_modulus=nan", "a finite number"),
+    "infinite": ("impactor.mass=inf", "a finite number"),
+    "yield sign": ("foam.yield_strain=0.05", "negative in compression"),
+    "locking above densification": ("foam.locking_strain=-0.7", "foam.densification_strain"),
+    "never touches": ("impactor.x=1.0", "never touches the block"),
+    "starts inside": ("start.deformation_gradient=[[1, 0], [0, 1.02]]", "inside the block"),
+    "zero columns": ("block.columns=0", "block.columns = 0"),
+    "no value": ("block.rows", "KEY=VALUE"),
+}
+
+
+@pytest.fixture
+def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
+    """Call the command line; any computing fails the test."""
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise AssertionError("the request should have been refused before computing")
+
+    monkeypatch.setattr(simulation, "_drive", refuse)
+    return invoke
+
+
+def assert_refused(result, fragment: str) -> None:
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ")
+    assert fragment in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("case", BAD_VALUES)
+def test_bad_value(case: str, ask: Callable, tmp_path: Path) -> None:
+    assignment, fragment = BAD_VALUES[case]
+    assert_refused(ask("run", WEDGE, "--set", assignment), fragment)
+    assert tree(tmp_path) == {}
+
+
+def test_a_platen_wider_than_the_block_is_no_mistake(ask: Callable) -> None:
+    """It gets as far as computing."""
+    result = ask("run", "paper/rectangular-3.03", "--set", "impactor.width=0.3")
+    assert isinstance(result.exception, AssertionError)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragment"),
+    [
+        (["run", "nowhere.toml"], "no such file"),
+        (["run", "paper/wedge-2.68"], "did you mean paper/wedge-2.86?"),
+        (["run", WEDGE, "--dt", "soon"], "must be 'auto' or above 0"),
+        (["run", WEDGE, "--dt", "1"], "numerics.dt = 1"),
+        (["run", WEDGE, "--choices", "literal"], "calibrated, paper-literal"),
+        (["run", WEDGE, "--arch", "abacus"], "cpu, cuda, vulkan, metal"),
+        (["run", WEDGE, "--threads", "0"], "threads = 0"),
+        (["run", WEDGE, "--out", ""], "not a path"),
+        (["reproduce", "--cases", "wedge-2.68"], "did you mean wedge-2.86?"),
+        (["reproduce", "--cases", ","], "none given"),
+        (["reproduce", "--choices", "literal"], "calibrated, paper-literal"),
+    ],
+)
+def test_bad_argument(arguments: list[str], fragment: str, ask: Callable, tmp_path: Path) -> None:
+    assert_refused(ask(*arguments), fragment)
+    assert tree(tmp_path) == {}
+
+
+def test_malformed_toml(ask: Callable, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("[block\nwidth = 0.2\n")
+    before = tree(tmp_path)
+    assert_refused(ask("run", "scene.toml"), "scene.toml: not valid TOML")
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", [["run", WEDGE], ["reproduce", "--cases", "wedge-2.86"]])
+class TestOutputFolder:
+    def test_below_a_file(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        (tmp_path / "note").write_text("mine")
+        before = tree(tmp_path)
+        assert_refused(ask(*command, "--out", "note/result"), "is a file, not a folder")
+        assert tree(tmp_path) == before
+
+    def test_is_a_file(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        (tmp_path / "note").write_text("mine")
+        before = tree(tmp_path)
+        assert_refused(ask(*command, "--out", "note", "--overwrite"), "that is a file")
+        assert tree(tmp_path) == before
+
+    def test_has_content(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        (tmp_path / "kept").mkdir()
+        (tmp_path / "kept" / "note").write_text("mine")
+        before = tree(tmp_path)
+        assert_refused(ask(*command, "--out", "kept"), "--overwrite")
+        assert tree(tmp_path) == before
+
+    def test_is_the_current_folder(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        (tmp_path / "note").write_text("mine")
+        before = tree(tmp_path)
+        assert_refused(ask(*command, "--out", ".", "--overwrite"), "current folder")
+        assert tree(tmp_path) == before
+
+    def test_has_too_little_room(
+        self,
+        command: list[str],
+        ask: Callable,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        usage = type("usage", (), {"free": 1_000_000})
+        monkeypatch.setattr("taichi_foam.folders.shutil.disk_usage", lambda path: usage)
+        assert_refused(ask(*command), "1 MB free")
+        assert tree(tmp_path) == {}
+
+
+def test_disk_that_fills_up_at_the_end(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The old result is kept, and nothing of the new one is left behind."""
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "summary.json").write_text("{}")
+    before = tree(tmp_path)
+
+    def full(path: Path, *arguments: object) -> None:
+        path.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(result_module, "_write_snapshots", full)
+    short = ["--set", "numerics.end=1e-3"]
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, *short, "--out", "old", "--overwrite")
+    assert result.exit_code == 2
+    assert "the disk is full" in result.stderr
+    assert tree(tmp_path) == before
+
+
+def test_absent_gpu(tmp_path: Path) -> None:
+    from taichi._lib import core
+
+    absent = [arch for arch in ("cuda", "metal") if not getattr(core, f"with_{arch}")()]
+    done = call("run", WEDGE, "--arch", absent[0], cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"this machine offers no {absent[0]} device" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert tree(tmp_path) == {}

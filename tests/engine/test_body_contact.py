@@ -1,0 +1,214 @@
+"""Contact with impactor and floor: distances of every shape, and Coulomb friction."""
+
+import math
+
+import numpy as np
+import pytest
+from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from reference_lattice import reference_positions
+
+from taichi_foam.scene import (
+    Base,
+    Cylinder,
+    FlatBlock,
+    Foam,
+    Impactor,
+    Model,
+    Polygon,
+    Wedge,
+)
+
+LOOSE = Model(self_contact=False)
+ROUNDING = 1e-9  # N, as in test_face_forces.py
+
+ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
+ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
+
+SLOW = 1e-6  # m/s: over the bench's instant, an impactor that hardly moves
+SHAPES = {
+    "flat": FlatBlock(velocity=SLOW, width=0.03, height=0.02),
+    "tilted": FlatBlock(velocity=SLOW, width=0.03, height=0.02, rotation_deg=17),
+    "off centre": FlatBlock(velocity=SLOW, width=0.03, height=0.02, x=0.008),
+    "cylinder": Cylinder(velocity=SLOW, radius=0.014),
+    "cylinder off centre": Cylinder(velocity=SLOW, radius=0.014, x=-0.006),
+    "wedge": Wedge(velocity=SLOW, angle_deg=70, shank_width=0.03, height=0.05),
+    "corner": Polygon(
+        velocity=SLOW,
+        vertices=((0, 0), (0.02, 0), (0.02, 0.015), (0.01, 0.03), (0, 0.02)),
+        rotation_deg=40,
+    ),
+}
+
+
+def depth_and_normal(impactor: Impactor, point: np.ndarray) -> tuple[float, np.ndarray]:
+    """How deep a point is inside, and the way out: to the nearest point of the boundary.
+
+    `point` is about the impactor's reference point. The depth is negative outside.
+    """
+    if isinstance(impactor, Cylinder):
+        away = point - [0.0, impactor.radius]
+        length = np.linalg.norm(away)
+        return impactor.radius - length, away / length
+    outline = impactor.outline()
+    best, nearest, inside = math.inf, np.zeros(2), True
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        edge = end - start
+        t = np.clip((point - start) @ edge / (edge @ edge), 0.0, 1.0)
+        foot = start + t * edge
+        inside &= bool(edge[0] * (point - start)[1] - edge[1] * (point - start)[0] > 0)
+        if (distance := np.linalg.norm(point - foot)) < best:
+            best, nearest = distance, foot
+    return (best if inside else -best), (nearest - point) / best
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_shape_pushes_along_the_way_out(name: str) -> None:
+    """A block lifted 21 mm into the impactor, at odds with its grid: k times depth, and no friction.
+
+    The only other forces would be the faces', and an undeformed block has none.
+    """
+    scene = small_scene(
+        base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=numerics()
+    )
+    position = reference_positions(scene) + [0.0013, 0.0211]
+    lowest = scene.contact_height
+    stiffness = 20.0 * scene.foam.youngs_modulus * scene.block.thickness
+    expected = np.zeros_like(position)
+    for index in np.ndindex(COLUMNS, ROWS):
+        depth, out = depth_and_normal(
+            SHAPES[name], position[index] - [SHAPES[name].x, lowest]
+        )
+        if depth > 0:
+            expected[index] = stiffness * depth * out
+    assert np.count_nonzero(expected.any(axis=-1)) >= 8
+    np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
+
+
+def test_the_floor_pushes_up_what_is_below_it() -> None:
+    scene = small_scene(base=Base(kind="floor"), model=LOOSE)
+    position = reference_positions(scene) - [0.0, 0.0123]  # two rows and a half
+    stiffness = 20.0 * scene.foam.youngs_modulus * scene.block.thickness
+    expected = np.zeros_like(position)
+    expected[:, :3, 1] = stiffness * (np.array([0.0123, 0.0073, 0.0023]))
+    np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
+
+
+# One mass point against a slope that comes down on it: contact is half a swing of mass and penalty,
+# and the friction spring, as stiff as the penalty, swings along with it.
+SPEED = 1.0
+SPREAD = 1.01  # of a dust of points that are too far apart to press each other
+
+
+def point_after_slope(slope_deg: float, friction: float) -> np.ndarray:
+    """Velocity (2,) of the top left point after a heavy face, inclined by an angle, has hit it.
+
+    The face is lowest on its left, 50 um from that point (ten times the overlap), and touches no other.
+    """
+    rise = 0.2 * math.tan(math.radians(slope_deg))
+    x = -4.5 * 0.005 * SPREAD
+    face = Polygon(
+        vertices=((0.0, 0.0), (0.2, rise), (0.2, rise + 0.3), (0.0, 0.3)),
+        mass=1e6,
+        velocity=SPEED,
+        friction=friction,
+        x=x - 5e-5 + 0.1,
+        gap=19 * 0.005 * (SPREAD - 1),
+    )
+    scene = small_scene(
+        base=Base(kind="floor"), impactor=face, model=LOOSE, numerics=numerics(dt=2e-8)
+    )
+    half_swing = math.pi * math.sqrt(scene.block.node_mass / (20 * 2.78e6 * 0.057))
+    approach = 5e-5 * rise / 0.2 / SPEED
+    foot = np.array([0.0, 0.0025])
+    position = (reference_positions(scene) - foot) * SPREAD + foot
+    with bench(scene, position=position, broken_a=ALL_A, broken_b=ALL_B) as loaded:
+        after = loaded.step(round((approach + 1.1 * half_swing) / 2e-8))
+    others = after.velocity.copy()
+    others[0, -1] = 0.0
+    assert not others.any()
+    return after.velocity[0, -1]
+
+
+# At first and last touch a step holds a kink of the force: an error of the order of w dt = 0.006
+# squared. Larger is that the body's speed changes by 2 m / M = 1e-10, and nothing else.
+SWING_ERROR = 1e-4
+
+
+@pytest.mark.parametrize("slope", [5.0, 15.0, 16.6])
+def test_a_point_sticks_to_a_slope_below_the_friction_angle(slope: float) -> None:
+    """mu = 0.3 is 16.7 degrees. What sticks is thrown back the way it was hit: straight down."""
+    np.testing.assert_allclose(
+        point_after_slope(slope, 0.3), [0.0, -2 * SPEED], atol=SWING_ERROR
+    )
+
+
+@pytest.mark.parametrize(("slope", "friction"), [(15.0, 0.0), (35.0, 0.3), (60.0, 0.5)])
+def test_a_point_slips_on_a_slope_above_the_friction_angle(slope: float, friction: float) -> None:
+    """The impulse lies on the edge of the friction cone: 2 m v cos(s) normal, mu times that along.
+
+    For tan(s) > 2 mu the point still slides when it leaves, so that the slider never sticks.
+    """
+    s = math.radians(slope)
+    assert math.tan(s) > 2 * friction
+    normal, along = np.array([math.sin(s), -math.cos(s)]), np.array([-math.cos(s), -math.sin(s)])
+    expected = 2 * SPEED * math.cos(s) * (normal + friction * along)
+    np.testing.assert_allclose(point_after_slope(slope, friction), expected, atol=SWING_ERROR)
+
+
+GRAVITY = 9.81
+
+
+def block_at_rest(friction: float) -> tuple:
+    """A stiff block on a floor, at rest under gravity: scene and positions.
+
+    Statics of each column of nodes: link j carries the weight of the nodes above it.
+    """
+    scene = small_scene(
+        base=Base(kind="floor", friction=friction),
+        numerics=numerics(gravity=GRAVITY, dt=2e-6),
+        foam=Foam(tensile_strain=1.0, shear_strain=1.0),
+        model=LOOSE,
+    )
+    block = scene.block
+    stiffness = scene.foam.youngs_modulus * block.thickness  # of a link of a square cell
+    weight = block.node_mass * GRAVITY
+    shortening = weight * np.arange(ROWS - 1, 0, -1) / stiffness
+    sinking = ROWS * weight / (20 * stiffness)
+    position = reference_positions(scene)
+    position[..., 1] -= sinking + np.concatenate([[0.0], np.cumsum(shortening)])
+    return scene, position
+
+
+def test_a_block_under_gravity_rests() -> None:
+    """The static solution moves by no more than rounding: forces of 1e-11 N on 4e-5 kg for 1 ms."""
+    scene, position = block_at_rest(0.5)
+    with bench(scene, position=position) as loaded:
+        after = loaded.step(500)
+    np.testing.assert_allclose(after.velocity, 0.0, atol=1e-9)
+
+
+def test_a_sliding_block_slows_by_mu_g_stops_and_stays() -> None:
+    """v0 = 50 mm/s, mu = 0.5: it stops after 10.2 ms and v0^2 / (2 mu g) = 0.255 mm, for good.
+
+    While every foot slides, the friction is mu times the floor's force whatever its distribution,
+    so that the mean velocities obey d(v_x + mu v_y) = -mu g dt exactly. Exempt is the first
+    moment, while the friction springs stretch to mu N / k = 28 nm (0.6 us: 3e-6 m/s). The feet
+    stop one after the other, within a few of the block's shear swings (4 H / c_s = 2.2 ms).
+    """
+    mu, v0 = 0.5, 0.05
+    scene, position = block_at_rest(mu)
+    velocity = np.broadcast_to([v0, 0.0], position.shape)
+    stop = v0 / (mu * GRAVITY)
+    with bench(scene, position=position, velocity=velocity) as loaded:
+        for _ in range(7):
+            state = loaded.step(500)
+            assert state.velocity[:, 0, 0].min() > 0.0  # every foot slides on
+            mean = state.velocity.mean(axis=(0, 1))
+            expected = v0 - mu * GRAVITY * state.time - mu * mean[1]
+            assert mean[0] == pytest.approx(expected, abs=1e-5)
+        still = loaded.step(round((stop + 0.02 - state.time) / 2e-6))
+        later = loaded.step(10_000)
+    way = still.position.mean(axis=(0, 1))[0] - position.mean(axis=(0, 1))[0]
+    assert way == pytest.approx(v0**2 / (2 * mu * GRAVITY), rel=0.05)
+    creep = later.position[:, 0] - still.position[:, 0]
+    assert np.abs(creep).max() < 1e-7

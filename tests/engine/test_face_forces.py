@@ -1,0 +1,177 @@
+"""Forces of the lattice: patches of Eqs 25-26, rotations, and any state against NumPy tensors."""
+
+import math
+
+import numpy as np
+import pytest
+from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from reference_lattice import ReferenceLattice, reference_positions
+
+from taichi_foam.scene import Base, Foam, Model, Start
+
+FREE = Base(kind="floor")
+LIFT = np.array([0.0, 0.5])  # m, clear of the floor
+UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
+LOOSE = Model(self_contact=False)  # only the faces' forces
+
+# Positions near 0.5 m are good to 6e-17 m, strains of 5 mm links to 2e-14, forces of K A = 792 N
+# to 2e-11 N; what a node adds up, and the densified slope, up to 50 K, take it to 1e-9 N.
+ROUNDING = 1e-9
+
+
+def free_block(gradient: object = ((1.0, 0.0), (0.0, 1.0)), dx: float = 0.005, **parts: object):
+    """A scene of a free block that nothing breaks, and its lifted positions x = F X."""
+    scene = small_scene(dx=dx, base=FREE, **{"foam": UNBREAKABLE, "model": LOOSE, **parts})
+    return scene, reference_positions(scene) @ np.array(gradient).T + LIFT
+
+
+def uniform_stress(scene, F: np.ndarray, sigma: tuple[float, float], tau: float) -> np.ndarray:
+    """Node forces under one first Piola stress: none inside, one face's where one is missing."""
+    block, inverse = scene.block, 1 / np.linalg.norm(F, axis=0)
+    S = np.array([[sigma[0] * inverse[0], tau], [tau, sigma[1] * inverse[1]]])
+    P = F @ S
+    forces = np.zeros((block.columns, block.rows, 2))
+    a, b = block.dy * block.thickness, block.dx * block.thickness
+    forces[0] += P[:, 0] * a
+    forces[-1] -= P[:, 0] * a
+    forces[:, 0] += P[:, 1] * b
+    forces[:, -1] -= P[:, 1] * b
+    return forces
+
+
+@pytest.mark.parametrize("dx", [0.005, 0.003])
+@pytest.mark.parametrize(
+    ("e", "stress"),
+    [
+        (0.04, 0.04 * 2.78e6),
+        (-0.04, -0.04 * 2.78e6),
+        (-0.3, -1.39e5),
+        (-0.8, -1.39e5),
+        (-0.875, -1.39e5 * math.exp(0.5)),
+        (-0.9, -1.39e5 * math.e),
+    ],
+)
+def test_a_uniaxial_patch_carries_eq_26(e: float, stress: float, dx: float) -> None:
+    """The nominal stress times the face on the end rows, and nothing anywhere else."""
+    for axis in (0, 1):
+        F = np.eye(2)
+        F[axis, axis] += e
+        scene, position = free_block(F, dx)
+        sigma = (stress, 0.0) if axis == 0 else (0.0, stress)
+        found = node_forces(scene, position=position)
+        # the strain of a narrow link, and with it the stress, rounds in proportion
+        np.testing.assert_allclose(found, uniform_stress(scene, F, sigma, 0.0), atol=ROUNDING)
+
+
+def test_the_patch_starts_from_a_scene_alone() -> None:
+    """Without the bench's hands on the state: stretched by 3 % on a held base, top row in play."""
+    start = Start(deformation_gradient=((1.0, 0.0), (0.0, 1.03)))
+    scene = small_scene(base=Base(kind="held"), start=start)
+    expected = uniform_stress(scene, np.diag([1.0, 1.03]), (0.0, 0.03 * 2.78e6), 0.0)
+    expected[:, 0, 1] = 0.0  # held
+    np.testing.assert_allclose(node_forces(scene), expected, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("dx", [0.005, 0.003])
+@pytest.mark.parametrize("gamma", [0.09, -0.04, 0.6])
+def test_a_simple_shear_patch_carries_eq_25(gamma: float, dx: float) -> None:
+    """S_12 = G gamma; the links across the layer also stretch, by sqrt(1 + gamma^2)."""
+    F = np.array([[1.0, gamma], [0.0, 1.0]])
+    scene, position = free_block(F, dx)
+    stretch = math.hypot(gamma, 1.0)
+    expected = uniform_stress(scene, F, (0.0, 2.78e6 * (stretch - 1.0)), 0.84e6 * gamma)
+    np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.3, 1.0, math.pi / 2, 2.5, math.pi])
+def test_a_rigid_rotation_gives_no_force(angle: float) -> None:
+    c, s = math.cos(angle), math.sin(angle)
+    scene, position = free_block(((c, -s), (s, c)))
+    np.testing.assert_allclose(node_forces(scene, position=position), 0.0, atol=ROUNDING)
+
+
+def test_a_small_rotation_by_the_scene_alone_gives_no_force() -> None:
+    """Of all that does not dip into the floor: the half that turns up."""
+    c, s = math.cos(0.2), math.sin(0.2)
+    start = Start(deformation_gradient=((c, -s), (s, c)))
+    scene = small_scene(base=FREE, start=start, model=LOOSE)
+    forces = node_forces(scene)
+    np.testing.assert_allclose(forces[COLUMNS // 2 :], 0.0, atol=ROUNDING)
+    assert forces[0, 0, 1] > 1.0  # the corner that does dip is pushed up
+
+
+def test_forces_turn_with_the_block() -> None:
+    """A distorted, partly crushed and broken block, turned, has the same forces, turned."""
+    scene, position = free_block()
+    start = distorted(scene, position, seed=1)
+    c, s = math.cos(1.1), math.sin(1.1)
+    Q = np.array([[c, -s], [s, c]])
+    turned = {**start, "position": (start["position"] - LIFT) @ Q.T + LIFT}
+    np.testing.assert_allclose(
+        node_forces(scene, **turned), node_forces(scene, **start) @ Q.T, atol=ROUNDING
+    )
+
+
+def distorted(scene, position: np.ndarray, seed: int) -> dict:
+    """Random positions (links by 4 % or so), histories, and a quarter of the links broken."""
+    rng = np.random.default_rng(seed)
+    block = scene.block
+    noise = rng.uniform(-0.02, 0.02, position.shape) * [block.dx, block.dy]
+    a, b = (COLUMNS - 1, ROWS), (COLUMNS, ROWS - 1)
+    return {
+        "position": position + noise,
+        "worst_a": -rng.uniform(0.0, 0.9, a) * rng.integers(0, 2, a),
+        "worst_b": -rng.uniform(0.0, 0.9, b) * rng.integers(0, 2, b),
+        "broken_a": {tuple(map(int, k)) for k in np.argwhere(rng.random(a) < 0.25)},
+        "broken_b": {tuple(map(int, k)) for k in np.argwhere(rng.random(b) < 0.25)},
+    }
+
+
+@pytest.mark.parametrize("dx", [0.005, 0.003])
+@pytest.mark.parametrize(
+    "gradient",
+    [
+        ((1.0, 0.0), (0.0, 1.0)),
+        ((0.9, 0.2), (-0.1, 0.95)),
+        ((0.97, 0.0), (0.1, 0.3)),
+        ((0.17, 0.03), (0.02, 0.6)),
+    ],
+    ids=["small strain", "sheared", "crushed", "densified"],
+)
+def test_any_state_agrees_with_the_paper_in_tensors(gradient: tuple, dx: float) -> None:
+    """Histories, free edges, broken neighbours and bare fibres in every combination."""
+    scene, position = free_block(gradient, dx)
+    start = distorted(scene, position, seed=2)
+    reference = ReferenceLattice(scene, **start)
+    expected = reference.node_forces()
+    assert np.abs(expected).max() > 1.0
+    np.testing.assert_allclose(node_forces(scene, **start), expected, atol=ROUNDING)
+
+
+def test_dashpots_drag_on_the_relative_velocity_of_intact_pairs() -> None:
+    """The same state in motion: 5 m/s at random, where dashpots outweigh the stresses.
+
+    One step of 1e-12 s: forward differences err by (c/m) dt = 3e-6, rounding by 1e-9, relatively.
+    """
+    scene, position = free_block(numerics=numerics(dt=1e-12))
+    start = distorted(scene, position, seed=3)
+    velocity = np.random.default_rng(4).uniform(-5.0, 5.0, position.shape)
+    with bench(scene, velocity=velocity, **start) as loaded:
+        change = loaded.step(1).velocity - velocity
+    found = change * (scene.block.node_mass / 1e-12)
+    expected = ReferenceLattice(scene, velocity=velocity, **start).node_forces()
+    at_rest = ReferenceLattice(scene, **start).node_forces()
+    assert np.abs(expected - at_rest).max() > 10.0
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("kind", "slides"), [("held", 1), ("gripped", 0)])
+def test_bases_hold_the_bottom_row(kind: str, slides: int) -> None:
+    """In y, or in both: the same forces, but for the components that the base takes."""
+    scene, position = free_block(((0.96, 0.05), (0.03, 0.97)))
+    free = node_forces(scene, position=position)
+    fixed = node_forces(scene.model_copy(update={"base": Base(kind=kind)}), position=position)
+    np.testing.assert_allclose(fixed[:, 1:], free[:, 1:], atol=ROUNDING)
+    np.testing.assert_allclose(fixed[:, 0, 0], free[:, 0, 0] * slides, atol=ROUNDING)
+    assert np.abs(free[:, 0, 1]).min() > 1.0
+    assert not fixed[:, 0, 1].any()
