@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ class Bars:
     @contextlib.contextmanager
     def computing(self, what: str) -> Iterator[Callable[[Standing], None]]:
         """A bar for a run or a batch; yields the callback for `simulation.run_many`."""
-        with self._stage("computing", f"computing {what}", 1.0) as (show, close):
+        with self._stage("computing", what, f"computing {what}", 1.0) as (show, close):
             last: list[Standing] = []
 
             def update(standing: Standing) -> None:
                 last[:] = [standing]
                 pace = standing.steps / max(standing.wall, 1e-9)
-                detail = f"{1e3 * standing.time:.1f} ms simulated, {_count(pace)} steps/s"
+                detail = f"{1e3 * standing.time:.1f} ms, {_count(pace)} steps/s"
                 show(standing.fraction, detail)
 
             yield update
@@ -49,23 +49,26 @@ class Bars:
     @contextlib.contextmanager
     def counting(self, name: str, what: str, total: int, unit: str) -> Iterator[Callable[[], None]]:
         """A bar for `total` equal pieces of work; call what it yields after each."""
-        with self._stage(name, what, total) as (show, close):
+        with self._stage(name, what, what, total) as (show, close):
             done, start = 0, time.perf_counter()
 
             def advance() -> None:
                 nonlocal done
                 done += 1
                 pace = done / max(time.perf_counter() - start, 1e-9)
-                show(done, f"{done} of {total} {unit}, {pace:.1f} a second")
+                show(done, f"{done} of {total} {unit}, {pace:.0f}/s")
 
             yield advance
             close(f"{done} {unit}")
 
     @contextlib.contextmanager
     def _stage(
-        self, name: str, what: str, total: float
+        self, name: str, short: str, what: str, total: float
     ) -> Iterator[tuple[Callable[[float, str], None], Callable[[str], None]]]:
-        """Yields what moves the bar, and what sets the words of the closing line."""
+        """Yields what moves the bar, and what sets the words in brackets of the closing line.
+
+        Bars fit 80 columns: `short` stands beside them, `what` in the closing line.
+        """
         start, closing = time.perf_counter(), ""
 
         def close(words: str) -> None:
@@ -73,9 +76,8 @@ class Bars:
             closing = words
 
         bar = Progress(
-            SpinnerColumn(),
             TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=14),
             TextColumn("{task.percentage:>3.0f} %"),
             TextColumn("{task.fields[detail]}", style="dim"),
             TimeRemainingColumn(),
@@ -87,7 +89,7 @@ class Bars:
         try:
             with bar:
                 # Without a total the bar swings until the first news, as while kernels compile.
-                task = bar.add_task(what, total=None, detail="preparing")
+                task = bar.add_task(_cut(short), total=None, detail="preparing")
                 yield (
                     lambda done, detail: bar.update(
                         task, completed=done, total=total, detail=detail
@@ -106,8 +108,12 @@ class Bars:
 
 
 def _count(number: float) -> str:
-    """A number of steps for people: 940, 9.4 thousand, 1.2 million."""
-    for size, word in ((1e6, " million"), (1e3, " thousand")):
+    """A number of steps for people: 940, 9.4k, 1.2M."""
+    for size, letter in ((1e6, "M"), (1e3, "k")):
         if number >= size:
-            return f"{number / size:.3g}{word}"
+            return f"{number / size:.3g}{letter}"
     return f"{number:.0f}"
+
+
+def _cut(text: str, length: int = 22) -> str:
+    return text if len(text) <= length else f"{text[: length - 1]}…"

@@ -23,8 +23,8 @@ def exit_codes(console: Console) -> Iterator[None]:
         raise _told(console, str(error), REFUSED) from None
     except RunError as error:
         raise _told(console, str(error), FAILED) from None
-    except KeyboardInterrupt:
-        text = "interrupted before there was anything to save; nothing was written"
+    except KeyboardInterrupt as error:
+        text = str(error) or "there was nothing to save yet; nothing was written"
         raise _told(console, text, INTERRUPTED) from None
     except BrokenPipeError:
         raise  # whoever read the output has gone; Typer leaves quietly
@@ -41,8 +41,7 @@ def exit_codes(console: Console) -> Iterator[None]:
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:
     word = "interrupted" if code == INTERRUPTED else "error"
-    label = "" if text.startswith(word) else f"{word}: "
-    message = Text(label, style="bold red") + Text(text, style="not bold default")
+    message = Text(f"{word}: ", style="bold red") + Text(text, style="not bold default")
     # Without a terminal to fit it to, a line stays whole.
     console.print(message, soft_wrap=not console.is_terminal)
     return typer.Exit(code)

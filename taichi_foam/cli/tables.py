@@ -39,33 +39,36 @@ def key_figures(summary: Mapping[str, Any]) -> Table:
         row: list[str | Text] = [quantity.label, quantity.text(value)]
         if known:
             shown = "" if measured is None else quantity.text(measured)
-            row += [shown, _error(case["error"][quantity.key], measured is not None)]
+            row += [shown, _error(case, quantity.key)]
         table.add_row(*row, quantity.unit)
     return table
 
 
 def study(content: Mapping[str, Any]) -> Table:
-    """The judged figures of all cases of a study: simulated, and the error."""
+    """The judged figures of all cases of a study, each with its error; fits 80 columns."""
     cases: Sequence[Mapping[str, Any]] = content["cases"]
+    tolerance = f"{100 * content['tolerance']:.0f} %"
     table = _table(f"simulated, and its error ({content['choices']})")
-    table.add_column("")
+    table.caption = f"* a miss: further than {tolerance} from the measured figure"
+    table.caption_justify = "left"
+    table.add_column("", no_wrap=True)
     for quantity in JUDGED:
-        # The unit stands below, so that the table fits a narrow terminal.
-        head = f"{quantity.label.split()[-1]}\n{quantity.unit}"
+        # The nouns of "maximum displacement" and the like; units stand below.
+        name = quantity.label.removeprefix("maximum ").removeprefix("impact ")
+        head = f"{name.replace(' per ', '/').split()[0]}\n{quantity.unit}"
         table.add_column(head, justify="right", no_wrap=True)
-        table.add_column("", justify="right", no_wrap=True)
     for case in cases:
         row: list[str | Text] = [case["name"].removeprefix("paper/")]
         for quantity in JUDGED:
-            row.append(quantity.text(case["simulated"][quantity.key]))
-            row.append(_error(case["error"][quantity.key], True))
+            error = case["error"][quantity.key]
+            miss = is_miss(case, quantity.key)
+            shown = "no answer" if error is None else f"{100 * error:+4.0f} %"
+            shown, style = (shown + "*", "bold") if miss else (shown + " ", "")
+            row.append(Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style))
         table.add_row(*row)
-    hits = content["within_tolerance"]
+    hits = [content["within_tolerance"][quantity.key] for quantity in JUDGED]
     table.add_section()
-    last: list[str | Text] = [f"within {100 * content['tolerance']:.0f} %"]
-    for quantity in JUDGED:
-        last += ["", f"{hits[quantity.key]['within']} of {hits[quantity.key]['of']}"]
-    table.add_row(*last)
+    table.add_row(f"within {tolerance}", *(f"{hit['within']} of {hit['of']} " for hit in hits))
     return table
 
 
@@ -73,9 +76,10 @@ def _table(title: str) -> Table:
     return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
 
 
-def _error(error: float | None, wanted: bool) -> Text:
-    """An error in per cent; a miss is marked in words, not by colour alone."""
-    if error is None:
-        return Text("no answer" if wanted else "")
-    text = f"{100 * error:+.1f} %"
-    return Text(f"miss {text}", style="bold") if is_miss(error) else Text(text)
+def _error(case: Mapping[str, Any], key: str) -> Text:
+    """An error in per cent; a miss is marked in words, not by its look alone."""
+    error = case["error"][key]
+    text = f"{100 * error:+.1f} %" if error is not None else "no answer"
+    if case["measured"][key] is None:
+        return Text("")
+    return Text(f"miss {text}", style="bold") if is_miss(case, key) else Text(text)

@@ -2,9 +2,15 @@
 
 import taichi as ti
 
+from taichi_foam.engine import faces
 from taichi_foam.engine.lattice import CROWDED, PAIRS_PER_NODE, WORST
 from taichi_foam.engine.parameters import CIRCLE, POLYGON
 from taichi_foam.laws import contact as contact_law
+
+# Whether a node can touch others: not while whole foam surrounds it.
+INSIDE = 0
+AT_SURFACE = 1
+NEW = 2  # at the surface since this listing
 
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
@@ -105,19 +111,22 @@ def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> v
 
 @ti.func
 def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
-    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis."""
+    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis.
+
+    Never more than the room that there was when the node could first touch.
+    """
     worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
     worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    lattice.radius[b, i, j] = 0.5 * thinner
+    lattice.radius[b, i, j] = ti.min(0.5 * thinner, lattice.room[b, i, j])
 
 
 @ti.func
 def self_contact(lattice: ti.template(), b, i, j, p: ti.template()):
     """Find the push [N] on a node from the nodes that it touches.
 
-    Any two touch that are no neighbours in the lattice: those have their connection's own law for
-    compression, broken or not. Foam that is whole never touches itself, unless it folds.
+    A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
+    those have their connection's own law for compression, broken or not.
     """
     node = i * lattice.rows + j
     here = lattice.trial[b, i, j].xy
@@ -170,6 +179,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             point = lattice.trial[b, i, j].xy
             lattice.anchor[b, i, j] = point
             update_radius(lattice, b, i, j, p)
+            if lattice.touching[b, i, j] == INSIDE and faces.is_surface(lattice, b, i, j):
+                lattice.touching[b, i, j] = NEW
             node = i * lattice.rows + j
             cell = _bin(lattice, point, p)
             head = cell.x * lattice.bins_y + cell.y
@@ -181,9 +192,36 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             lattice.pair_start[b, i * lattice.rows + j] = found
             found = _list_around(lattice, b, i, j, found, p)
     lattice.pair_start[b, lattice.nodes] = found
+    lattice.clock[b].stale = 0
     if found > PAIRS_PER_NODE * lattice.nodes:
         lattice.clock[b].status = CROWDED
-    lattice.clock[b].stale = 0
+    else:
+        for i in range(lattice.columns):
+            for j in range(lattice.rows):
+                _make_room(lattice, b, i, j)
+        for i in range(lattice.columns):
+            for j in range(lattice.rows):
+                lattice.touching[b, i, j] = ti.min(lattice.touching[b, i, j], AT_SURFACE)
+                update_radius(lattice, b, i, j, p)
+
+
+@ti.func
+def _make_room(lattice: ti.template(), b, i, j):
+    """Let a node start to touch its neighbours without overlap.
+
+    Foam that has sheared under compression may be closer than its radii when it tears. Contact
+    that sprang up there at once would push with energy from nothing.
+    """
+    node = i * lattice.rows + j
+    radius = lattice.radius[b, i, j]
+    for k in range(lattice.pair_start[b, node], lattice.pair_start[b, node + 1]):
+        other = lattice.pairs[b, k]
+        oi = other // lattice.rows
+        oj = other % lattice.rows
+        if ti.max(lattice.touching[b, i, j], lattice.touching[b, oi, oj]) == NEW:
+            distance = (lattice.trial[b, oi, oj].xy - lattice.trial[b, i, j].xy).norm()
+            share = distance / (radius + lattice.radius[b, oi, oj])
+            lattice.room[b, i, j] = ti.min(lattice.room[b, i, j], share * radius)
 
 
 @ti.func
@@ -198,7 +236,8 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
             while other >= 0:
                 oi = other // lattice.rows
                 oj = other % lattice.rows
-                if ti.abs(oi - i) + ti.abs(oj - j) > 1:
+                can_touch = lattice.touching[b, i, j] + lattice.touching[b, oi, oj] > INSIDE
+                if can_touch and ti.abs(oi - i) + ti.abs(oj - j) > 1:
                     reach = lattice.radius[b, i, j] + lattice.radius[b, oi, oj] + p.skin
                     if (lattice.anchor[b, oi, oj] - point).norm_sqr() < reach * reach:
                         if count < PAIRS_PER_NODE * lattice.nodes:

@@ -54,7 +54,8 @@ def face_force(
     e = kinematics.engineering_strain(length * per_length)
     broken = ti.i32(link[BREAK_TIME] >= 0.0)
     stress = foam_law.normal_stress(p.foam, e, link[WORST], broken)
-    force = reach * (p.area[axis] * stress / length)
+    per_reach = 1.0 / length
+    force = reach * (p.area[axis] * stress * per_reach)
     power = vec2(0.0)
     found = vec2(0.0)
     if ti.static(latching):
@@ -68,7 +69,8 @@ def face_force(
         across = link[AHEAD] * ahead + link[BEHIND] * behind
         gamma = kinematics.shear_strain(reach, across) * per_length
         shear = across * (p.area[axis] * foam_law.shear_stress(p.foam, gamma))
-        dragging = p.dashpot[axis] * relative
+        closing = reach.dot(relative) * per_reach * per_reach
+        dragging = p.cross_dashpot[axis] * relative + reach * (p.excess_dashpot[axis] * closing)
         force += shear + dragging
         power = vec2(shear.dot(relative), dragging.dot(relative))
         if ti.static(latching):
@@ -151,3 +153,15 @@ def update_halves(lattice: ti.template(), b, i, j, p: ti.template()):
         factors = _weights(right, left, p.cell.x)
         lattice.link_b[b, i, j][AHEAD] = factors[0]
         lattice.link_b[b, i, j][BEHIND] = factors[1]
+
+
+@ti.func
+def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
+    """Whether any of the node's four connections is broken or was never there."""
+    return ti.i32(
+        _whole(lattice.link_a[b, i, j])
+        + _whole(lattice.link_a[b, i - 1, j])
+        + _whole(lattice.link_b[b, i, j])
+        + _whole(lattice.link_b[b, i, j - 1])
+        < 4
+    )

@@ -100,6 +100,8 @@ class Lattice:
         self.push = vec2.field()  # self-contact force [N]
         self.slip = vec2.field()  # stretch of the friction springs: impactor, floor [m]
         self.radius = ti.field(ti.f64)  # in self-contact [m]
+        self.room = ti.field(ti.f64)  # that the radius had when the node could first touch [m]
+        self.touching = ti.field(ti.i32)  # contact.INSIDE, AT_SURFACE or NEW
         self.anchor = vec2.field()  # where the node was when the neighbours were listed [m]
 
         # what a column of nodes adds up; a sum over columns has one order on any machine
@@ -130,7 +132,7 @@ class Lattice:
         offset = (0, -1, -1)
         for field in (
             self.state, self.trial, self.rate, self.force, self.link_a, self.link_b,
-            self.push, self.slip, self.radius, self.anchor,
+            self.push, self.slip, self.radius, self.room, self.touching, self.anchor,
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         self.column_fields = (
@@ -172,9 +174,10 @@ class Lattice:
         self.link_b.from_numpy(link_b)
         self.edges.from_numpy(edges)
         for field in (
-            self.rate, self.force, self.push, self.slip, *self.column_fields,
+            self.rate, self.force, self.push, self.slip, self.touching, *self.column_fields,
         ):  # fmt: skip
             field.fill(0)
+        self.room.fill(NEVER)
 
     def snapshots(self) -> list[Snapshot]:
         """The accepted state of every lattice, copied."""

@@ -31,7 +31,8 @@ class Parameters:
     cell: vec2  # (dx, dy), also the connections' lengths
     area: vec2  # of the connections' faces
     node_mass: ti.f64
-    dashpot: vec2  # on the relative velocity of a connection's nodes [N s/m]
+    cross_dashpot: vec2  # on the relative velocity of a connection's nodes [N s/m]
+    excess_dashpot: vec2  # on its part along the connection, beyond that
     drag: ti.f64  # on a node's own velocity [N s/m]
     gravity: ti.f64
     hold_x: ti.i32  # of the bottom row
@@ -64,8 +65,8 @@ def parameters_of(scene: Scene) -> dict:
     stiffness = foam.youngs_modulus * block.thickness  # of a square cell's connection [N/m]
     area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
     viscosity = numerics.damping_time * foam.youngs_modulus
-    on_connections = model.damping == "connection"
-    dashpot = viscosity if on_connections else 0.0
+    per_length = np.array([area_a / block.dx, area_b / block.dy])
+    along, across = _viscosities(scene)
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
     values = {
@@ -73,8 +74,9 @@ def parameters_of(scene: Scene) -> dict:
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": block.node_mass,
-        "dashpot": [dashpot * area_a / block.dx, dashpot * area_b / block.dy],
-        "drag": 0.0 if on_connections else viscosity * block.thickness,
+        "cross_dashpot": (across * per_length).tolist(),
+        "excess_dashpot": ((along - across) * per_length).tolist(),
+        "drag": viscosity * block.thickness if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),
         "hold_y": int(base.kind in ("held", "gripped")),
@@ -111,6 +113,20 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_friction": impactor.friction,
         }
     return values
+
+
+def _viscosities(scene: Scene) -> tuple[float, float]:
+    """Viscosity [Pa s] of a connection's dashpots along it and across it.
+
+    Stiffness-proportional damping takes K along and G across.
+    """
+    time, foam = scene.numerics.damping_time, scene.foam
+    along = time * foam.youngs_modulus
+    return {
+        "connection": (along, time * foam.shear_modulus),
+        "relative": (along, along),
+        "absolute": (0.0, 0.0),
+    }[scene.model.damping]
 
 
 def _foam(scene: Scene) -> dict:
@@ -173,6 +189,6 @@ def stable_step(p: Parameters, stiffest: ti.f64) -> ti.f64:
     stiffness = 4.0 * stiffest + 8.0 * shear + 2.0 * p.contact_stiffness
     if p.self_contact:
         stiffness += 8.0 * p.self_stiffness
-    decay = 4.0 * p.dashpot.sum() + p.drag
+    decay = 4.0 * (p.cross_dashpot + p.excess_dashpot).sum() + p.drag
     rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
     return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

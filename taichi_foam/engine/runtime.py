@@ -17,8 +17,10 @@ ARCHES = ("cpu", "cuda", "vulkan", "metal")
 _started: tuple[str, int] | None = None
 
 
-def start(arch: str = "cpu", threads: int | None = None) -> None:
-    """Start Taichi on `arch` with `threads` CPU threads (default: all cores).
+def start(arch: str | None = None, threads: int | None = None) -> None:
+    """Start Taichi on `arch` with `threads` CPU threads.
+
+    None takes what already runs, else the CPU with all its cores.
 
     Asking again for the same is free. Floats are 64-bit, and fast maths is off: it would
     reorder sums and fuse products, and the mirror symmetry and the independence of batch and
@@ -30,6 +32,8 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
     """
     global _started
     cores = os.cpu_count() or 1
+    if arch is None:
+        arch = _started[0] if _started else "cpu"
     if arch not in ARCHES:
         raise UserError(f"arch = {arch!r}: choose one of {', '.join(ARCHES)}")
     if threads is not None and not 1 <= threads <= 4 * cores:
@@ -42,6 +46,7 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
                 f"start a new process for {arch} with {wanted[1]} threads"
             )
         return
+    ti.set_logging_level(ti.ERROR)
     if arch != "cpu" and not _is_present(arch):
         raise UserError(
             f"arch = {arch!r}: this machine offers no {arch} device that Taichi can use; "

@@ -53,6 +53,7 @@ def _take_stock(lattice: ti.template(), b, p: ti.template()):
         stiffest = ti.max(stiffest, found[0])
         breaks += found[1]
     lattice.clock[b].newly_broken = ti.i32(breaks)
+    lattice.clock[b].stale |= ti.i32(breaks > 0.0)
     lattice.clock[b].broken += ti.i32(breaks)
     step = p.step
     if step == 0.0:

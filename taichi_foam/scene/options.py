@@ -32,7 +32,7 @@ class Base(Part):
 class Model(Part):
     """Readings of what the paper leaves open."""
 
-    damping: Literal["connection", "absolute"] = choice(
+    damping: Literal["connection", "relative", "absolute"] = choice(
         "connection",
         "connection: a dashpot in each connection, on relative velocity; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",

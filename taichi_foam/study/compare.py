@@ -73,22 +73,21 @@ def relative_error(simulated: Any, measured: float | None) -> float | None:
     return None if simulated is None or measured is None else simulated / measured - 1.0
 
 
-def is_miss(error: float | None) -> bool:
-    """Whether an error is beyond the tolerance. No answer is no miss here: it has no error."""
-    return error is not None and abs(error) > TOLERANCE
+def is_miss(case: Mapping[str, Any], key: str) -> bool:
+    """Whether a figure was measured, and the simulated one is beyond the tolerance or missing."""
+    error = case["error"][key]
+    return case["measured"][key] is not None and (error is None or abs(error) > TOLERANCE)
 
 
 def hits(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """For each judged figure, in how many cases it lies within the tolerance, and of how many.
-
-    A case without an answer counts against it.
-    """
-    counted = {}
-    for quantity in JUDGED:
-        errors = [case["error"][quantity.key] for case in cases]
-        within = sum(error is not None and not is_miss(error) for error in errors)
-        counted[quantity.key] = {"within": within, "of": len(errors)}
-    return counted
+    """For each judged figure, in how many cases it is no miss, and of how many."""
+    return {
+        quantity.key: {
+            "within": sum(not is_miss(case, quantity.key) for case in cases),
+            "of": len(cases),
+        }
+        for quantity in JUDGED
+    }
 
 
 def write_tables(path: Path, cases: Sequence[Mapping[str, Any]]) -> None:
@@ -105,4 +104,4 @@ def write_tables(path: Path, cases: Sequence[Mapping[str, Any]]) -> None:
                 theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
                 values = [case["measured"][key], theirs, case["simulated"][key], case["error"][key]]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]
-                writer.writerow([case["name"], key, *texts, int(is_miss(case["error"][key]))])
+                writer.writerow([case["name"], key, *texts, int(is_miss(case, key))])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -73,38 +74,28 @@ def shown(key: str, group: Sequence[Result]) -> Result:
     return next((r for r in group if r.scene.name == KINDS[key].shown_case), group[-1])
 
 
-def count(groups: Mapping[str, Sequence[Result]]) -> int:
-    """How many plates `draw` makes."""
-    return 4 * len(groups) + 2 + ("rectangular" in groups) if groups else 0
+def jobs(folder: Path, groups: Mapping[str, Sequence[Result]]) -> dict[str, Callable[[], Plate]]:
+    """What draws each plate into `folder`, by the plate's name.
 
-
-def draw(
-    folder: Path,
-    groups: Mapping[str, Sequence[Result]],
-    on_plate: Callable[[], object] = lambda: None,
-) -> dict[str, Plate]:
-    """Draw every plate into `folder` and return them by name.
-
-    For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories",
-    "energy", "law". Calls `on_plate` after each.
+    For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
+    (flat block), "energy" (impacts that came to rest) and "law".
     """
-    plates: dict[str, Plate] = {}
-
-    def add(name: str, plate: Plate) -> None:
-        plates[name] = plate
-        on_plate()
-
+    found: dict[str, Callable[[], Plate]] = {}
     for key, group in groups.items():
-        add(f"{key}-curves", _curves(folder, key, group))
-        add(f"{key}-montage", _montage(folder, key, shown(key, group)))
-        add(f"{key}-film", _film(folder, key, shown(key, group)))
-        add(f"{key}-ledger", _ledger(folder, key, shown(key, group)))
+        one = shown(key, group)
+        found[f"{key}-curves"] = partial(_curves, folder, key, group)
+        found[f"{key}-montage"] = partial(_montage, folder, key, one)
+        found[f"{key}-film"] = partial(_film, folder, key, one)
+        found[f"{key}-ledger"] = partial(_ledger, folder, key, one)
     if "rectangular" in groups:
-        add("histories", _histories(folder, groups["rectangular"]))
+        found["histories"] = partial(_histories, folder, groups["rectangular"])
+    stopped = {key: [r for r in group if impact(r)] for key, group in groups.items()}
+    stopped = {key: group for key, group in stopped.items() if group}
+    if stopped:
+        found["energy"] = partial(_energy, folder, stopped)
     if groups:
-        add("energy", _energy(folder, groups))
-        add("law", _law(folder, next(iter(groups.values()))[0]))
-    return plates
+        found["law"] = partial(_law, folder, next(iter(groups.values()))[0])
+    return found
 
 
 def _curves(folder: Path, key: str, group: Sequence[Result]) -> Plate:
@@ -176,10 +167,8 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Result]]) -> Plate:
     absorptions, slopes = {}, {}
     for key, group in groups.items():
         name = KINDS[key].name.lower()
-        curves = [(r, absorption_curve(r)) for r in group]
-        absorptions[name] = [Absorption(_velocity(r), *c) for r, c in curves if c is not None]
+        absorptions[name] = [_absorption(r) for r in group]
         slopes[name] = [MEASURED[r.scene.name].energy_per_volume_J_m3 for r in group]
-    absorptions = {name: group for name, group in absorptions.items() if group}
     return _saved(
         figures.energy_against_volume(absorptions, slopes),
         folder / "energy-volume.png",
@@ -214,6 +203,12 @@ def _deceleration(result: Result) -> Deceleration:
         MEASURED.get(result.scene.name),
         start,
     )
+
+
+def _absorption(result: Result) -> Absorption:
+    curve = absorption_curve(result)
+    assert curve is not None  # only impacts that came to rest are drawn
+    return Absorption(_velocity(result), *curve)
 
 
 def _from_contact(result: Result) -> dict[str, figures.Array]:

@@ -53,9 +53,12 @@ def write(
     pictures = folder / "figures"
     pictures.mkdir()
     groups = plates.grouped(results)
-    total = plates.count(groups)
-    with bars.counting("report", "writing the report", total, "figures") as on_plate:
-        drawn = plates.draw(pictures, groups, on_plate)
+    jobs = plates.jobs(pictures, groups)
+    with bars.counting("report", "writing the report", len(jobs), "figures") as on_plate:
+        drawn = {}
+        for name, draw in jobs.items():
+            drawn[name] = draw()
+            on_plate()
         page = _template().render(
             content=content,
             tests=_tests(len(results)),
@@ -66,7 +69,7 @@ def write(
             tolerance=f"{100 * TOLERANCE:.0f} %",
             plateau_end=f"{100 * PLATEAU_END_FRACTION:.0f} %",
             hits=[_hit(quantity, content) for quantity in JUDGED],
-            misses=sum(is_miss(c["error"][q.key]) for c in content["cases"] for q in COMPARED),
+            misses=sum(is_miss(c, q.key) for c in content["cases"] for q in COMPARED),
             kinds=[_kind(key, group, content["cases"]) for key, group in groups.items()],
             plates=drawn,
             ledger=_ledger(results, content["cases"]),
@@ -122,6 +125,7 @@ def _table(quantity: Quantity, cases: Sequence[Mapping[str, Any]]) -> Row:
                 "theirs": quantity.text(theirs),
                 "simulated": quantity.text(case["simulated"][quantity.key]),
                 **_error(error),
+                "miss": is_miss(case, quantity.key),
             }
         )
     return {
@@ -134,12 +138,12 @@ def _table(quantity: Quantity, cases: Sequence[Mapping[str, Any]]) -> Row:
 
 
 def _error(error: float | None) -> Row:
-    """An error as text, whether it is a miss, and where it lies on the scale [% of its width]."""
+    """An error as text, and where it lies on the scale [% of its width]."""
     if error is None:
-        return {"error": "no answer", "miss": True, "at": None}
+        return {"error": "no answer", "at": None}
     at = 50 + 50 * max(-1.0, min(1.0, error / SCALE))
     # A true minus sign, as wide as the plus.
-    return {"error": f"{100 * error:+.1f} %".replace("-", "−"), "miss": is_miss(error), "at": at}
+    return {"error": f"{100 * error:+.1f} %".replace("-", "−"), "at": at}
 
 
 def _hit(quantity: Quantity, content: Mapping[str, Any]) -> Row:

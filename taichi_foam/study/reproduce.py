@@ -166,7 +166,7 @@ def _compute(scenes: Sequence[Scene], bars: Bars) -> _Computed:
     failed = [r for r in ended if r.run["ended_by"] not in ("rebound", "end time")]
     finished = [r for r in ended if r not in failed]
     if cut and not finished and not failed:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt("no case had finished; nothing was written")
     return _Computed(finished, cut, failed, failure)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import taichi_foam
 
 Tree = dict[str, bytes | None]
 
@@ -18,10 +21,20 @@ COARSE = (
 COARSE_OPTIONS = [word for setting in COARSE for word in ("--set", setting)]
 
 
+#: The processes find the package that the tests import, from any folder.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
+
+
 def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "taichi_foam", *arguments]
+    """Run `python` with these arguments to its end."""
     return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
     )
 
 

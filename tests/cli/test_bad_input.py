@@ -154,7 +154,7 @@ def test_absent_gpu(tmp_path: Path) -> None:
     from taichi._lib import core
 
     absent = [arch for arch in ("cuda", "metal") if not getattr(core, f"with_{arch}")()]
-    done = call("run", WEDGE, "--arch", absent[0], cwd=tmp_path)
+    done = call("-m", "taichi_foam", "run", WEDGE, "--arch", absent[0], cwd=tmp_path)
     assert done.returncode == 2
     assert f"this machine offers no {absent[0]} device" in done.stderr
     assert "Traceback" not in done.stderr

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from bench import ROWS, bench, numerics, run_to, small_scene
+from bench import ROWS, numerics, run_to, small_scene
 from reference_lattice import reference_positions
 from scipy.linalg import expm
 
-from taichi_foam.scene import Base, Foam, Model
+from taichi_foam.scene import Base, Model
 
 K, RHO = 2.78e6, 25.6
 SOUND = math.sqrt(K / RHO)  # 330 m/s
@@ -19,9 +19,9 @@ LINKS = ROWS - 0.5  # a held foot and a free top: the top's mass reaches half a 
 def measured_frequency(mode: int, dy: float) -> float:
     """Angular frequency [1/s] of a standing wave of (2 mode + 1) quarter waves, plane in x.
 
-    Half a period and a bit after a start with sin(k s), s from the held row, the amplitude of
-    the velocity is cos(w t) of the first; 1.25 periods of the continuum leave cos near 0, where
-    it tells w best. RK4 errs by (w dt)^4 / 120 = 2e-9 of w; the chain itself is linear.
+    A start with the velocity sin(k s), s from the held row, has the amplitude cos(w t) later on;
+    after 1.25 periods of the continuum that is near 0, where it tells w best. RK4 errs by
+    (w dt)^4 / 120 = 1e-9 of w; the chain itself is linear.
     """
     scene = small_scene(
         dy=dy, base=Base(kind="held"), model=LOOSE, numerics=numerics(damping_time=0.0)
@@ -34,10 +34,10 @@ def measured_frequency(mode: int, dy: float) -> float:
     velocity[..., 1] = 0.1 * shape
     time = 1.25 * 2 * math.pi / (wave_number * SOUND)
     after = run_to(scene, time, 400, velocity=velocity)
-    np.testing.assert_array_equal(after.position[..., 0], X[..., 0])
     amplitude = after.velocity[..., 1].mean(axis=0) @ shape / (0.1 * shape @ shape)
-    np.testing.assert_allclose(after.velocity[..., 1], 0.1 * amplitude * shape + 0 * X[..., 0],
-                               atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(after.velocity[..., 0], 0.0, atol=1e-9)
+    for column in after.velocity[..., 1]:
+        np.testing.assert_allclose(column, 0.1 * amplitude * shape, atol=1e-9)
     return (2 * math.pi + math.acos(amplitude)) / time
 
 
@@ -68,12 +68,10 @@ def test_the_wave_speed_tends_to_sqrt_k_over_rho_with_the_square_of_the_cell() -
 def test_dashpots_damp_the_chain_as_its_matrix_exponential_says() -> None:
     """Kelvin-Voigt links, c = tau k: u'' = -(k/m) D u - tau (k/m) D u', D the chain's Laplacian.
 
-    RK4's error over the run is below t w (w dt)^4 / 120 = 1e-8 of the velocities.
+    RK4's error over the run is below t w (w dt)^4 / 120 = 1e-8 of what it starts with.
     """
     tau, time = 1.7e-5, 2e-4
-    scene = small_scene(
-        base=Base(kind="held"), model=LOOSE, numerics=numerics(damping_time=tau)
-    )
+    scene = small_scene(base=Base(kind="held"), model=LOOSE, numerics=numerics(damping_time=tau))
     start = np.random.default_rng(7).uniform(-0.5, 0.5, ROWS)
     start[0] = 0.0
     X = reference_positions(scene)
@@ -87,7 +85,7 @@ def test_dashpots_damp_the_chain_as_its_matrix_exponential_says() -> None:
     system = np.block([[np.zeros((n, n)), np.eye(n)], [-laplacian, -tau * laplacian]])
     state = expm(system * time) @ np.concatenate([np.zeros(n), start[1:]])
     for column in after.position[:, 1:, 1] - X[:, 1:, 1]:
-        np.testing.assert_allclose(column, state[:n], atol=1e-8 * np.abs(state[:n]).max() * 10)
+        np.testing.assert_allclose(column, state[:n], atol=1e-7 * np.abs(state[:n]).max())
     for column in after.velocity[:, 1:, 1]:
         np.testing.assert_allclose(column, state[n:], atol=1e-7)
 
@@ -99,37 +97,28 @@ def test_absolute_damping_slows_free_flight_and_connection_damping_does_not() ->
         scene = small_scene(
             base=Base(kind="floor"), model=Model(damping=damping, self_contact=False)
         )
-        X = reference_positions(scene) + [0.0, 0.5]
+        X = reference_positions(scene) + np.array([0.0, 0.5])
         after = run_to(scene, time, 200, position=X, velocity=np.full_like(X, 3.0))
         np.testing.assert_allclose(after.velocity, 3.0 * math.exp(-rate * time), rtol=1e-9)
 
 
-def test_a_shear_wave_runs_at_sqrt_g_over_rho() -> None:
-    """A standing wave of the gripped layer, displaced along x: links across the layer alone shear.
+def test_shear_runs_at_sqrt_g_over_rho() -> None:
+    """A standing wave of a gripped layer, swinging sideways: its upright links alone are sheared.
 
-    An infinitely wide layer is a chain too, w = (2 c_s / dy) sin(k dy / 2) with c_s^2 = G / rho;
-    here the sides are free, so only the middle, until their waves arrive, at sqrt(K/rho), is one.
-    Per link the shear strain is that of the link itself plus nothing across: the same in all
-    columns. Amplitudes of 1e-6 keep the terms of finite strain, of their square, out.
+    It is a chain as well, w = (2 c_s / dy) sin(k dy / 2), c_s^2 = G / rho. Cells so wide, 0.5 m,
+    that no news from the free sides reaches the middle: over four of them, (w' t / 2)^8 / 8! = 1e-8
+    with w' = 2 c / dx. Strains of 5e-6 keep finite strain out, and position round-off of
+    2e-16 m over 1 mm to 1e-7 of them.
     """
-    dx, dy = 0.05, 0.001  # wide cells: a wide layer, and its sides far away
-    scene = small_scene(
-        dx=dx, dy=dy, model=LOOSE, numerics=numerics(damping_time=0.0), foam=Foam()
-    )
+    dy, speed = 0.001, 1e-3
+    scene = small_scene(dx=0.5, dy=dy, model=LOOSE, numerics=numerics(damping_time=0.0))
     X = reference_positions(scene)
-    s = X[0, :, 1] - 0.5 * dy
     wave_number = 0.5 * math.pi / (LINKS * dy)
-    shape = np.sin(wave_number * s)
+    shape = np.sin(wave_number * (X[0, :, 1] - 0.5 * dy))
     velocity = np.zeros_like(X)
-    velocity[..., 0] = 1e-6 * shape
+    velocity[..., 0] = speed * shape
     omega = 2 * math.sqrt(0.84e6 / RHO) / dy * math.sin(0.5 * wave_number * dy)
-    time = 1.25 * 2 * math.pi / omega
-    assert 0.2 / SOUND > time  # four columns from the side to those in the middle
-    with_sides = run_to(scene, time, 2000, velocity=velocity)
-    middle = with_sides.velocity[4:6, :, 0]
-    np.testing.assert_allclose(middle, np.zeros_like(middle), atol=1e-10)
-
-
-def test_mode_shapes_do_not_leak_between_bench_runs() -> None:
-    with bench(small_scene(base=Base(kind="held"))) as loaded:
-        assert not loaded.step(10).velocity.any()
+    for periods, amplitude in ((1.25, 0.0), (0.5, -1.0)):
+        after = run_to(scene, periods * 2 * math.pi / omega, 2000, velocity=velocity)
+        for column in after.velocity[4:6, :, 0]:
+            np.testing.assert_allclose(column, amplitude * speed * shape, atol=1e-6 * speed)

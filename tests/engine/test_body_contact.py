@@ -63,21 +63,19 @@ def depth_and_normal(impactor: Impactor, point: np.ndarray) -> tuple[float, np.n
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_shape_pushes_along_the_way_out(name: str) -> None:
-    """A block lifted 21 mm into the impactor, at odds with its grid: k times depth, and no friction.
+    """A block lifted 21 mm into the impactor, at odds with its grid: k times depth, no friction.
 
     The only other forces would be the faces', and an undeformed block has none.
     """
     scene = small_scene(
         base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=numerics()
     )
-    position = reference_positions(scene) + [0.0013, 0.0211]
+    position = reference_positions(scene) + np.array([0.0013, 0.0211])
     lowest = scene.contact_height
     stiffness = 20.0 * scene.foam.youngs_modulus * scene.block.thickness
     expected = np.zeros_like(position)
     for index in np.ndindex(COLUMNS, ROWS):
-        depth, out = depth_and_normal(
-            SHAPES[name], position[index] - [SHAPES[name].x, lowest]
-        )
+        depth, out = depth_and_normal(SHAPES[name], position[index] - [SHAPES[name].x, lowest])
         if depth > 0:
             expected[index] = stiffness * depth * out
     assert np.count_nonzero(expected.any(axis=-1)) >= 8
@@ -102,7 +100,7 @@ SPREAD = 1.01  # of a dust of points that are too far apart to press each other
 def point_after_slope(slope_deg: float, friction: float) -> np.ndarray:
     """Velocity (2,) of the top left point after a heavy face, inclined by an angle, has hit it.
 
-    The face is lowest on its left, 50 um from that point (ten times the overlap), and touches no other.
+    The face is lowest on its left, 50 um (ten overlaps) from that point, and touches no other.
     """
     rise = 0.2 * math.tan(math.radians(slope_deg))
     x = -4.5 * 0.005 * SPREAD
@@ -137,9 +135,7 @@ SWING_ERROR = 1e-4
 @pytest.mark.parametrize("slope", [5.0, 15.0, 16.6])
 def test_a_point_sticks_to_a_slope_below_the_friction_angle(slope: float) -> None:
     """mu = 0.3 is 16.7 degrees. What sticks is thrown back the way it was hit: straight down."""
-    np.testing.assert_allclose(
-        point_after_slope(slope, 0.3), [0.0, -2 * SPEED], atol=SWING_ERROR
-    )
+    np.testing.assert_allclose(point_after_slope(slope, 0.3), [0.0, -2 * SPEED], atol=SWING_ERROR)
 
 
 @pytest.mark.parametrize(("slope", "friction"), [(15.0, 0.0), (35.0, 0.3), (60.0, 0.5)])

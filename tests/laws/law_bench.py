@@ -46,9 +46,7 @@ def _shear(foam: law.Foam, gamma: Array, out: Array):
 
 
 @ti.kernel
-def _fails(
-    foam: law.Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64
-) -> ti.i32:
+def _fails(foam: law.Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64) -> ti.i32:
     return law.fails(foam, e, sigma_e, gamma, e_min)
 
 
@@ -104,7 +102,9 @@ class Reference:
         self.foam = foam
         self.crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
         stress = foam.crushed_tensile_stress
-        self.crushed_stress = foam.youngs_modulus * self.crushed_strain if stress is None else stress
+        self.crushed_stress = (
+            foam.youngs_modulus * self.crushed_strain if stress is None else stress
+        )
 
     def loading(self, e: float) -> float:
         f = self.foam

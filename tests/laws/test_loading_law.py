@@ -38,9 +38,7 @@ def test_numbers_worked_out_by_hand() -> None:
     e = np.array([0.05, -0.025, -0.05, -0.4, -0.8, -0.875, -0.9, -0.935])
     exponent = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 4.5]
     flat = np.array([1.39e5, -0.695e5, -1.39e5, -1.39e5, -1.39e5, -1.39e5, -1.39e5, -1.39e5])
-    np.testing.assert_allclose(
-        loading(constants(), e), flat * np.exp(exponent), rtol=ROUNDING
-    )
+    np.testing.assert_allclose(loading(constants(), e), flat * np.exp(exponent), rtol=ROUNDING)
 
 
 @FOAMS

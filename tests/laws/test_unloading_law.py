@@ -1,5 +1,7 @@
 """What a connection answers with once it has been crushed or broken (Figs 19-20)."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from law_bench import Reference, constants, loading, normal, stored, tangent
@@ -37,16 +39,12 @@ def test_from_the_plateau_it_unloads_with_youngs_modulus(e_min: float) -> None:
 
 
 def test_densification_is_retraced_and_then_left_at_e_d() -> None:
-    """All unloading from beyond e_d is the same curve: back along Eq. 26c, then slope K to -0.75."""
+    """All unloading from beyond e_d is one curve: back along Eq. 26c, then slope K to -0.75."""
     for e_min in (-0.81, -0.87, -0.93):
         e = np.linspace(e_min, -0.8, 50)
-        np.testing.assert_array_equal(
-            normal(constants(), e, e_min), loading(constants(), e)
-        )
+        np.testing.assert_array_equal(normal(constants(), e, e_min), loading(constants(), e))
         e = np.linspace(-0.8, 0.02, 100)
-        np.testing.assert_array_equal(
-            normal(constants(), e, e_min), normal(constants(), e, -0.8)
-        )
+        np.testing.assert_array_equal(normal(constants(), e, e_min), normal(constants(), e, -0.8))
 
 
 @pytest.mark.parametrize("e_min", CRUSHED)
@@ -110,10 +108,9 @@ def test_stored_energy_is_the_work_of_unloading(e_min: float, broken: bool) -> N
             work = 0.0  # a broken pair does not pull
         else:
             corners = sorted({e, end, *(c for c in (-0.8, -0.05) if min(e, end) < c < max(e, end))})
-            pieces = zip(corners, corners[1:], strict=False)
             work = sum(
                 quad(reference.normal, a, b, args=(e_min,), epsabs=0, epsrel=1e-10)[0]
-                for a, b in pieces
+                for a, b in pairwise(corners)
             ) * (1 if e > end else -1)
         found = stored(constants(), np.array([e]), e_min, broken)[0]
         assert found == pytest.approx(work, rel=1e-6, abs=1e-6)

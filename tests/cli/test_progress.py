@@ -1,0 +1,84 @@
+"""Progress without a terminal, interrupts that wait, and a package that loads nothing unasked."""
+
+from __future__ import annotations
+
+import re
+import signal
+from io import StringIO
+from time import sleep
+
+import pytest
+from command_line import call
+from rich.console import Console
+
+import taichi_foam
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.progress import Bars
+from taichi_foam.simulation import Progress
+
+
+def test_a_log_gets_one_line_for_each_stage() -> None:
+    log = StringIO()
+    bars = Bars(Console(file=log))
+    with bars.computing("9 impacts") as update:
+        update(Progress(time=0.01, fraction=0.5, steps=6_000, wall=1.0))
+        update(Progress(time=0.02, fraction=1.0, steps=24_000, wall=2.0))
+    with bars.counting("films", "drawing films", 2, "frames") as advance:
+        advance()
+        advance()
+    first, second = log.getvalue().splitlines()
+    assert first.startswith("computing 9 impacts: ")
+    assert "24,000 steps, 12k steps/s" in first
+    assert second.startswith("drawing films: ")
+    assert second.endswith("(2 frames)")
+    assert list(bars.seconds) == ["computing", "films"]
+
+
+def test_a_terminal_of_80_columns_sees_time_rate_and_time_left() -> None:
+    screen = StringIO()
+    console = Console(file=screen, force_terminal=True, width=80, color_system=None)
+    with Bars(console).computing("a scene with a rather long name") as update:
+        update(Progress(time=0.0100, fraction=0.4, steps=6_000, wall=0.8))
+        sleep(0.01)
+        update(Progress(time=0.0123, fraction=0.5, steps=7_500, wall=1.0))
+    assert "12.3 ms, 7.5k steps/s" in screen.getvalue()
+    assert re.search(r"\d:\d\d:\d\d\s+(\x1b\S*)?left", screen.getvalue())
+
+
+def test_a_stage_that_fails_says_nothing_and_keeps_its_time() -> None:
+    log = StringIO()
+    bars = Bars(Console(file=log))
+    with pytest.raises(KeyboardInterrupt), bars.counting("films", "drawing", 2, "frames"):
+        raise KeyboardInterrupt
+    assert log.getvalue() == ""
+    assert bars.seconds["films"] >= 0
+
+
+def test_ctrl_c_waits_for_the_block_to_end() -> None:
+    done = False
+    with held_interrupts() as pressed:
+        assert not pressed.is_set()
+        signal.raise_signal(signal.SIGINT)
+        done = True
+    assert done
+    assert pressed.is_set()
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_importing_the_package_and_asking_for_help_loads_nothing_heavy(tmp_path) -> None:
+    program = (
+        "import sys, taichi_foam, taichi_foam.cli\n"
+        "heavy = {'taichi', 'scipy', 'matplotlib', 'imageio', 'jinja2'} & set(sys.modules)\n"
+        "sys.exit(', '.join(heavy) or 0)"
+    )
+    done = call("-c", program, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_public_name_is_there() -> None:
+    for name in taichi_foam.__all__:
+        assert getattr(taichi_foam, name) is not None
+    assert callable(taichi_foam.run)
+    with pytest.raises(AttributeError, match="no attribute 'runn'"):
+        _ = taichi_foam.runn

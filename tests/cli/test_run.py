@@ -1,0 +1,199 @@
+"""`run`, `scenes`, scripts and Ctrl-C, from the outside."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import COARSE, COARSE_OPTIONS, ENVIRONMENT, call, tree
+
+from taichi_foam import Result, Scene, __version__, load_scene, paper, simulation
+from taichi_foam.errors import RunError
+
+WEDGE = "paper/wedge-2.86"
+
+#: What the summary of a run has at least.
+KEYS = {
+    "scene",
+    "impact_duration_s",
+    "max_displacement_m",
+    "plateau_deceleration_m_s2",
+    "initial_peak_m_s2",
+    "energy_absorbed_J",
+    "crushed_volume_m3",
+    "energy_per_volume_J_m3",
+    "rebound_velocity_m_s",
+    "pieces",
+    "crack_lowest_height_m",
+    "broken_connections",
+    "energy_residual",
+    "steps",
+    "dt_min_s",
+    "dt_max_s",
+    "wall_s",
+    "node_stages_per_s",
+}
+
+
+def summary_of(folder: Path) -> dict:
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_version(invoke: Callable) -> None:
+    assert invoke("--version").stdout == f"taichi-foam {__version__}\n"
+
+
+def test_scenes_lists_every_built_in_scene_on_a_line(invoke: Callable) -> None:
+    lines = invoke("scenes").stdout.splitlines()
+    names = [line.split()[0] for line in lines]
+    assert set(paper.NAMES) < set(names)
+    for name in names:
+        assert isinstance(load_scene(name), Scene)
+
+
+def test_a_run_writes_its_folder_and_shows_its_figures(invoke: Callable, tmp_path: Path) -> None:
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, "--frames")
+    assert result.exit_code == 0, result.output
+    folder = tmp_path / "runs" / "paper-wedge-2.86"
+    found = summary_of(folder)
+    assert set(found) >= KEYS
+    assert found["interrupted"] is False
+    stored = Result.load(folder)
+    assert len(list((folder / "frames").glob("*.png"))) == len(stored.snapshots)
+    assert (folder / "film.gif").stat().st_size > 1000
+    assert (folder / "film.mp4").stat().st_size > 1000
+    # The table: computed beside measured, in people's units.
+    row = next(line for line in result.stdout.splitlines() if "maximum displacement" in line)
+    assert f"{100 * found['max_displacement_m']:.2f}" in row
+    assert "7.50" in row
+    assert "runs/paper-wedge-2.86" in result.stdout
+    assert re.search(r"computing paper/wedge-2\.86: .* steps/s", result.stderr)
+
+
+def test_options_come_in_order(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Scene < --choices < --dt < --set, and later --set beats earlier."""
+    scenes: list[Scene] = []
+
+    def record(scene: Scene, on_progress: object) -> Result:
+        scenes.append(scene)
+        raise RunError("recorded")
+
+    monkeypatch.setattr(simulation, "run", record)
+    (tmp_path / "own.toml").write_text(
+        'name = "own"\n[impactor]\nshape = "wedge"\nfriction = 0.7\n[numerics]\ndt = 5e-6\n'
+    )
+    invoke("run", "own.toml")
+    invoke("run", "own.toml", "--choices", "paper-literal", "--dt", "1e-6", "--no-film")
+    first, last = ["--set", "numerics.dt=3e-6"], ["--set", "numerics.dt=2e-6"]
+    held = ["--set", "base.kind=floor", "--set", "output.film=true"]
+    literal = ["--choices", "paper-literal"]
+    invoke("run", "own.toml", *first, *last, *held, "--no-film", "--dt", "auto", *literal)
+    steps = [scene.numerics.dt for scene in scenes]
+    assert steps == [5e-6, 1e-6, 2e-6]
+    assert [s.impactor.friction for s in scenes if s.impactor] == [0.7, 0.0, 0.0]
+    assert [s.base.kind for s in scenes] == ["gripped", "held", "floor"]
+    assert [s.output.film for s in scenes] == [True, False, True]
+
+
+#: Damping far beyond what the given step can follow.
+WILD = ["--dt", "5e-5", "--set", "numerics.damping_time=1e-2", "--set", "numerics.end=0.01"]
+
+
+def test_a_failed_run_is_saved(invoke: Callable, tmp_path: Path) -> None:
+    """Drag on every mass point: h C / m is about 500, and values grow 10^9-fold each step."""
+    drag = ["--set", "model.damping=absolute"]
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, *WILD, *drag, "--out", "wild")
+    assert result.exit_code == 1, result.output
+    assert "not finite at" in result.stderr
+    assert "numerics.dt" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert summary_of(tmp_path / "wild")["run"]["ended_by"] == "non-finite values"
+    assert len(Result.load(tmp_path / "wild").history["time_s"]) >= 1
+
+
+def test_a_run_that_makes_energy_is_not_passed_over(invoke: Callable) -> None:
+    """Dashpots in the connections: they break, so that the values stay finite, but wrong."""
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, *WILD, "--no-film")
+    assert result.exit_code == 0, result.output
+    assert "do not trust this run" in result.stderr
+
+
+def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
+    (tmp_path / "drop.py").write_text(
+        "from taichi_foam.scene import Cylinder, Scene\n"
+        "scene = Scene(name='My drop / 1', impactor=Cylinder(velocity=3.0))\n"
+        "if __name__ == '__main__':\n"
+        "    from taichi_foam.cli import run_script\n"
+        "    run_script(scene)\n"
+    )
+    short = ["--set", "numerics.end=3e-3", "--no-film"]
+    done = call("drop.py", *COARSE_OPTIONS, *short, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "runs" / "My-drop-1"
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "history.csv",
+        "scene.toml",
+        "snapshots.npz",
+        "summary.json",
+    ]
+    again = load_scene(folder / "scene.toml")
+    assert again == load_scene(
+        tmp_path / "drop.py", overrides=[*COARSE, "numerics.end=3e-3", "output.film=false"]
+    )
+    refused = call("drop.py", "--set", "block.rows=0", "--out", "x", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "block.rows = 0" in refused.stderr
+
+
+# Says on stdout when stepping has begun, then goes on as the command line does.
+WATCHED = """
+import sys
+from taichi_foam import simulation
+from taichi_foam.cli import main
+begin = simulation.run
+def run(scene, on_progress):
+    def watched(progress):
+        if progress.time > 1e-3:
+            print("stepping", flush=True)
+        on_progress(progress)
+    return begin(scene, watched)
+simulation.run = run
+main()
+"""
+
+
+def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
+    long = ["--set", "numerics.end=5.0", "--set", "output.snapshot_interval=1e-2"]
+    arguments = ["run", WEDGE, *COARSE_OPTIONS, *long, "--out", "cut"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", WATCHED, *arguments],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "stepping\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130, said
+    assert "interrupted: what there was is in cut" in said
+    assert "Traceback" not in said
+    assert summary_of(tmp_path / "cut")["interrupted"] is True
+    time = Result.load(tmp_path / "cut").history["time_s"]
+    assert 1e-3 < time[-1] < 5.0
+    assert np.all(np.diff(time) > 0)
+    assert [name for name in tree(tmp_path) if name.startswith(".")] == []

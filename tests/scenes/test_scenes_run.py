@@ -1,0 +1,202 @@
+"""Every scene of the gallery runs and gives what its text promises.
+
+Those with a closed form run to their end, the drops on the paper's block for their first 12 ms.
+"""
+
+import math
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taichi_foam.result import Result
+from taichi_foam.scene import Scene
+from taichi_foam.scene_io import load_scene
+from taichi_foam.simulation import run
+
+SCENES = Path(__file__).parents[2] / "scenes"
+CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
+DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
+TABLES = ("flat_tall_block",)
+
+# Kelvin-Voigt: a link's dashpot adds this much stress per strain rate, tau K.
+VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s
+
+
+def script(name: str) -> SimpleNamespace:
+    """Everything that a scene's script defines."""
+    return SimpleNamespace(**runpy.run_path(str(SCENES / f"{name}.py"), run_name="scene"))
+
+
+def test_no_scene_is_forgotten_here() -> None:
+    assert {p.stem for p in SCENES.glob("*.py")} == {*CLOSED_FORMS, *DROPS}
+    assert {p.stem for p in SCENES.glob("*.toml")} == {*TABLES}
+
+
+def test_uniaxial_crush_gives_back_its_stress_strain_curve() -> None:
+    """Nominal stress within 0.1 % of Eq. 26 plus the dashpots' tau K times the strain rate.
+
+    The strain is of the top row, which the penalty lets into the plate by force over stiffness. On
+    the way to yield the plate's arrival rings in the column: rho c v = 8.4 kPa, to and fro.
+    """
+    crush = script("uniaxial_crush")
+    history = run(crush.scene).history
+    penalty = 20 * 2.78e6 * 0.057 * crush.block.columns
+    top = history["displacement_m"] - history["contact_force_N"] / penalty
+    strain = np.array([crush.nominal_strain(d) for d in top])
+    stress = -history["contact_force_N"] / crush.section
+    exact = np.array([crush.exact_stress(e) for e in strain])
+    sound = 25.6 * math.sqrt(2.78e6 / 25.6) * crush.SPEED
+    elastic = (strain > -0.05) & (strain < 0)
+    assert np.abs(stress - exact)[elastic].max() < sound
+    crushed = strain < -0.06
+    viscous = VISCOSITY * crush.SPEED / crush.gauge_length
+    np.testing.assert_allclose(stress[crushed], exact[crushed] - viscous, rtol=1e-3)
+    assert strain[-1] == pytest.approx(-crush.FINAL_STRAIN, abs=0.002)
+    assert exact[-1] < 1.4 * exact[crushed][0]  # it ends deep in densification
+
+
+def test_shear_patch_unloads_from_its_top() -> None:
+    """Within 2 % of gamma H everywhere at mid-width, within 0.2 % at the top.
+
+    The front is a kink, which the lattice rounds over a few of its 20 cells: half a cell's worth of
+    displacement is 1.3 %. Terms of finite strain are of the order of gamma^2 = 0.25 %, of heights
+    half that.
+    """
+    patch = script("shear_patch")
+    result = run(patch.scene)
+    block, full = patch.scene.block, patch.GAMMA * patch.layer
+    middle = slice(block.columns // 2 - 1, block.columns // 2 + 1)
+    heights = (np.arange(block.rows) + 0.5) * block.dy
+    assert len(result.snapshots) >= 20
+    for state in result.snapshots:
+        found = state.position[middle, :, 0].mean(axis=0)
+        exact = [patch.exact_displacement(y, state.time) for y in heights]
+        assert np.abs(found - exact).max() < 0.02 * full
+        assert abs(found[-1] - exact[-1]) < 0.002 * full
+    # the top's mass point is half a cell below the top that the front starts from
+    later = [s for s in result.snapshots if s.time > 1e-4]
+    for state in later:
+        top = state.position[middle, -1, 0].mean()
+        assert top == pytest.approx(patch.exact_top_displacement(state.time), abs=0.005 * full)
+
+
+def test_wave_bar_is_a_dashpot_to_its_plate() -> None:
+    """Until the reflection, smeared over sqrt(tau t) = 0.3 ms by the dashpots, is felt at 4.5 ms.
+
+    The front takes more momentum than the continuum's: half a row's mass, which the last mass
+    point has too much, and Z tau / 2 for the dashpots' part of the impedance Z sqrt(1 + s tau).
+    Together that is 0.08 % of the plate's mass, the velocity that it lacks from the start.
+    """
+    bar = script("wave_bar")
+    history = run(bar.scene).history
+    time = history["time_s"]
+    felt = (time > 3e-4) & (time < 4.5e-3)
+    exact = np.array([bar.exact_velocity(t) for t in time[felt]])
+    row = bar.block.density * bar.block.dy * bar.block.width * bar.block.thickness
+    lack = (row + bar.impedance * bar.scene.numerics.damping_time) / (2 * bar.plate.mass)
+    assert lack == pytest.approx(0.0008, rel=0.05)
+    np.testing.assert_allclose(history["velocity_m_s"][felt], exact * (1 - lack), rtol=2e-4)
+    # the plate rings on its penalty, damped away in the first millisecond
+    late = felt & (time > 1e-3)
+    force = np.array([bar.exact_force(t) for t in time[late]])
+    np.testing.assert_allclose(history["contact_force_N"][late], force, rtol=0.005)
+    back = time > 2 * (bar.block.height / bar.wave_speed) - 1e-4
+    assert np.all(history["contact_force_N"][back] > 1.3 * bar.exact_force(bar.reflection_time))
+
+
+def first_ms(scene: Scene, milliseconds: float) -> Result:
+    short = {**scene.model_dump(), "numerics": {**scene.numerics.model_dump(),
+                                                "end": milliseconds * 1e-3}}  # fmt: skip
+    return run(Scene.model_validate(short))
+
+
+@pytest.fixture(scope="module")
+def drops() -> dict[str, Result]:
+    return {name: first_ms(script(name).scene, 12.0) for name in DROPS}
+
+
+def mean_deceleration(result: Result, start_ms: float, end_ms: float) -> float:
+    """Time mean over an interval [m/s2]: the velocity lost over it."""
+    time, velocity = result.history["time_s"], result.history["velocity_m_s"]
+    lost = np.interp([start_ms * 1e-3, end_ms * 1e-3], time, velocity)
+    return float(lost[0] - lost[1]) / ((end_ms - start_ms) * 1e-3)
+
+
+def test_the_flat_block_meets_the_plateau_at_once_and_stays_on_it(drops: dict) -> None:
+    """On the mean at least K |e_y| on 50 mm, at most that plus what dashpots and flanks can add.
+
+    A row that is crushed alone takes the whole speed: tau K v / dy = 30 kPa on top of 139 kPa. On
+    either flank the front shears a cell at its side, to failure at most: G gamma_t = 84 kPa.
+    """
+    result = drops["rectangular"]
+    block, impactor = result.scene.block, result.scene.impactor
+    face = impactor.width * block.thickness
+    plateau = 1.39e5 * face / impactor.mass
+    flanks = 2 * 0.84e6 * 0.10 * block.dy * block.thickness
+    crushing = (1.39e5 + VISCOSITY * impactor.velocity / block.dy) * face
+    most = (crushing + flanks) / impactor.mass
+    mean = mean_deceleration(result, 1, 12)
+    assert plateau < mean < most
+    for start, end in ((1, 3), (3, 6), (6, 9), (9, 12)):  # flat: it stays within a quarter of that
+        assert mean_deceleration(result, start, end) == pytest.approx(mean, rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["cylinder", "wedge", "corner_drop"])
+def test_pointed_bodies_meet_more_the_deeper_they_are(drops: dict, name: str) -> None:
+    """Their width grows with depth; the flat block is ahead of all of them at first."""
+    growth = [mean_deceleration(drops[name], t, t + 2.0) for t in (0.0, 2.0, 4.0, 6.0)]
+    assert np.all(np.diff(growth) > 0)
+    assert growth[0] < 0.6 * mean_deceleration(drops["rectangular"], 0.0, 2.0)
+
+
+def test_the_wedges_deceleration_rises_linearly_with_its_depth(drops: dict) -> None:
+    """Section 3 of the paper: about linearly until 25 mm; here a straight line through zero."""
+    history = drops["wedge"].history
+    depth = history["displacement_m"]
+    nose = depth < 0.025
+    line = np.polyfit(depth[nose], history["deceleration_smoothed_m_s2"][nose], 1)
+    rest = history["deceleration_smoothed_m_s2"][nose] - np.polyval(line, depth[nose])
+    assert rest.std() < 0.15 * line[0] * 0.025
+    assert abs(line[1]) < 0.2 * line[0] * 0.025
+
+
+def test_the_corner_goes_in_off_its_middle(drops: dict) -> None:
+    """Crushed is what lies below the face on the right, 30 degrees; the steep one pushes aside.
+
+    The corner is left of the square's middle, by 25 mm (cos - sin) of 30 degrees.
+    """
+    result = drops["corner_drop"]
+    block = result.scene.block
+    depth = result.history["displacement_m"][-1]
+    corner = -0.025 * (math.cos(math.radians(30)) - math.sin(math.radians(30)))
+    left = corner - depth / math.sqrt(3)
+    right = corner + min(depth * math.sqrt(3), 0.05 * math.cos(math.radians(30)))
+    assert corner - left < 0.02  # the left face is not all in
+    columns = np.nonzero((result.snapshots[-1].e_min_b < -0.5).any(axis=1))[0]
+    x = (columns - (block.columns - 1) / 2) * block.dx
+    assert left - 2 * block.dx < x.min() < corner + 2 * block.dx
+    assert x.max() == pytest.approx(right, abs=2 * block.dx)
+
+
+def test_the_tall_block_is_hit_after_a_fall_of_10_mm() -> None:
+    """Free fall from the gap, then at most the plateau and the dashpots' part on the face."""
+    scene = load_scene(SCENES / "flat_tall_block.toml")
+    result = first_ms(scene, 15.0)
+    history, g, v = result.history, scene.numerics.gravity, scene.impactor.velocity
+    arrival = (math.sqrt(v**2 + 2 * g * scene.impactor.gap) - v) / g
+    free = history["time_s"] < arrival
+    assert free.sum() > 30
+    time = history["time_s"][free]
+    np.testing.assert_allclose(
+        history["displacement_m"][free], v * time + g * time**2 / 2 - scene.impactor.gap, atol=1e-12
+    )
+    assert not history["contact_force_N"][free].any()
+    face = scene.impactor.width * scene.block.thickness
+    later = np.nonzero(history["time_s"] > arrival + 2e-3)[0]
+    mean = scene.impactor.mass * (
+        mean_deceleration(result, history["time_s"][later[0]] * 1e3, 15.0) + g
+    )
+    assert 1.39e5 * face < mean < (1.39e5 + VISCOSITY * v / scene.block.dy) * face
