@@ -101,8 +101,13 @@ class ReferenceLattice:
         force = F @ S @ np.eye(2)[axis] * area
         if self.velocity is not None and not broken:
             end = (i + 1, j) if axis == 0 else (i, j + 1)
-            dashpot = self.scene.numerics.damping_time * f.youngs_modulus * area
-            force = force + dashpot / (dx, dy)[axis] * (self.velocity[end] - self.velocity[i, j])
+            rate = (self.velocity[end] - self.velocity[i, j]) / (dx, dy)[axis]
+            way = self.position[end] - self.position[i, j]
+            closing = way * (way @ rate) / (way @ way)
+            across = {"connection": f.shear_modulus, "relative": f.youngs_modulus}
+            viscous = f.youngs_modulus * closing
+            viscous = viscous + across[self.scene.model.damping] * (rate - closing)
+            force = force + self.scene.numerics.damping_time * area * viscous
         return force
 
     def node_forces(self) -> np.ndarray:

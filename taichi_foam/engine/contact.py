@@ -6,6 +6,7 @@ from taichi_foam.engine import faces
 from taichi_foam.engine.lattice import CROWDED, PAIRS_PER_NODE, WORST
 from taichi_foam.engine.parameters import CIRCLE, POLYGON
 from taichi_foam.laws import contact as contact_law
+from taichi_foam.laws import foam as foam_law
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
@@ -141,7 +142,8 @@ def self_contact(lattice: ti.template(), b, i, j, p: ti.template()):
         gap_sqr = away.norm_sqr()
         if gap_sqr < touch * touch and gap_sqr > 0.0:
             gap = ti.sqrt(gap_sqr)
-            push += away * (p.self_stiffness * (touch - gap) / gap)
+            pressing = p.piece_area * foam_law.piece_stress(p.foam, gap / touch - 1.0)
+            push -= away * (pressing / gap)
     lattice.push[b, i, j] = push
 
 

@@ -4,6 +4,8 @@ They are data, not compile-time constants: a batch may differ in every one of th
 that varies one compiles nothing again.
 """
 
+import math
+
 import numpy as np
 import taichi as ti
 
@@ -48,7 +50,7 @@ class Parameters:
     impactor_mass: ti.f64
     impactor_friction: ti.f64
     self_contact: ti.i32
-    self_stiffness: ti.f64  # node against node [N/m]
+    piece_area: ti.f64  # of the contact of node with node [m2]
     skin: ti.f64  # how far beyond touch the neighbour list looks [m]
     step: ti.f64  # given step size [s], or 0: automatic
     largest_step: ti.f64
@@ -91,7 +93,7 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_mass": 1.0,
         "impactor_friction": 0.0,
         "self_contact": int(model.self_contact),
-        "self_stiffness": stiffness,
+        "piece_area": math.sqrt(area_a * area_b),
         "skin": 0.2 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
@@ -188,7 +190,8 @@ def stable_step(p: Parameters, stiffest: ti.f64) -> ti.f64:
     shear = p.foam.shear_modulus * (p.area / p.cell).max()
     stiffness = 4.0 * stiffest + 8.0 * shear + 2.0 * p.contact_stiffness
     if p.self_contact:
-        stiffness += 8.0 * p.self_stiffness
+        packed = foam_law.PACKED * p.foam.youngs_modulus
+        stiffness += 8.0 * packed * (p.area / p.cell).max()
     decay = 4.0 * (p.cross_dashpot + p.excess_dashpot).sum() + p.drag
     rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
     return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

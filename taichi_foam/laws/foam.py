@@ -23,6 +23,9 @@ PRESSURE_DEPENDENT = 2
 # that a run reaches.
 GUARD = 0.05
 
+# Slope of packed pieces beyond the densification strain, in Young's moduli.
+PACKED = 4.0
+
 
 @ti.dataclass
 class Foam:
@@ -137,6 +140,18 @@ def tangent_modulus(foam: Foam, e: ti.f64) -> ti.f64:
 def shear_stress(foam: Foam, gamma: ti.f64) -> ti.f64:
     """tau = G gamma (Eq. 25)."""
     return foam.shear_modulus * gamma
+
+
+@ti.func
+def piece_stress(foam: Foam, e: ti.f64) -> ti.f64:
+    """Stress between two pieces of foam whose distance has shrunk by `e` since they touched.
+
+    They are foam: elastic, then a plateau, then stiff. Beyond e_d a fixed slope instead of Eq. 26c
+    keeps the step size independent of powder.
+    """
+    return foam.youngs_modulus * (
+        ti.max(e, foam.yield_strain) + PACKED * ti.min(e - foam.densification_strain, 0.0)
+    )
 
 
 @ti.func

@@ -142,14 +142,17 @@ def test_what_is_stored_or_lost_is_never_less_than_nothing(impact: Result) -> No
 def test_impactor_and_force_agree(impact: Result) -> None:
     """M v' = -F + M g: what the force rows say, summed up by the trapezium, is the velocity lost.
 
-    Rows are 0.1 ms apart and the force rings in between: 5 % of the change over the whole impact.
+    The force rings faster than rows come, so that they are n samples of it: their mean has the
+    standard error std / sqrt(n), and four of these are as good as certain.
     """
     history, mass = impact.history, impact.scene.impactor.mass
     gravity = impact.scene.numerics.gravity
     time = history["time_s"]
     impulse = np.trapezoid(history["contact_force_N"], time) - mass * gravity * time[-1]
     change = mass * (history["velocity_m_s"][0] - history["velocity_m_s"][-1])
-    assert impulse == pytest.approx(change, rel=0.05)
+    error = history["contact_force_N"].std() * time[-1] / np.sqrt(len(time))
+    assert impulse == pytest.approx(change, abs=4 * error)
+    assert error < 0.05 * change
     summed = (history["deceleration_m_s2"][1:] * np.diff(time)).sum()
     assert mass * summed == pytest.approx(change, rel=1e-12)
 

@@ -92,9 +92,18 @@ def test_the_linear_lattice_is_stable_up_to_runge_kuttas_limit() -> None:
         ({"damping_time": 2e-4}, Foam()),
         ({"contact_stiffness": 1000.0}, Foam()),
         ({}, Foam(shear_modulus=8e6)),
+        ({"damping_time": 1e-4}, Foam(shear_modulus=8e6)),
         ({}, Foam(crushed_tensile_stress=5e6)),
     ],
-    ids=["default", "undamped", "overdamped", "stiff contact", "stiff in shear", "stiff crushed"],
+    ids=[
+        "default",
+        "undamped",
+        "overdamped",
+        "stiff contact",
+        "stiff in shear",
+        "viscous in shear",
+        "stiff crushed",
+    ],
 )
 def test_the_automatic_step_is_stable_with_no_safety_at_all(values: dict, foam: Foam) -> None:
     """safety = 1, an impact that crushes: the ledger would show what an unstable mode makes.

