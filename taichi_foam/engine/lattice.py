@@ -47,6 +47,7 @@ class Body:
     rate_y: ti.f64  # weighted sums of the RK4 stages
     rate_v: ti.f64
     force: ti.f64  # on the impactor at the current stage [N]
+    support_work: ti.f64  # that the support has taken from it [J]
 
 
 @ti.dataclass

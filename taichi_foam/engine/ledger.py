@@ -3,6 +3,7 @@
 import taichi as ti
 
 from taichi_foam.engine.lattice import BREAK_TIME, INTACT, NEVER, WORST
+from taichi_foam.engine.nodes import BASE
 from taichi_foam.laws import foam as foam_law
 
 vec3 = ti.types.vector(3, ti.f64)
@@ -58,6 +59,7 @@ def write_row(lattice: ti.template(), b):
         energy += lattice.column_energy[b, i]
         fracture += lattice.column_fracture[b, i]
         works += lattice.column_work[b, i]
+    works[BASE] += lattice.body[b].support_work
     lattice.history[b, row, 0] = clock.time
     lattice.history[b, row, 1] = clock.step
     lattice.history[b, row, 2] = lattice.body[b].y

@@ -8,6 +8,7 @@ import taichi as ti
 
 from taichi_foam.engine import contact
 from taichi_foam.engine.parameters import NO_IMPACTOR
+from taichi_foam.laws import contact as contact_law
 
 vec2 = ti.types.vector(2, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
@@ -108,8 +109,13 @@ def body_stage(lattice: ti.template(), b, stage, p: ti.template()):
     force = 0.0
     for i in range(lattice.columns):
         force += lattice.column_lift[b, i]
-    acceleration = force / p.impactor_mass - p.gravity
     body = lattice.body[b]
+    if p.impactor_kind != NO_IMPACTOR:
+        # the support stops the impactor too, once it has gone right through the block
+        stop = contact_law.normal_force(p.contact_stiffness, body.trial_y)
+        lattice.body[b].support_work -= weight * stop * body.trial_v
+        force += stop
+    acceleration = force / p.impactor_mass - p.gravity
     rate_y = weight * body.trial_v
     rate_v = weight * acceleration
     if stage > 0:

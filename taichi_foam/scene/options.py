@@ -34,7 +34,8 @@ class Model(Part):
 
     damping: Literal["connection", "relative", "absolute"] = choice(
         "connection",
-        "connection: a dashpot in each connection, on relative velocity; "
+        "connection: a dashpot in each connection, after its stiffness: K along it, G across it; "
+        "relative: one after K on the whole relative velocity of its mass points; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
     )
     shear_failure: Literal["tension-only", "always", "pressure-dependent"] = choice(
@@ -47,7 +48,7 @@ class Model(Part):
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,
-        at_most=10,
+        at_most=100,
     )
     broken_contact: Literal["reload", "jump"] = choice(
         "reload",
@@ -55,9 +56,6 @@ class Model(Part):
         "zero stress; jump: on to the loading curve at the worst strain so far",
     )
     self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
-    self_contact_friction: float = quantity(
-        0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5
-    )
 
 
 class Numerics(Part):

@@ -143,6 +143,12 @@ def test_the_impactor_overlaps_by_two_percent_of_a_cell_at_most(shattered: Resul
 
 
 def test_self_contact_pushes_and_never_pulls(shattered: Result) -> None:
-    """Springs between pieces can only hold what was put in, but for radii that shrink: a loss."""
-    history = shattered.history
-    assert history["self_contact_J"].min() >= -1e-6 * history["impactor_kinetic_J"][0]
+    """It can only give back what was put in, and touching radii that shrink are a loss.
+
+    A step in which two nodes meet at speed v misses at most what the spring takes up in it,
+    k (v dt)^2 / 2; such errors of either sign cancel, and one of them is allowed.
+    """
+    scene, history = shattered.scene, shattered.history
+    stiffness = scene.foam.youngs_modulus * scene.block.thickness
+    missed = 0.5 * stiffness * (scene.impactor.velocity * shattered.run["dt_max_s"]) ** 2
+    assert history["self_contact_J"].min() >= -missed
