@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class UserError(Exception):
-    """Something in the request cannot be: the message says what, and how to mend it (exit code 2)."""
+    """The request cannot be met: the message says why, and how to mend it (exit code 2)."""
 
 
 class RunError(Exception):

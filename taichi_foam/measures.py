@@ -85,21 +85,22 @@ class CrushedRegion:
 def impact(result: Result) -> Impact | None:
     """First contact and stop; the velocity is taken as linear between rows.
 
-    Contact lies in the interval before the first row with a contact force: where the gap is used up
-    at the speed that the interval began with, or at its start if there is no gap.
+    First contact is when the impactor's lowest level has used up its gap: a nose then touches the
+    foam, though the lattice answers only when the first mass point is under it.
     """
     h, impactor = result.history, result.scene.impactor
     if impactor is None:
         return None
     t, d, v = h["time_s"], h["displacement_m"], h["velocity_m_s"]
+    reached = np.flatnonzero(d >= impactor.gap)
     touching = np.flatnonzero(h["contact_force_N"] > 0)
-    if touching.size == 0:
+    if reached.size == 0 or touching.size == 0:
         return None
-    before = max(int(touching[0]) - 1, 0)
+    before = max(int(reached[0]) - 1, 0)
     flight = 0.0  # s, from row `before` to contact, at constant velocity
     if v[before] > 0:
         left = (impactor.gap - d[before]) / v[before]
-        flight = float(np.clip(left, 0, t[touching[0]] - t[before]))
+        flight = float(np.clip(left, 0, t[reached[0]] - t[before]))
     stopped = np.flatnonzero((v[1:] <= 0) & (v[:-1] > 0)) + 1
     stopped = stopped[stopped >= touching[0]]
     if stopped.size == 0:

@@ -3,6 +3,8 @@
     from taichi_foam import run
     from taichi_foam.paper import paper_scene
     result = run(paper_scene("paper/wedge-2.86"))
+
+All three start Taichi with its defaults unless `engine.runtime.start` has been called before.
 """
 
 import platform
@@ -38,7 +40,7 @@ ENDINGS = {
     RUNNING: "interrupt",
     AT_END_TIME: "end time",
     AT_REBOUND: "rebound",
-    NOT_FINITE: "non-finite values",
+    NOT_FINITE: "values that went astray",
     CROWDED: "a full neighbour list",
 }
 
@@ -65,6 +67,7 @@ class _Run:
     snapshots: list[Snapshot] = field(default_factory=list)
     status: int = RUNNING
     time: float = 0.0
+    bad_node: int = 0
 
     @property
     def next_snapshot(self) -> float:
@@ -192,22 +195,26 @@ def _collect(lattice: Lattice, runs: list[_Run], wall: _Wall) -> None:
     for b, run in enumerate(runs):
         was_running = run.status == RUNNING
         run.status, run.time = int(clocks["status"][b]), float(clocks["time"][b])
+        run.bad_node = int(clocks["bad_node"][b])
         if clocks["rows"][b]:
             run.rows.append(history[b, : clocks["rows"][b]].copy())
         if was_running and (run.status != RUNNING or run.time >= run.next_snapshot):
             due.append(b)
-    lattice.clock.rows.fill(0)
+    lattice.clock.get_member_field("rows").fill(0)
     if due:
         snapshots = lattice.snapshots()
         for b in due:
-            runs[b].snapshots.append(snapshots[b])
+            kept = runs[b].snapshots
+            if kept and kept[-1].time == snapshots[b].time:
+                kept.pop()  # the run has ended where its last snapshot was due
+            kept.append(snapshots[b])
     wall.clocks = clocks
     wall.steps = int(clocks["steps"].sum())
     wall.max_overlap = lattice.column_overlap.to_numpy().max(axis=1)
 
 
 def _result(run: _Run, wall: _Wall, b: int, interrupted: bool) -> Result:
-    rows = dict(zip(ROW_COLUMNS, np.concatenate(run.rows).T, strict=True))
+    rows: dict[str, np.ndarray] = dict(zip(ROW_COLUMNS, np.concatenate(run.rows).T, strict=True))
     clocks = wall.clocks
     assert wall.max_overlap is not None
     return Result(
@@ -265,7 +272,7 @@ def _history(scene: Scene, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]
         "base_J": rows["base"],
         "gravity_J": potential - potential[0],
     }
-    total = sum(energies.values())
+    total = np.sum(list(energies.values()), axis=0)
     return {
         "time_s": t,
         "displacement_m": (scene.contact_height - y) if impactor else np.zeros_like(t),
@@ -294,9 +301,8 @@ def _failure(run: _Run) -> str:
             f"{run.scene.name}: at {run.time * 1e3:.4f} ms more pieces touch than the neighbour "
             "list holds; set model.self_contact = false or take a finer lattice"
         )
-    bad = np.argwhere(~np.isfinite(last.position).all(-1) | ~np.isfinite(last.velocity).all(-1))
-    i, j = bad[0] if len(bad) else (-1, -1)
     return (
-        f"{run.scene.name}: not finite at {run.time * 1e3:.4f} ms, first at node ({i}, {j}); "
-        "take a smaller numerics.dt, or 'auto'"
+        f"{run.scene.name}: went astray at {run.time * 1e3:.4f} ms, first at node "
+        f"({run.bad_node // last.position.shape[1]}, {run.bad_node % last.position.shape[1]}): "
+        "values that are not finite, or beyond all measure; take a smaller numerics.dt, or 'auto'"
     )

@@ -43,7 +43,7 @@ class Bench:
     def step(self, steps: int, advance: Callable | None = None) -> Snapshot:
         """Take exactly `steps` steps, and return the first lattice's state."""
         (advance or stepper.advance_of(self.lattice))(self.lattice, steps)
-        self.lattice.clock.rows.fill(0)  # nobody collects them here
+        self.lattice.clock.get_member_field("rows").fill(0)  # nobody collects them here
         return self.snapshots()[0]
 
     def snapshots(self) -> list[Snapshot]:

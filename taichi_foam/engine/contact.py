@@ -92,12 +92,18 @@ def impactor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()):
 
 @ti.func
 def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> vec2:
-    """Force [N] of the floor on a node; its friction spring is latched likewise."""
+    """Force [N] of the floor on a node; its friction spring is latched likewise.
+
+    Between the node and the floor lies half a cell of foam, or what crushing has left of it.
+    """
     now = lattice.trial[b, i, j].xy
     force = vec2(0.0)
     stretch = 0.0
-    if now.y < p.floor_height:
-        force.y = contact_law.normal_force(p.contact_stiffness, now.y - p.floor_height)
+    half = 0.5 * p.cell.y
+    if now.y < half:
+        radius = piece_radius(lattice, b, i, j, p)
+        if now.y < radius:
+            force.y = -p.area.y * foam_law.piece_stress(p.foam, now.y, radius, half)
         force.x = contact_law.tangential_force(
             p.contact_stiffness,
             lattice.slip[b, i, j][1] + slid(lattice, b, i, j, stage).x,
@@ -111,7 +117,7 @@ def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> v
 
 
 @ti.func
-def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
+def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis.
 
     Never more than the room that there was when the node could first touch.
@@ -119,7 +125,7 @@ def update_radius(lattice: ti.template(), b, i, j, p: ti.template()):
     worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
     worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    lattice.radius[b, i, j] = ti.min(0.5 * thinner, lattice.room[b, i, j])
+    return ti.min(0.5 * thinner, lattice.room[b, i, j])
 
 
 @ti.func
@@ -142,8 +148,8 @@ def self_contact(lattice: ti.template(), b, i, j, p: ti.template()):
         gap_sqr = away.norm_sqr()
         if gap_sqr < touch * touch and gap_sqr > 0.0:
             gap = ti.sqrt(gap_sqr)
-            pressing = p.piece_area * foam_law.piece_stress(p.foam, gap / touch - 1.0)
-            push -= away * (pressing / gap)
+            stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
+            push -= away * (p.piece_area * stress / gap)
     lattice.push[b, i, j] = push
 
 
@@ -180,7 +186,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         for j in range(lattice.rows):
             point = lattice.trial[b, i, j].xy
             lattice.anchor[b, i, j] = point
-            update_radius(lattice, b, i, j, p)
+            lattice.radius[b, i, j] = piece_radius(lattice, b, i, j, p)
             if lattice.touching[b, i, j] == INSIDE and faces.is_surface(lattice, b, i, j):
                 lattice.touching[b, i, j] = NEW
             node = i * lattice.rows + j
@@ -204,7 +210,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         for i in range(lattice.columns):
             for j in range(lattice.rows):
                 lattice.touching[b, i, j] = ti.min(lattice.touching[b, i, j], AT_SURFACE)
-                update_radius(lattice, b, i, j, p)
+                lattice.radius[b, i, j] = piece_radius(lattice, b, i, j, p)
 
 
 @ti.func

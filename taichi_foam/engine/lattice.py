@@ -240,7 +240,10 @@ def start_state(scene: Scene) -> np.ndarray:
     spin = np.asarray(scene.start.velocity_gradient, float)
     # added to the reference, so that an undeformed block starts on it to the last bit
     position = reference + arm @ (gradient - np.eye(2)).T
-    return np.concatenate([position, arm @ spin.T], axis=-1)
+    velocity = arm @ spin.T
+    velocity[:, 0, 0] *= scene.base.kind != "gripped"
+    velocity[:, 0, 1] *= scene.base.kind == "floor"
+    return np.concatenate([position, velocity], axis=-1)
 
 
 def body_of(scene: Scene) -> dict:

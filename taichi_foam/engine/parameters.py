@@ -39,9 +39,9 @@ class Parameters:
     gravity: ti.f64
     hold_x: ti.i32  # of the bottom row
     hold_y: ti.i32
-    floor_height: ti.f64
     floor_friction: ti.f64
-    contact_stiffness: ti.f64  # node against impactor or floor [N/m]
+    contact_stiffness: ti.f64  # node against impactor, and of the friction springs [N/m]
+    support_stiffness: ti.f64  # impactor against the support [N/m]
     impactor_kind: ti.i32
     impactor_x: ti.f64
     impactor_radius: ti.f64
@@ -51,6 +51,7 @@ class Parameters:
     impactor_friction: ti.f64
     self_contact: ti.i32
     piece_area: ti.f64  # of the contact of node with node [m2]
+    piece_length: ti.f64
     skin: ti.f64  # how far beyond touch the neighbour list looks [m]
     step: ti.f64  # given step size [s], or 0: automatic
     largest_step: ti.f64
@@ -82,9 +83,9 @@ def parameters_of(scene: Scene) -> dict:
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),
         "hold_y": int(base.kind in ("held", "gripped")),
-        "floor_height": 0.5 * block.dy,
         "floor_friction": base.friction,
         "contact_stiffness": numerics.contact_stiffness * stiffness,
+        "support_stiffness": 0.0,
         "impactor_kind": NO_IMPACTOR,
         "impactor_x": 0.0,
         "impactor_radius": 0.0,
@@ -94,6 +95,7 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_friction": 0.0,
         "self_contact": int(model.self_contact),
         "piece_area": math.sqrt(area_a * area_b),
+        "piece_length": math.sqrt(block.dx * block.dy),
         "skin": 0.2 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
@@ -113,6 +115,8 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_edges": 0 if is_circle else len(impactor.outline()),
             "impactor_mass": impactor.mass,
             "impactor_friction": impactor.friction,
+            # as quick as a node's contact is slow: some 50 of its steps to a period
+            "support_stiffness": values["contact_stiffness"] * impactor.mass / block.node_mass / 400,
         }
     return values
 
@@ -184,14 +188,15 @@ def stable_step(p: Parameters, stiffest: ti.f64) -> ti.f64:
     """Step size [s] for a lattice whose stiffest connection has `stiffest` [N/m].
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear connections, 8 k of touching pieces and 2 k of body contact and friction; a
-    dashpot mode decays at no more than 8 c / m, a free node's drag at C / m.
+    of its shear connections, 8 k of packed pieces and once the contact with a body (normal and
+    friction act across each other); dashpots decay at no more than 8 c / m, a drag at C / m.
     """
-    shear = p.foam.shear_modulus * (p.area / p.cell).max()
-    stiffness = 4.0 * stiffest + 8.0 * shear + 2.0 * p.contact_stiffness
+    per_length = p.area / p.cell
+    stiffness = 4.0 * stiffest + 8.0 * p.foam.shear_modulus * per_length.max()
+    stiffness += p.contact_stiffness
     if p.self_contact:
-        packed = foam_law.PACKED * p.foam.youngs_modulus
-        stiffness += 8.0 * packed * (p.area / p.cell).max()
-    decay = 4.0 * (p.cross_dashpot + p.excess_dashpot).sum() + p.drag
+        stiffness += 8.0 * foam_law.PACKED * p.foam.youngs_modulus * per_length.max()
+    dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
+    decay = 4.0 * dashpots.sum() + p.drag
     rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
     return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

@@ -37,7 +37,7 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
     if arch not in ARCHES:
         raise UserError(f"arch = {arch!r}: choose one of {', '.join(ARCHES)}")
     if threads is not None and not 1 <= threads <= 4 * cores:
-        raise UserError(f"threads = {threads}: choose 1 to {4 * cores} (this machine has {cores} cores)")
+        raise UserError(f"threads = {threads}: choose 1 to {4 * cores} on {cores} cores")
     wanted = (arch, cores if threads is None else threads)
     if _started is not None:
         if _started[0] != arch or (threads is not None and _started != wanted):

@@ -98,7 +98,7 @@ def _close_row(lattice: ti.template(), b, p: ti.template()):
 def _refresh_column(lattice: ti.template(), b, i, p: ti.template()):
     """Keep the touching radii up to date, and see whether the neighbour list may miss a touch."""
     for j in range(lattice.rows):
-        contact.update_radius(lattice, b, i, j, p)
+        lattice.radius[b, i, j] = contact.piece_radius(lattice, b, i, j, p)
         if contact.drifted(lattice, b, i, j, p):
             lattice.clock[b].stale = 1
 

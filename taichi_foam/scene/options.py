@@ -81,7 +81,7 @@ class Numerics(Part):
         fix="times are in seconds (the paper's beta = 1e-6 m s over 0.057 m is 1.75e-5)",
     )
     contact_stiffness: float = quantity(
-        20.0,
+        40.0,
         "-",
         "penalty stiffness of a contact over K times the thickness",
         above=0,

@@ -47,7 +47,7 @@ def depth_and_normal(impactor: Impactor, point: np.ndarray) -> tuple[float, np.n
     """
     if isinstance(impactor, Cylinder):
         away = point - [0.0, impactor.radius]
-        length = np.linalg.norm(away)
+        length = float(np.linalg.norm(away))
         return impactor.radius - length, away / length
     outline = impactor.outline()
     best, nearest, inside = math.inf, np.zeros(2), True
@@ -56,7 +56,7 @@ def depth_and_normal(impactor: Impactor, point: np.ndarray) -> tuple[float, np.n
         t = np.clip((point - start) @ edge / (edge @ edge), 0.0, 1.0)
         foot = start + t * edge
         inside &= bool(edge[0] * (point - start)[1] - edge[1] * (point - start)[0] > 0)
-        if (distance := np.linalg.norm(point - foot)) < best:
+        if (distance := float(np.linalg.norm(point - foot))) < best:
             best, nearest = distance, foot
     return (best if inside else -best), (nearest - point) / best
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
@@ -89,8 +90,10 @@ def all_figures() -> dict[str, Figure]:
 @pytest.mark.parametrize("name", ["histories", "decelerations", "energy", "law", "ledger"])
 def test_no_text_overlaps_or_is_cut(name: str) -> None:
     figure = all_figures()[name]
-    figure.canvas.draw()
-    renderer = figure.canvas.get_renderer()
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    canvas.draw()
+    renderer = canvas.get_renderer()
     # An annotation's own extent would hold its leader line too.
     boxes = [
         (text.get_text(), Text.get_window_extent(text, renderer))
@@ -134,12 +137,12 @@ def test_measured_marks_stand_at_the_tables_figures() -> None:
     np.testing.assert_allclose(plateau.get_xdata(), [3.0, 0.85 * 42])
     np.testing.assert_allclose(lines["measured duration"].get_xdata(), 42)
     ring = lines["measured initial peak"]
-    assert (ring.get_xdata()[0], ring.get_ydata()[0]) == (2.0, 97)
+    np.testing.assert_array_equal(ring.get_xydata(), [[2.0, 97]])
 
 
 def test_the_ledger_stacks_up_to_the_impact_energy() -> None:
     figure = figures.energy_ledger(history_of(3.03))
-    tops = [c.get_paths()[0].vertices[:, 1].max() for c in figure.axes[0].collections]
+    tops = [np.max(c.get_paths()[0].vertices, axis=0)[1] for c in figure.axes[0].collections]
     assert max(tops) == pytest.approx(3 * 3.03**2)
     assert len(tops) == 9
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from picture_states import dented, scene_of
 from PIL import Image
+from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import movie, raster
@@ -37,7 +38,7 @@ def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
 
 def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None:
     path = movie.save_gif(plain(), tmp_path / "film.gif", fps=20)
-    with Image.open(path) as film:
+    with GifImageFile(path) as film:
         assert film.n_frames == 5
         assert film.size == (64, 48)
         assert film.info["loop"] == 0
@@ -58,7 +59,7 @@ def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
     run = [dented(scene, 0.0012 * k, time=0.001 * k) for k in range(50)]
     path = movie.save_gif(movie.frames(run, scene, (640, 360)), tmp_path / "film.gif")
     assert path.stat().st_size < 1.5e6
-    with Image.open(path) as film:
+    with GifImageFile(path) as film:
         assert film.n_frames == 50
         film.seek(30)
         shown = np.asarray(film.convert("RGB")).astype(int)

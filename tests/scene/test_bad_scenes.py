@@ -126,7 +126,11 @@ BAD = [
     (RECTANGULAR, "block=5", ["block = 5", "a table with keys such as width, height"]),
     (RECTANGULAR, "impactor=5", ["impactor = 5", "a table with keys such as mass"]),
     (RECTANGULAR, "model.self_contact=yes", ["model.self_contact = 'yes'", "true or false"]),
-    (RECTANGULAR, "model.damping=none", ["model.damping = none", "'connection' or 'absolute'"]),
+    (
+        RECTANGULAR,
+        "model.damping=none",
+        ["model.damping = none", "'connection', 'relative' or 'absolute'"],
+    ),
     (RECTANGULAR, "base.kind=glued", ["base.kind = 'glued'", "'held', 'gripped' or 'floor'"]),
     (RECTANGULAR, "impactor.shape=ball", ["impactor.shape = 'ball'", "flat, cylinder, wedge"]),
     (RECTANGULAR, "numerics.end=never", ["numerics.end = 'never'", "'rebound' or above 0"]),
@@ -178,7 +182,7 @@ def test_every_problem_gets_one_line():
 
 @given(
     st.sampled_from(["block.thickness", "foam.yield_strain", "impactor.mass", "numerics.safety"]),
-    st.floats(),
+    st.floats(allow_subnormal=False),  # Taichi has its process flush them to zero
 )
 def test_a_number_is_taken_as_it_is_or_refused_by_name(key, value):
     problem, loaded = "", None

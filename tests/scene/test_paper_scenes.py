@@ -4,7 +4,7 @@ import pytest
 
 from taichi_foam import paper
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Block, Foam, Numerics
+from taichi_foam.scene import Block, Cylinder, Foam, Numerics
 
 
 def test_defaults_are_table_1_and_table_6():
@@ -70,6 +70,7 @@ def test_only_the_flat_block_has_a_first_peak():
 
 def test_paper_literal():
     cylinder = paper.paper_scene("paper/cylinder-2.94", "paper-literal")
+    assert isinstance(cylinder.impactor, Cylinder)
     assert cylinder.impactor.radius == 0.05
     assert cylinder.impactor.friction == 0.0
     assert cylinder.base.kind == "held"
