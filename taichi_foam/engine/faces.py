@@ -37,10 +37,10 @@ def face_force(
 ):  # fmt: skip
     """Force [N] of connection (i, j) on its first node, powers [W], and what latching found.
 
-    `ahead` and `behind` are the crossing differences on its two sides. The powers are what its
-    shear and its dashpot take up, T . (v_end - v_start). With `latching`, the state is an accepted
-    one, and the connection's history is brought up to date with it: the stiffness [N/m] comes
-    back, and 1 if the connection breaks.
+    `ahead` and `behind` are the crossing differences on its two sides. With `latching`, the state
+    is an accepted one, and the connection's history is brought up to date with it: its stiffness
+    [N/m] if it is densified comes back, and 1 if it breaks, and the powers that its shear and its
+    dashpot take up, T . (v_end - v_start).
     """
     links = ti.static(lattice.links[axis])
     ei, ej = ti.static((1, 0) if axis == A else (0, 1))
@@ -61,21 +61,23 @@ def face_force(
     if ti.static(latching):
         if e < link[WORST]:
             links[b, i, j][WORST] = e
-        # a compressed connection is stiff, or rather unstable, across itself too
-        modulus = ti.max(foam_law.tangent_modulus(p.foam, e), ti.abs(stress) / (1.0 + e))
-        found[0] = modulus * p.area[axis] * per_length
+        if e < p.foam.densification_strain:
+            found[0] = foam_law.densified_modulus(p.foam, e) * p.area[axis] * per_length
     if not broken:
         # F's column across the connection, from the halves that its broken neighbours leave
         across = link[AHEAD] * ahead + link[BEHIND] * behind
         gamma = kinematics.shear_strain(reach, across) * per_length
-        shear = across * (p.area[axis] * foam_law.shear_stress(p.foam, gamma))
-        closing = reach.dot(relative) * per_reach * per_reach
-        dragging = p.cross_dashpot[axis] * relative + reach * (p.excess_dashpot[axis] * closing)
+        tau = foam_law.shear_stress(p.foam, gamma)
+        shear = across * (p.area[axis] * tau)
+        dragging = p.cross_dashpot[axis] * relative
+        if p.excess_dashpot[axis] != 0.0:
+            closing = reach.dot(relative) * per_reach
+            dragging += reach * (p.excess_dashpot[axis] * closing * per_reach)
         force += shear + dragging
-        power = vec2(shear.dot(relative), dragging.dot(relative))
         if ti.static(latching):
+            power = vec2(shear.dot(relative), dragging.dot(relative))
             worst = ti.min(link[WORST], e)
-            if foam_law.fails(p.foam, e, stress, gamma, worst):
+            if foam_law.fails(p.foam, e, stress, tau, worst):
                 found[1] = 1.0
                 links[b, i, j][BREAK_TIME] = lattice.clock[b].time
                 if stress > 0.0 or p.foam.broken_contact == foam_law.JUMP:
@@ -91,7 +93,7 @@ def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.tem
     What crosses an A above it crosses the next A below it, and is carried on.
     """
     power = vec2(0.0)
-    stiffest = 0.0
+    densified = 0.0
     breaks = 0.0
     below = crossing(lattice, A, -1, b, i, 0)
     for j in range(lattice.rows):
@@ -103,7 +105,7 @@ def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.tem
             below = above
             force_a = force
             power += taken
-            stiffest = ti.max(stiffest, found[0])
+            densified = ti.max(densified, found[0])
             breaks += found[1]
         if j < lattice.rows - 1:
             right = crossing(lattice, B, 0, b, i, j)
@@ -111,12 +113,12 @@ def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.tem
             force, taken, found = face_force(lattice, B, latching, b, i, j, right, left, p)
             force_b = force
             power += taken
-            stiffest = ti.max(stiffest, found[0])
+            densified = ti.max(densified, found[0])
             breaks += found[1]
         lattice.force[b, i, j] = vec4(force_a.x, force_a.y, force_b.x, force_b.y)
-    lattice.column_power[b, i] = power
     if ti.static(latching):
-        lattice.column_found[b, i] = vec2(stiffest, breaks)
+        lattice.column_power[b, i] = power
+        lattice.column_found[b, i] = vec2(densified, breaks)
 
 
 @ti.func

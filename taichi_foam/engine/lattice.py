@@ -61,7 +61,6 @@ class Clock:
     next_row: ti.f64
     last_contact: ti.f64
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
-    stiffest: ti.f64  # connection of the accepted state [N/m]
     steps: ti.i64
     status: ti.i32
     rows: ti.i32
@@ -106,8 +105,8 @@ class Lattice:
         self.anchor = vec2.field()  # where the node was when the neighbours were listed [m]
 
         # what a column of nodes adds up; a sum over columns has one order on any machine
-        self.column_power = vec2.field()  # that shear and dashpots take up now [W]
-        self.column_found = vec2.field()  # by the last latch: stiffest [N/m], newly broken
+        self.column_power = vec2.field()  # of shear and dashpots at the last latch [W]
+        self.column_found = vec2.field()  # by the last latch: densified stiffness [N/m], breaks
         self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
         self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
         self.column_bad = ti.field(ti.i32)  # first row that is not finite, or `rows`

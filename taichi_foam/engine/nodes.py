@@ -36,9 +36,12 @@ def node_column(lattice: ti.template(), b, i, stage, p: ti.template()):
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one column of nodes.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
-    numbers. After the last stage the step is accepted. What the faces take up is the power of
-    their forces on the nodes, not the gradient of an energy (the shear force is none): the ledger
-    closes to the integrator's order.
+    numbers. After the last stage the step is accepted.
+
+    The ledger: what the faces take up is the power of their forces on the nodes, in the same
+    Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
+    integrator's order. How it splits into normal stress, shear and dashpots is sampled once a
+    step, with the latch: that moves work between columns, never out of the sum.
     """
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)

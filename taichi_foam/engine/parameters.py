@@ -122,15 +122,12 @@ def parameters_of(scene: Scene) -> dict:
 
 
 def _viscosities(scene: Scene) -> tuple[float, float]:
-    """Viscosity [Pa s] of a connection's dashpots along it and across it.
-
-    Stiffness-proportional damping takes K along and G across.
-    """
+    """Viscosity [Pa s] of a connection's dashpots along it and across it."""
     time, foam = scene.numerics.damping_time, scene.foam
     along = time * foam.youngs_modulus
     return {
-        "connection": (along, time * foam.shear_modulus),
-        "relative": (along, along),
+        "connection": (along, along),
+        "stiffness": (along, time * foam.shear_modulus),
         "absolute": (0.0, 0.0),
     }[scene.model.damping]
 
@@ -184,15 +181,16 @@ def impactor_edges(scene: Scene) -> np.ndarray:
 
 
 @ti.func
-def stable_step(p: Parameters, stiffest: ti.f64) -> ti.f64:
-    """Step size [s] for a lattice whose stiffest connection has `stiffest` [N/m].
+def stable_step(p: Parameters, densified: ti.f64) -> ti.f64:
+    """Step size [s] for a lattice whose stiffest densified connection has `densified` [N/m].
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
     of its shear connections, 8 k of packed pieces and once the contact with a body (normal and
     friction act across each other); dashpots decay at no more than 8 c / m, a drag at C / m.
     """
     per_length = p.area / p.cell
-    stiffness = 4.0 * stiffest + 8.0 * p.foam.shear_modulus * per_length.max()
+    elastic = foam_law.elastic_modulus(p.foam) * per_length.max()
+    stiffness = 4.0 * ti.max(elastic, densified) + 8.0 * p.foam.shear_modulus * per_length.max()
     stiffness += p.contact_stiffness
     if p.self_contact:
         stiffness += 8.0 * foam_law.PACKED * p.foam.youngs_modulus * per_length.max()

@@ -46,18 +46,18 @@ def _goes_on(lattice: ti.template(), b) -> ti.i32:
 @ti.func
 def _take_stock(lattice: ti.template(), b, p: ti.template()):
     """Of an accepted state whose columns have been latched: breaks, step size, an end."""
-    stiffest = 0.0
+    densified = 0.0
     breaks = 0.0
     for i in range(lattice.columns):
         found = lattice.column_found[b, i]
-        stiffest = ti.max(stiffest, found[0])
+        densified = ti.max(densified, found[0])
         breaks += found[1]
     lattice.clock[b].newly_broken = ti.i32(breaks)
     lattice.clock[b].stale |= ti.i32(breaks > 0.0)
     lattice.clock[b].broken += ti.i32(breaks)
     step = p.step
     if step == 0.0:
-        step = stable_step(p, stiffest)
+        step = stable_step(p, densified)
     lattice.clock[b].step = step
     lattice.clock[b].shortest = ti.min(lattice.clock[b].shortest, step)
     lattice.clock[b].longest = ti.max(lattice.clock[b].longest, step)

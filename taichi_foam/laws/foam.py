@@ -131,13 +131,17 @@ def _densified_energy(foam: Foam, e: ti.f64) -> ti.f64:
 
 
 @ti.func
-def tangent_modulus(foam: Foam, e: ti.f64) -> ti.f64:
-    """The steepest d(sigma_e)/de that a connection at `e` can answer with [Pa]."""
-    retension = foam.crushed_tensile_stress / foam.crushed_tensile_strain
-    modulus = ti.max(foam.youngs_modulus, retension)
-    if e < foam.densification_strain:
-        modulus = ti.max(modulus, _densified(foam, e)[1])
-    return modulus
+def densified_modulus(foam: Foam, e: ti.f64) -> ti.f64:
+    """d(sigma_e)/de of the densification branch, e < e_d [Pa]."""
+    return _densified(foam, e)[1]
+
+
+@ti.func
+def elastic_modulus(foam: Foam) -> ti.f64:
+    """The steepest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
+    return ti.max(
+        foam.youngs_modulus, foam.crushed_tensile_stress / foam.crushed_tensile_strain
+    )
 
 
 @ti.func
@@ -169,20 +173,20 @@ def tensile_limit(foam: Foam, e_min: ti.f64) -> ti.f64:
 
 
 @ti.func
-def shear_limit(foam: Foam, e: ti.f64, sigma_e: ti.f64) -> ti.f64:
-    """Shear strain at which a connection breaks, by the chosen reading of compression."""
-    limit = foam.shear_failure_strain
+def shear_strength(foam: Foam, e: ti.f64, sigma_e: ti.f64) -> ti.f64:
+    """Shear stress at which a connection breaks [Pa], by the chosen reading of compression."""
+    strength = foam.shear_modulus * foam.shear_failure_strain
     if e < 0.0:
         if foam.shear_failure == TENSION_ONLY:
-            limit = ti.math.inf
+            strength = ti.math.inf
         elif foam.shear_failure == PRESSURE_DEPENDENT:
-            limit += foam.shear_pressure_coefficient * ti.abs(sigma_e) / foam.shear_modulus
-    return limit
+            strength += foam.shear_pressure_coefficient * ti.abs(sigma_e)
+    return strength
 
 
 @ti.func
-def fails(foam: Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64) -> ti.i32:
-    """Whether an intact connection at this strain breaks, in tension or in shear (Section 4.6)."""
+def fails(foam: Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64) -> ti.i32:
+    """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6)."""
     return ti.i32(
-        e > tensile_limit(foam, e_min) or ti.abs(gamma) > shear_limit(foam, e, sigma_e)
+        e > tensile_limit(foam, e_min) or ti.abs(tau) > shear_strength(foam, e, sigma_e)
     )

@@ -32,19 +32,19 @@ class Base(Part):
 class Model(Part):
     """Readings of what the paper leaves open."""
 
-    damping: Literal["connection", "relative", "absolute"] = choice(
+    damping: Literal["connection", "stiffness", "absolute"] = choice(
         "connection",
-        "connection: a dashpot in each connection, after its stiffness: K along it, G across it; "
-        "relative: one after K on the whole relative velocity of its mass points; "
+        "connection: a dashpot in each connection, on the relative velocity of its mass points; "
+        "stiffness: the same along it, but after G instead of K across it; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
     )
     shear_failure: Literal["tension-only", "always", "pressure-dependent"] = choice(
-        "tension-only",
+        "pressure-dependent",
         "tension-only: a connection in compression does not fail in shear; always: it does; "
         "pressure-dependent: its shear strength grows with the compression",
     )
     shear_pressure_coefficient: float = quantity(
-        1.0,
+        15.0,
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,

@@ -20,9 +20,10 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "calibrated": MappingProxyType(
             {
                 "base.kind": "gripped",
-                "impactor.friction": 0.3,
+                "impactor.friction": 0.15,
                 "model.damping": "connection",
-                "model.shear_failure": "tension-only",
+                "model.shear_failure": "pressure-dependent",
+                "model.shear_pressure_coefficient": 15.0,
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
             }
