@@ -10,7 +10,8 @@ configuration at x = (p - I/2) dX, y = q dY. A broken connection is the cell edg
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+
+from taichi_foam.crush import crushed_cells
 
 if TYPE_CHECKING:
     from taichi_foam.result import Snapshot
@@ -114,7 +117,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     2. it runs down: from the row of its first broken vertical edge below the impactor to its lowest
        vertical edge are L or more rows (so cracks that rise from the base do not count);
 
-    L being CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such
+    Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
+    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such
     clusters the one that reaches deepest counts, then the one that broke first. The start is the
     first vertical edge of the cluster to break below the impactor (of equals the highest).
     """
@@ -122,7 +126,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
         return None
     columns, rows = snapshot.position.shape[:2]
     dx, dy = scene.block.dx, scene.block.dy
-    broken = snapshot.broken_a
+    crushed = crushed_cells(snapshot, scene.foam)
+    broken = snapshot.broken_a & ~(crushed[:-1] & crushed[1:])
     corners = _components(*_broken_edges(snapshot), (columns + 1) * (rows + 1))
     lower_ends = corners.reshape(columns + 1, rows + 1)[1:columns, :rows]
     cluster = np.where(broken, lower_ends, -1)
@@ -151,6 +156,17 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
         start_x, start_height = float(x[at_i[first]]), (at_j[first] + 0.5) * dy
         found.append(Crack(lowest * dy, start_x, float(start_height), float(times[first])))
     return min(found, key=lambda crack: (crack.lowest_height, crack.start_time), default=None)
+
+
+def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None:
+    """The crack below the impactor over a run: where it began, and how deep it came.
+
+    Later crushing and shattering hide a crack from the last snapshot, so all of them are asked.
+    """
+    seen = [crack for crack in (crack_below_impactor(s, scene) for s in snapshots) if crack]
+    if not seen:
+        return None
+    return replace(seen[0], lowest_height=min(crack.lowest_height for crack in seen))
 
 
 def _broken_edges(snapshot: Snapshot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

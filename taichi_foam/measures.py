@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from taichi_foam.fragments import crack_below_impactor, pieces
+from taichi_foam.crush import crushed_cells
+from taichi_foam.fragments import crack_over_time, pieces
 
 if TYPE_CHECKING:
     from taichi_foam.result import Result, Snapshot
@@ -32,9 +33,6 @@ PLATEAU_END_FRACTION = 0.85
 
 INITIAL_PEAK_WINDOW_S = 5e-3
 """A flat face's initial peak lies within this time of contact (measured: 1.8 to 2.9 ms)."""
-
-CRUSHED_FRACTION = 0.5
-"""A cell counts as crushed this share of the way from yield to densification (here: halfway)."""
 
 
 @dataclass(frozen=True)
@@ -242,29 +240,17 @@ def energy_residual(result: Result) -> float | None:
 
 
 def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
-    """The largest connected patch of crushed cells; None if there is none.
-
-    A cell (i, j) is crushed when the worst compressive strain of its two to four connections, so
-    far, lies beyond CRUSHED_FRACTION of the way from the yield to the densification strain.
-    """
-    worst = np.zeros(snapshot.position.shape[:2])
-    for part, strain in (
-        (np.s_[:-1, :], snapshot.e_min_a),
-        (np.s_[1:, :], snapshot.e_min_a),
-        (np.s_[:, :-1], snapshot.e_min_b),
-        (np.s_[:, 1:], snapshot.e_min_b),
-    ):
-        np.minimum(worst[part], strain, out=worst[part])
-    foam, block = scene.foam, scene.block
-    limit = foam.yield_strain + CRUSHED_FRACTION * (foam.densification_strain - foam.yield_strain)
-    patches = np.zeros(worst.shape, dtype=np.int32)
-    if ndimage.label(worst < limit, output=patches) == 0:
+    """The largest connected patch of crushed cells; None if there is none."""
+    block = scene.block
+    crushed = crushed_cells(snapshot, scene.foam)
+    patches = np.zeros(crushed.shape, dtype=np.int32)
+    if ndimage.label(crushed, output=patches) == 0:
         return None
     patch = patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
 
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
     links = np.clip(np.diff(snapshot.position[..., 1], axis=1), 0, block.dy)
-    cells = np.empty_like(worst)
+    cells = np.empty(crushed.shape)
     cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
     cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
     heights = np.where(patch, cells, 0.0).sum(axis=1)[columns]
@@ -280,13 +266,13 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
 def summary(result: Result) -> dict[str, Any]:
     """The content of summary.json: one entry per measure, units in the names, None for no answer.
 
-    Pieces, cracks and the crushed region are those of the last snapshot.
+    Pieces and the crushed region are those of the last snapshot.
     """
     scene, run, found = result.scene, result.run, impact(result)
     peak = initial_peak(result)
     last = result.snapshots[-1] if result.snapshots else None
     region = crushed_region(last, scene) if last else None
-    crack = crack_below_impactor(last, scene) if last else None
+    crack = crack_over_time(result.snapshots, scene)
     broken = result.history["broken_connections"]
     overlap = run.get("max_overlap_m") if scene.impactor is not None else None
     return {

@@ -22,6 +22,10 @@ POLYGON = 2
 # 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
 RK4_RADIUS = 2.61
 
+# The support stops the impactor as hard as it can without asking for a shorter step: the impactor
+# swings on it this many times as slowly as a node on the impactor.
+SLOWNESS = 20.0
+
 vec2 = ti.types.vector(2, ti.f64)
 
 
@@ -67,9 +71,10 @@ def parameters_of(scene: Scene) -> dict:
     impactor, base = scene.impactor, scene.base
     stiffness = foam.youngs_modulus * block.thickness  # of a square cell's connection [N/m]
     area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
-    viscosity = numerics.damping_time * foam.youngs_modulus
     per_length = np.array([area_a / block.dx, area_b / block.dy])
     along, across = _viscosities(scene)
+    drag = numerics.damping_time * stiffness
+    contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
     values = {
@@ -79,12 +84,12 @@ def parameters_of(scene: Scene) -> dict:
         "node_mass": block.node_mass,
         "cross_dashpot": (across * per_length).tolist(),
         "excess_dashpot": ((along - across) * per_length).tolist(),
-        "drag": viscosity * block.thickness if model.damping == "absolute" else 0.0,
+        "drag": drag if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),
         "hold_y": int(base.kind in ("held", "gripped")),
         "floor_friction": base.friction,
-        "contact_stiffness": numerics.contact_stiffness * stiffness,
+        "contact_stiffness": contact,
         "support_stiffness": 0.0,
         "impactor_kind": NO_IMPACTOR,
         "impactor_x": 0.0,
@@ -115,8 +120,7 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_edges": 0 if is_circle else len(impactor.outline()),
             "impactor_mass": impactor.mass,
             "impactor_friction": impactor.friction,
-            # as quick as a node's contact is slow: some 50 of its steps to a period
-            "support_stiffness": values["contact_stiffness"] * impactor.mass / block.node_mass / 400,
+            "support_stiffness": contact * impactor.mass / block.node_mass / SLOWNESS**2,
         }
     return values
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.crush import worst_strain
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
@@ -71,20 +73,6 @@ def corners(
     torn_and_crushed &= worst_strain(e_min_a, e_min_b) < FOLDING_STRAIN
     _unfold(points, torn_and_crushed, z, joints, dx, dy)
     return points.view(np.float64).reshape(columns, rows, 4, 2)
-
-
-def worst_strain(e_min_a: Floats, e_min_b: Floats) -> Floats:
-    """Worst compressive strain (<= 0) over the connections of each node, (columns, rows)."""
-    columns, rows = e_min_b.shape[0], e_min_a.shape[1]
-    worst = np.zeros((columns, rows))
-    for part, strain in (
-        (worst[:-1], e_min_a),
-        (worst[1:], e_min_a),
-        (worst[:, :-1], e_min_b),
-        (worst[:, 1:], e_min_b),
-    ):
-        np.minimum(part, strain, out=part)
-    return worst
 
 
 def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:

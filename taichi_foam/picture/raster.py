@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.crush import worst_strain
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, cells, colours
 from taichi_foam.picture.paint import FINE, paint
@@ -137,7 +138,7 @@ def draw(image: Image8, snapshot: Snapshot, scene: Scene, view: View, unit: floa
         block.dx,
         block.dy,
     )
-    level = colours.strain_levels(cells.worst_strain(snapshot.e_min_a, snapshot.e_min_b))
+    level = colours.strain_levels(worst_strain(snapshot.e_min_a, snapshot.e_min_b))
     sides = cells.open_sides(broken_a, broken_b)
     smallest = view.scale * min(block.dx, block.dy)
     strength = float(np.clip((smallest - GRID_NONE) / (GRID_FULL - GRID_NONE), 0, 1))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 
+from taichi_foam.crush import worst_strain
 from taichi_foam.picture import cells
 from taichi_foam.result import Snapshot
 from taichi_foam.scene import Scene
@@ -145,7 +146,7 @@ def test_rubble_pushed_past_its_neighbour_is_drawn_as_a_rectangle_of_its_own() -
 def test_worst_strain_is_the_least_over_the_connections_of_a_node() -> None:
     e_min_a = np.array([[-0.1, 0.0], [-0.5, -0.2]])
     e_min_b = np.array([[-0.3], [0.0], [-0.4]])
-    worst = cells.worst_strain(e_min_a, e_min_b)
+    worst = worst_strain(e_min_a, e_min_b)
     np.testing.assert_array_equal(worst, [[-0.3, -0.3], [-0.5, -0.2], [-0.5, -0.4]])
 
 
