@@ -15,9 +15,7 @@ CRUSHED_FRACTION = 0.5
 """A cell counts as crushed this share of the way from yield to densification (here: halfway)."""
 
 
-def worst_strain(
-    e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def worst_strain(e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Worst compressive strain (<= 0) over the connections of each node, (columns, rows)."""
     columns, rows = e_min_b.shape[0], e_min_a.shape[1]
     worst = np.zeros((columns, rows))

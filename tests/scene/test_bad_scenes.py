@@ -129,7 +129,7 @@ BAD = [
     (
         RECTANGULAR,
         "model.damping=none",
-        ["model.damping = none", "'connection', 'relative' or 'absolute'"],
+        ["model.damping = none", "'connection', 'stiffness' or 'absolute'"],
     ),
     (RECTANGULAR, "base.kind=glued", ["base.kind = 'glued'", "'held', 'gripped' or 'floor'"]),
     (RECTANGULAR, "impactor.shape=ball", ["impactor.shape = 'ball'", "flat, cylinder, wedge"]),
