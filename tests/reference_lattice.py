@@ -104,7 +104,7 @@ class ReferenceLattice:
             rate = (self.velocity[end] - self.velocity[i, j]) / (dx, dy)[axis]
             way = self.position[end] - self.position[i, j]
             closing = way * (way @ rate) / (way @ way)
-            across = {"connection": f.shear_modulus, "relative": f.youngs_modulus}
+            across = {"connection": f.youngs_modulus, "stiffness": f.shear_modulus}
             viscous = f.youngs_modulus * closing
             viscous = viscous + across[self.scene.model.damping] * (rate - closing)
             force = force + self.scene.numerics.damping_time * area * viscous

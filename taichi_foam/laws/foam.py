@@ -139,9 +139,7 @@ def densified_modulus(foam: Foam, e: ti.f64) -> ti.f64:
 @ti.func
 def elastic_modulus(foam: Foam) -> ti.f64:
     """The steepest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
-    return ti.max(
-        foam.youngs_modulus, foam.crushed_tensile_stress / foam.crushed_tensile_strain
-    )
+    return ti.max(foam.youngs_modulus, foam.crushed_tensile_stress / foam.crushed_tensile_strain)
 
 
 @ti.func
@@ -187,6 +185,4 @@ def shear_strength(foam: Foam, e: ti.f64, sigma_e: ti.f64) -> ti.f64:
 @ti.func
 def fails(foam: Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64) -> ti.i32:
     """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6)."""
-    return ti.i32(
-        e > tensile_limit(foam, e_min) or ti.abs(tau) > shear_strength(foam, e, sigma_e)
-    )
+    return ti.i32(e > tensile_limit(foam, e_min) or ti.abs(tau) > shear_strength(foam, e, sigma_e))

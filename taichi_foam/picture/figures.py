@@ -167,7 +167,7 @@ def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
         axes = figure.subplots(1, len(impacts), sharey=True, squeeze=False)[0]
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-        top = 1.25 * max(_tallest(impact) for impact in impacts)
+        top = _top(impacts)
         last = max(_latest(impact) for impact in impacts)
         for k, (axis, impact) in enumerate(zip(axes, impacts, strict=True)):
             time = 1e3 * impact.time
@@ -178,6 +178,7 @@ def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
             axis.set_xlabel("time (ms)")
             axis.set_xlim(0, 1e3 * last * 1.06)
             axis.set_ylim(0, top)
+            _mark_what_is_off(axis, impact, top)
         axes[0].set_ylabel("deceleration (m/s²)")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
@@ -304,9 +305,32 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _tallest(impact: Deceleration) -> float:
-    peak = impact.measured.initial_peak_m_s2 if impact.measured else None
-    return max(float(np.nanmax(impact.deceleration)), peak or 0.0)
+def _top(impacts: Sequence[Deceleration]) -> float:
+    """Top of the scale: a blow on the support must not flatten everything that was measured."""
+    tallest = max(float(np.nanmax(impact.deceleration)) for impact in impacts)
+    measured = [impact.measured for impact in impacts if impact.measured]
+    if not measured:
+        return 1.25 * tallest
+    known = max(max(m.initial_peak_m_s2 or 0.0, m.plateau_deceleration_m_s2) for m in measured)
+    return 1.25 * min(max(tallest, known), 2.0 * known)
+
+
+def _mark_what_is_off(axis: Axes, impact: Deceleration, top: float) -> None:
+    """Say how high a curve goes that leaves the scale."""
+    peak = int(np.nanargmax(impact.deceleration))
+    height = float(impact.deceleration[peak])
+    if height <= top:
+        return
+    time = 1e3 * float(impact.time[peak])
+    axis.annotate(
+        f"to {height:.0f} m/s²",
+        (time, 0.62 * top),
+        xytext=(-4, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=BLUE,
+    )
 
 
 def _latest(impact: Deceleration) -> float:

@@ -104,25 +104,30 @@ def test_options_come_in_order(
     assert [s.output.film for s in scenes] == [True, False, True]
 
 
-#: Damping far beyond what the given step can follow.
-WILD = ["--dt", "5e-5", "--set", "numerics.damping_time=1e-2", "--set", "numerics.end=0.01"]
-
-
 def test_a_failed_run_is_saved(invoke: Callable, tmp_path: Path) -> None:
     """Drag on every mass point: h C / m is about 500, and values grow 10^9-fold each step."""
-    drag = ["--set", "model.damping=absolute"]
-    result = invoke("run", WEDGE, *COARSE_OPTIONS, *WILD, *drag, "--out", "wild")
+    drag = ["--set", "model.damping=absolute", "--set", "numerics.damping_time=1e-2"]
+    wild = ["--dt", "5e-5", "--set", "numerics.end=0.01"]
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, *wild, *drag, "--out", "wild")
     assert result.exit_code == 1, result.output
-    assert "not finite at" in result.stderr
+    assert re.search(r"went astray at [0-9.]+ ms, first at node \(\d+, \d+\)", result.stderr)
     assert "numerics.dt" in result.stderr
     assert "Traceback" not in result.stderr
-    assert summary_of(tmp_path / "wild")["run"]["ended_by"] == "non-finite values"
+    assert summary_of(tmp_path / "wild")["run"]["ended_by"] == "values that went astray"
     assert len(Result.load(tmp_path / "wild").history["time_s"]) >= 1
 
 
 def test_a_run_that_makes_energy_is_not_passed_over(invoke: Callable) -> None:
-    """Dashpots in the connections: they break, so that the values stay finite, but wrong."""
-    result = invoke("run", WEDGE, *COARSE_OPTIONS, *WILD, "--no-film")
+    """A step between two limits: touching points gain energy, the foam's own motion is stable.
+
+    The contact swings a point of 0.146 g on 40 K Z = 6.3 MN/m: 2 sqrt 2 / w = 13.6 us. The foam's
+    stiffest mode, 2 sqrt((K + G) / rho) / 10 mm, allows 37 us. What is thrown off loses touch, so
+    that the values stay finite, but wrong.
+    """
+    between = ["--dt", "2e-5", "--set", "numerics.contact_stiffness=40"]
+    result = invoke(
+        "run", WEDGE, *COARSE_OPTIONS, *between, "--set", "numerics.end=0.01", "--no-film"
+    )
     assert result.exit_code == 0, result.output
     assert "do not trust this run" in result.stderr
 

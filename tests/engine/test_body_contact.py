@@ -24,6 +24,7 @@ ROUNDING = 1e-9  # N, as in test_face_forces.py
 ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
 ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
 
+STIFF = numerics(contact_stiffness=40.0)
 SLOW = 1e-6  # m/s: over the bench's instant, an impactor that hardly moves
 SHAPES = {
     "flat": FlatBlock(velocity=SLOW, width=0.03, height=0.02),
@@ -67,12 +68,10 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
 
     The only other forces would be the faces', and an undeformed block has none.
     """
-    scene = small_scene(
-        base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=numerics()
-    )
+    scene = small_scene(base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0013, 0.0211])
     lowest = scene.contact_height
-    stiffness = 20.0 * scene.foam.youngs_modulus * scene.block.thickness
+    stiffness = 40.0 * scene.foam.youngs_modulus * scene.block.thickness
     expected = np.zeros_like(position)
     for index in np.ndindex(COLUMNS, ROWS):
         depth, out = depth_and_normal(SHAPES[name], position[index] - [SHAPES[name].x, lowest])
@@ -82,13 +81,97 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
     np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
 
 
-def test_the_floor_pushes_up_what_is_below_it() -> None:
+K, FACE = 2.78e6, 0.005 * 0.057  # Pa, m2
+
+
+@pytest.mark.parametrize(
+    ("sunk", "shares"),
+    [
+        (0.0, []),
+        (0.05e-3, [0.02]),  # half a cell of 2.5 mm, elastic
+        (0.125e-3, [0.05]),
+        (1.5e-3, [0.05]),  # the plateau
+        (2.0e-3, [0.05]),  # crushed to 0.2: from here on 4 K more
+        (2.25e-3, [0.45]),
+        # two rows and a half, those below the floor at -9.8 and -4.8 mm
+        (12.3e-3, [0.05 + 4 * 4.12, 0.05 + 4 * 2.12, 0.05 + 4 * 0.12]),
+    ],
+)
+def test_the_floor_pushes_up_with_half_a_cell_of_foam(sunk: float, shares: list[float]) -> None:
+    """By K times the face times the shares, row by row from below, all worked out by hand."""
     scene = small_scene(base=Base(kind="floor"), model=LOOSE)
-    position = reference_positions(scene) - [0.0, 0.0123]  # two rows and a half
-    stiffness = 20.0 * scene.foam.youngs_modulus * scene.block.thickness
+    position = reference_positions(scene) - [0.0, sunk]
     expected = np.zeros_like(position)
-    expected[:, :3, 1] = stiffness * (np.array([0.0123, 0.0073, 0.0023]))
+    expected[:, : len(shares), 1] = K * FACE * np.array(shares)
     np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
+    """Feet once crushed by 40 % have a radius of 1.5 mm: the floor meets them only there.
+
+    Their own links are broken, and hold nothing at a strain beyond that of zero stress.
+    """
+    scene = small_scene(base=Base(kind="floor"), model=LOOSE)
+    worst = np.zeros((COLUMNS - 1, ROWS) if axis == 0 else (COLUMNS, ROWS - 1))
+    worst[:, 0] = -0.4
+    crushed = {("worst_a", "worst_b")[axis]: worst, "broken_a": ALL_A, "broken_b": ALL_B}
+    for height, share in ((2.4e-3, 0.0), (1.51e-3, 0.0), (1.45e-3, 0.02), (1.0e-3, 0.05)):
+        position = reference_positions(scene)
+        position[:, 0, 1] = height
+        position[:, 1:, 1] += 0.01
+        expected = np.zeros_like(position)
+        expected[:, 0, 1] = share * K * FACE
+        np.testing.assert_allclose(
+            node_forces(scene, position=position, **crushed), expected, atol=ROUNDING
+        )
+
+
+def test_the_held_row_lets_the_impactor_pass() -> None:
+    """A block lifted by its whole height: a cylinder pushes all its rows aside but the held one."""
+    cylinder = SHAPES["cylinder"]
+    scene = small_scene(impactor=cylinder, model=LOOSE, base=Base(kind="held"), numerics=STIFF)
+    position = reference_positions(scene) + np.array([0.0, 0.105])
+    inside = [
+        depth_and_normal(cylinder, point - [0.0, scene.contact_height])[0] > 0
+        for point in position[:, 0]
+    ]
+    assert any(inside)
+    found = node_forces(scene, position=position)
+    np.testing.assert_allclose(found[:, 0], 0.0, atol=ROUNDING)
+    free = node_forces(scene.model_copy(update={"base": Base(kind="floor")}), position=position)
+    assert np.abs(free[inside, 0]).max() > 100.0
+    np.testing.assert_allclose(found[:, 1:], free[:, 1:], atol=ROUNDING)
+
+
+def test_the_support_stops_the_impactor_and_throws_it_back() -> None:
+    """With the block out of the way, from 0.1 mm above the bottom: nothing, then half a swing.
+
+    Its frequency is a twentieth of that of a node on the impactor, so that contacts rule the step:
+    w = 20.8e3 / s, 151 us, v / w = 144 um deep; w dt is 0.004, its square the kinks' error.
+    """
+    speed, mass, dt = 3.0, 6.0, 2e-7
+    face = FlatBlock(velocity=speed, mass=mass, width=0.03)
+    stiff = numerics(contact_stiffness=40.0, dt=dt)
+    scene = small_scene(impactor=face, model=LOOSE, numerics=stiff)
+    w = math.sqrt(40 * K * 0.057 / scene.block.node_mass) / 20
+    aside = reference_positions(scene) + np.array([1.0, 0.0])
+    heights, speeds = [], []
+    with bench(scene, position=aside) as loaded:
+        body = loaded.lattice.body
+        body.y[0] = body.trial_y[0] = 1e-4
+        for _ in range(120):
+            loaded.step(10)
+            heights.append(body.y[0])
+            speeds.append(body.v[0])
+        work = body.support_work[0]
+    heights, speeds = np.array(heights), np.array(speeds)
+    falling = np.arange(10, 160, 10) * dt
+    np.testing.assert_allclose(heights[:15], 1e-4 - speed * falling, rtol=0, atol=1e-12)
+    assert heights.min() == pytest.approx(-speed / w, rel=1e-3)
+    assert heights[-1] == pytest.approx(speed * (1200 * dt - math.pi / w) - 1e-4, rel=1e-3)
+    assert speeds[-1] == pytest.approx(speed, rel=2e-5)
+    assert work == pytest.approx(0.5 * mass * (speed**2 - speeds[-1] ** 2), abs=1e-3)
 
 
 # One mass point against a slope that comes down on it: contact is half a swing of mass and penalty,
@@ -100,7 +183,7 @@ SPREAD = 1.01  # of a dust of points that are too far apart to press each other
 def point_after_slope(slope_deg: float, friction: float) -> np.ndarray:
     """Velocity (2,) of the top left point after a heavy face, inclined by an angle, has hit it.
 
-    The face is lowest on its left, 50 um (ten overlaps) from that point, and touches no other.
+    The face is lowest on its left, 50 um (twenty overlaps) from that point, and touches no other.
     """
     rise = 0.2 * math.tan(math.radians(slope_deg))
     x = -4.5 * 0.005 * SPREAD
@@ -113,9 +196,12 @@ def point_after_slope(slope_deg: float, friction: float) -> np.ndarray:
         gap=19 * 0.005 * (SPREAD - 1),
     )
     scene = small_scene(
-        base=Base(kind="floor"), impactor=face, model=LOOSE, numerics=numerics(dt=2e-8)
+        base=Base(kind="floor"),
+        impactor=face,
+        model=LOOSE,
+        numerics=numerics(dt=2e-8, contact_stiffness=40.0),
     )
-    half_swing = math.pi * math.sqrt(scene.block.node_mass / (20 * 2.78e6 * 0.057))
+    half_swing = math.pi * math.sqrt(scene.block.node_mass / (40 * 2.78e6 * 0.057))
     approach = 5e-5 * rise / 0.2 / SPEED
     foot = np.array([0.0, 0.0025])
     position = (reference_positions(scene) - foot) * SPREAD + foot
@@ -127,7 +213,7 @@ def point_after_slope(slope_deg: float, friction: float) -> np.ndarray:
     return after.velocity[0, -1]
 
 
-# At first and last touch a step holds a kink of the force: an error of the order of w dt = 0.006
+# At first and last touch a step holds a kink of the force: an error of the order of w dt = 0.008
 # squared. Larger is that the body's speed changes by 2 m / M = 1e-10, and nothing else.
 SWING_ERROR = 1e-4
 
@@ -157,7 +243,9 @@ GRAVITY = 9.81
 def block_at_rest(friction: float) -> tuple:
     """A stiff block on a floor, at rest under gravity: scene and positions.
 
-    Statics of each column of nodes: link j carries the weight of the nodes above it.
+    Statics of each column of nodes: link j carries the weight of the nodes above it, and half a
+    link's length, twice as stiff, lies between the lowest node and the floor. That half has shrunk
+    by the strain of the lowest link: as every radius, by the worst compression of its node.
     """
     scene = small_scene(
         base=Base(kind="floor", friction=friction),
@@ -169,7 +257,8 @@ def block_at_rest(friction: float) -> tuple:
     stiffness = scene.foam.youngs_modulus * block.thickness  # of a link of a square cell
     weight = block.node_mass * GRAVITY
     shortening = weight * np.arange(ROWS - 1, 0, -1) / stiffness
-    sinking = ROWS * weight / (20 * stiffness)
+    shrinking = 0.5 * shortening[0]
+    sinking = shrinking + ROWS * weight / (2 * stiffness)
     position = reference_positions(scene)
     position[..., 1] -= sinking + np.concatenate([[0.0], np.cumsum(shortening)])
     return scene, position
@@ -187,8 +276,8 @@ def test_a_sliding_block_slows_by_mu_g_stops_and_stays() -> None:
     """v0 = 50 mm/s, mu = 0.5: it stops after 10.2 ms and v0^2 / (2 mu g) = 0.255 mm, for good.
 
     While every foot slides, the friction is mu times the floor's force whatever its distribution,
-    so that the mean velocities obey d(v_x + mu v_y) = -mu g dt exactly. Exempt is the first
-    moment, while the friction springs stretch to mu N / k = 28 nm (0.6 us: 3e-6 m/s). The feet
+    so that the mean velocities obey d(v_x + mu v_y) = -mu g dt exactly. Exempt is the very
+    first stage, a sixth of a step, whose friction springs are still slack (2e-6 m/s). The feet
     stop one after the other, within a few of the block's shear swings (4 H / c_s = 2.2 ms).
     """
     mu, v0 = 0.5, 0.05

@@ -148,11 +148,11 @@ def test_any_state_agrees_with_the_paper_in_tensors(gradient: tuple, dx: float) 
     np.testing.assert_allclose(node_forces(scene, **start), expected, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("damping", ["connection", "relative"])
+@pytest.mark.parametrize("damping", ["connection", "stiffness"])
 def test_dashpots_drag_on_the_relative_velocity_of_intact_pairs(damping: str) -> None:
     """The same state in motion: 5 m/s at random, where dashpots outweigh the stresses.
 
-    tau K along the link in both readings; across it tau G, or tau K too.
+    tau K along the link in both readings; across it tau K too, or tau G.
     One step of 1e-12 s: forward differences err by (c/m) dt = 3e-6, rounding by 1e-9, relatively.
     """
     scene, position = free_block(
@@ -179,3 +179,17 @@ def test_bases_hold_the_bottom_row(kind: str, slides: int) -> None:
     np.testing.assert_allclose(fixed[:, 0, 0], free[:, 0, 0] * slides, atol=ROUNDING)
     assert np.abs(free[:, 0, 1]).min() > 1.0
     assert not fixed[:, 0, 1].any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "moves"), [("held", [1, 0]), ("gripped", [0, 0]), ("floor", [1, 1])]
+)
+def test_what_a_base_holds_starts_at_rest(kind: str, moves: list[int]) -> None:
+    """A start that would set the bottom row going, by (1, 2) m/s at 5 mm from its middle."""
+    spin = Start(velocity_gradient=((200.0, 30.0), (400.0, 50.0)))
+    with bench(small_scene(base=Base(kind=kind), start=spin)) as loaded:
+        velocity = loaded.snapshots()[0].velocity
+    x = reference_positions(small_scene())[:, 0, 0]
+    expected = x[:, None] * [200.0, 400.0] * moves
+    np.testing.assert_allclose(velocity[:, 0], expected, rtol=1e-12)
+    np.testing.assert_allclose(velocity[-1, 1], [200 * x[-1] + 0.15, 400 * x[-1] + 0.25])

@@ -34,9 +34,20 @@ def _stored(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array)
 
 
 @ti.kernel
-def _tangent(foam: law.Foam, e: Array, out: Array):
+def _densified(foam: law.Foam, e: Array, out: Array):
     for k in range(e.shape[0]):
-        out[k] = law.tangent_modulus(foam, e[k])
+        out[k] = law.densified_modulus(foam, e[k])
+
+
+@ti.kernel
+def _elastic(foam: law.Foam) -> ti.f64:
+    return law.elastic_modulus(foam)
+
+
+@ti.kernel
+def _piece(foam: law.Foam, gap: Array, touch: ti.f64, length: ti.f64, out: Array):
+    for k in range(gap.shape[0]):
+        out[k] = law.piece_stress(foam, gap[k], touch, length)
 
 
 @ti.kernel
@@ -46,8 +57,8 @@ def _shear(foam: law.Foam, gamma: Array, out: Array):
 
 
 @ti.kernel
-def _fails(foam: law.Foam, e: ti.f64, sigma_e: ti.f64, gamma: ti.f64, e_min: ti.f64) -> ti.i32:
-    return law.fails(foam, e, sigma_e, gamma, e_min)
+def _fails(foam: law.Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64) -> ti.i32:
+    return law.fails(foam, e, sigma_e, tau, e_min)
 
 
 def loading(foam: law.Foam, e: np.ndarray) -> np.ndarray:
@@ -69,10 +80,22 @@ def stored(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) ->
     return out
 
 
-def tangent(foam: law.Foam, e: np.ndarray) -> np.ndarray:
-    """Tangent modulus [Pa] at strains `e`."""
+def densified(foam: law.Foam, e: np.ndarray) -> np.ndarray:
+    """Slope [Pa] of the densification branch at strains `e`, all beyond densification."""
     e, out = _arrays(e)
-    _tangent(foam, e, out)
+    _densified(foam, e, out)
+    return out
+
+
+def elastic(foam: law.Foam) -> float:
+    """Steepest slope [Pa] before densification."""
+    return _elastic(foam)
+
+
+def piece(foam: law.Foam, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
+    """Stress [Pa] between pieces at distances `gap` [m] that touch at `touch` [m]."""
+    gap, out = _arrays(gap)
+    _piece(foam, gap, touch, length, out)
     return out
 
 
@@ -84,10 +107,10 @@ def shear(foam: law.Foam, gamma: np.ndarray) -> np.ndarray:
 
 
 def fails(
-    foam: law.Foam, e: float, sigma_e: float = 0.0, gamma: float = 0.0, e_min: float = 0.0
+    foam: law.Foam, e: float, sigma_e: float = 0.0, tau: float = 0.0, e_min: float = 0.0
 ) -> bool:
     """Whether an intact connection breaks."""
-    return bool(_fails(foam, e, sigma_e, gamma, e_min))
+    return bool(_fails(foam, e, sigma_e, tau, e_min))
 
 
 def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,8 @@ pytestmark = pytest.mark.usefixtures("taichi_runtime")
 
 FOAM = Foam()
 JUST = 1e-9
+STRENGTH = 84e3  # G gamma_t = 0.84 MPa * 0.10 [Pa]
+A_TOUCH = 1e-3  # Pa
 
 
 def test_shear_stress_is_g_gamma_both_ways() -> None:
@@ -38,24 +40,32 @@ def test_shear_breaks_a_pulled_or_unloaded_connection_in_every_reading(
 ) -> None:
     foam = constants(model=Model(shear_failure=reading))
     for sign in (-1, 1):
-        assert not fails(foam, e, gamma=sign * (0.10 - JUST))
-        assert fails(foam, e, gamma=sign * (0.10 + JUST))
+        assert not fails(foam, e, tau=sign * (STRENGTH - A_TOUCH))
+        assert fails(foam, e, tau=sign * (STRENGTH + A_TOUCH))
 
 
 def test_a_compressed_connection_in_shear_by_each_reading() -> None:
-    """G gamma_t + c |sigma|, with 50 kPa, is 134 kPa: gamma = 0.15952380952..."""
+    """G gamma_t + c |sigma| is 84 kPa + c * 50 kPa, in Pa below."""
     e, sigma = -0.018, -5e4
     for sign in (-1, 1):
         tension_only = constants(model=Model(shear_failure="tension-only"))
-        assert not fails(tension_only, e, sigma, sign * 5.0)
+        assert not fails(tension_only, e, sigma, sign * 1e9)
         always = constants(model=Model(shear_failure="always"))
-        assert fails(always, e, sigma, sign * (0.10 + JUST))
-        assert not fails(always, e, sigma, sign * (0.10 - JUST))
-        for coefficient, limit in ((1.0, 0.134 / 0.84), (0.5, 0.109 / 0.84), (0.0, 0.1)):
+        assert fails(always, e, sigma, sign * (STRENGTH + A_TOUCH))
+        assert not fails(always, e, sigma, sign * (STRENGTH - A_TOUCH))
+        for coefficient, limit in ((15.0, 834e3), (1.0, 134e3), (0.5, 109e3), (0.0, 84e3)):
             foam = constants(
                 model=Model(
                     shear_failure="pressure-dependent", shear_pressure_coefficient=coefficient
                 )
             )
-            assert not fails(foam, e, sigma, sign * (limit - JUST))
-            assert fails(foam, e, sigma, sign * (limit + JUST))
+            assert not fails(foam, e, sigma, sign * (limit - A_TOUCH))
+            assert fails(foam, e, sigma, sign * (limit + A_TOUCH))
+
+
+def test_the_strength_is_a_stress_whatever_the_shear_modulus() -> None:
+    """G gamma_t of 1.2 MPa and 0.05 is 60 kPa; under 139 kPa of plateau, 15 times that comes on."""
+    foam = constants(Foam(shear_modulus=1.2e6, shear_strain=0.05))
+    for e, sigma, limit in ((0.01, 2.78e4, 60e3), (-0.4, -139e3, 60e3 + 2085e3)):
+        assert not fails(foam, e, sigma, limit - A_TOUCH, e_min=min(e, 0.0))
+        assert fails(foam, e, sigma, limit + A_TOUCH, e_min=min(e, 0.0))

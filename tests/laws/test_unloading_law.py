@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from law_bench import Reference, constants, loading, normal, stored, tangent
+from law_bench import Reference, constants, densified, elastic, loading, normal, stored
 from scipy.integrate import quad
 
 from taichi_foam.scene import Foam, Model
@@ -67,11 +67,13 @@ def test_going_deeper_than_ever_meets_the_loading_curve(e_min: float) -> None:
 
 @pytest.mark.parametrize("e_min", HISTORIES)
 def test_stress_is_continuous_in_strain_for_every_history(e_min: float) -> None:
-    """No branch is steeper than the tangent modulus, so no step between two close strains is."""
+    """No branch is steeper than its modulus, so no step between two close strains is."""
     e = np.linspace(-0.9, 0.05, 200_001)
+    steep = np.full_like(e, elastic(constants()))
+    steep[e < -0.8] = np.maximum(steep[e < -0.8], densified(constants(), e[e < -0.8]))
+    steepest = np.maximum(steep[1:], steep[:-1])
     for broken in (False, True):
         jump = np.abs(np.diff(normal(constants(), e, e_min, broken)))
-        steepest = np.maximum(tangent(constants(), e[1:]), tangent(constants(), e[:-1]))
         assert np.all(jump <= 1.001 * steepest * np.diff(e))
 
 
@@ -99,7 +101,8 @@ def test_under_the_jump_reading_it_answers_only_beyond_its_worst(e_min: float) -
 def test_stored_energy_is_the_work_of_unloading(e_min: float, broken: bool) -> None:
     """SciPy's quadrature along the path from `e` to zero stress.
 
-    The law states 1e-6 for the densified part down to 0.93 of crush; quad is good to 1e-10.
+    The law states 1e-5 for the densified part down to 0.93 of crush, and is far better where that
+    is less steep; quad is good to 1e-10.
     """
     reference = Reference(FOAM)
     end = reference.permanent(e_min)
@@ -113,7 +116,7 @@ def test_stored_energy_is_the_work_of_unloading(e_min: float, broken: bool) -> N
                 for a, b in pairwise(corners)
             ) * (1 if e > end else -1)
         found = stored(constants(), np.array([e]), e_min, broken)[0]
-        assert found == pytest.approx(work, rel=1e-6, abs=1e-6)
+        assert found == pytest.approx(work, rel=1e-5 if e < -0.9 else 1e-8, abs=1e-6)
 
 
 def test_under_the_jump_reading_a_broken_pair_stores_nothing() -> None:
