@@ -178,7 +178,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
     Serial, so that the order of every list, and with it every sum, is the same for any number of
-    threads; it is rare (a node has moved by half the skin).
+    threads. It is rare: a node has moved by half the skin, or a connection has broken.
     """
     for k in range(lattice.bins_x * lattice.bins_y):
         lattice.bin_head[b, k] = -1

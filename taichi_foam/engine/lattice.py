@@ -32,8 +32,8 @@ NOT_FINITE = 3
 CROWDED = 4
 
 ROWS = 256  # of the history kept on the device between two calls
-ROW_VALUES = 18
-PAIRS_PER_NODE = 12
+ROW_VALUES = 18  # in each, see ledger.ROW_COLUMNS
+PAIRS_PER_NODE = 12  # room in the neighbour list; whole foam needs next to none
 
 
 @ti.dataclass
@@ -110,7 +110,7 @@ class Lattice:
         self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
         self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
         self.column_bad = ti.field(ti.i32)  # first row that is not finite, or `rows`
-        self.column_work = vec8.field()  # see ledger.WORK
+        self.column_work = vec8.field()  # members in nodes.py [J]
         self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
         self.column_energy = vec3.field()  # kinetic, stored, potential [J]
 

@@ -37,7 +37,7 @@ def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
     Crushing is the rest, and has that error; without its first two terms (Richardson) it is 0.
     """
     start = Start(velocity_gradient=((0.0, 60.0), (0.0, 80.0)))
-    time, counts = 4e-4, np.array([80, 160, 320])
+    time, counts = 4e-4, np.array([160, 320, 640])
     residual, crushing = [], []
     for n in counts:
         scene = small_scene(
@@ -52,11 +52,11 @@ def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
         crushing.append(history["crushing_J"][-1] / energy)
         assert history["strain_J"][-1] > 0.1 * energy
         assert history["time_s"][-1] == pytest.approx(time)
-    assert -np.polyfit(np.log(counts), np.log(residual), 1)[0] > 3.8
-    assert residual[0] < 1e-5
+    # until rounding, 1e-11 of the energy, is reached
+    assert np.log2(residual[0] / residual[1]) > 3.8
+    assert residual[2] < residual[1] < residual[0] < 1e-6
     first = 2 * np.array(crushing[1:]) - crushing[:-1]
-    print(crushing, first, (4*first[1]-first[0])/3)
-    assert first[0] / first[1] == pytest.approx(4.0, rel=0.1)
+    assert np.log2(first[0] / first[1]) == pytest.approx(2.0, abs=0.1)
     assert abs(4 * first[1] - first[0]) / 3 < 1e-6
 
 
@@ -84,12 +84,13 @@ def test_crushing_takes_up_the_area_under_the_plateau() -> None:
 IMPACTS = {
     "wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=12.0),
-        numerics=Numerics(end=8e-3),
+        # a node that passes the tip, from face to face, feels the force jump
+        numerics=Numerics(end=8e-3, dt=5e-7),
     ),
     "floor and gravity": small_scene(
         base=Base(kind="floor"),
         impactor=FlatBlock(width=0.02, mass=0.2, velocity=6.0, rotation_deg=15),
-        numerics=Numerics(end=8e-3, gravity=9.81),
+        numerics=Numerics(end=8e-3, gravity=9.81, dt=1e-6),  # for its corner likewise
     ),
     "literal": small_scene(
         base=Base(kind="held"),
@@ -108,6 +109,12 @@ IMPACTS = {
     ),
     "paper/wedge-2.86": paper_scene("paper/wedge-2.86"),
 }
+
+
+def contact_stiffness(result: Result) -> float:
+    """Of the impactor's penalty and of its friction springs [N/m]."""
+    foam, block = result.scene.foam, result.scene.block
+    return result.scene.numerics.contact_stiffness * foam.youngs_modulus * block.thickness
 
 
 @pytest.fixture(scope="module", params=IMPACTS)
@@ -130,18 +137,27 @@ def test_what_cannot_come_back_only_grows(impact: Result) -> None:
         assert np.diff(impact.history[name]).min() >= -1e-6 * brought, name
     # a friction spring gives its stretch back: (mu N)^2 / 2 k a node
     foam, block = impact.scene.foam, impact.scene.block
-    stiffness = 20 * foam.youngs_modulus * block.thickness
+    stiffness = contact_stiffness(impact)
     largest = foam.plateau_stress * block.dx * block.thickness
-    spring = 40 * (0.3 * largest) ** 2 / (2 * stiffness)
+    spring = 40 * (impact.scene.impactor.friction * largest) ** 2 / (2 * stiffness)
     assert np.diff(impact.history["friction_J"]).min() >= -spring
 
 
 def test_what_is_stored_or_lost_is_never_less_than_nothing(impact: Result) -> None:
-    """Penalties are springs, and crushed foam has taken more than it gives back."""
+    """Penalties are springs, and crushed foam has taken more than it gives back.
+
+    The impactor's force on a node is not smooth: it has a kink where touch begins and ends, and
+    turns where the node passes from one face to another. A step over such a place errs by the
+    force's change times the way, at most the largest force, k times the deepest overlap, along
+    v dt. Such errors of either sign cancel, and one of them is allowed.
+    """
     brought = impact.history["impactor_kinetic_J"][0]
+    way = impact.scene.impactor.velocity * impact.run["dt_max_s"]
+    missed = contact_stiffness(impact) * impact.run["max_overlap_m"] * way
+    assert missed < 3e-4 * brought
+    assert impact.history["contact_J"].min() >= -missed
     for name in (
-        "strain_J", "crushing_J", "contact_J", "self_contact_J", "base_J", "friction_J",
-        "foam_kinetic_J",
+        "strain_J", "crushing_J", "self_contact_J", "base_J", "friction_J", "foam_kinetic_J",
     ):  # fmt: skip
         assert impact.history[name].min() >= -1e-5 * brought, name
 
@@ -166,7 +182,9 @@ def test_impactor_and_force_agree(impact: Result) -> None:
 def test_an_elastic_bounce_gives_everything_back() -> None:
     """A tap below yield on an undamped block: what is not in the impactor still rings or is stored.
 
-    RK4 takes (w dt)^6 / 72 a step from the fastest mode, over the run 1e-5 of what that holds.
+    RK4 takes (w dt)^6 / 72 a step from the fastest mode, over the run 1e-6 of what that holds.
+    A step in which ten nodes gain or lose touch at v errs by 10 k (v dt)^2 / 2 at most in the
+    contact's work: with k = 40 K Z, 8e-5 of what the impactor brings.
     """
     scene = Scene.model_validate(
         {
@@ -174,7 +192,7 @@ def test_an_elastic_bounce_gives_everything_back() -> None:
             "base": {"kind": "held"},
             "impactor": {"shape": "flat", "width": 0.06, "mass": 0.05, "velocity": 1.0,
                          "friction": 0.0},
-            "numerics": {"damping_time": 0.0, "dt": 5e-7, "end": 4e-3},
+            "numerics": {"damping_time": 0.0, "dt": 2.5e-7, "end": 4e-3},
         }
     )  # fmt: skip
     history = run(scene).history
