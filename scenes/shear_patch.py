@@ -6,7 +6,8 @@ until the news of the free top arrives: a front that runs down at c = sqrt(G/rho
 leaves the foam behind it free of stress and moving back at gamma c. Gripped base and free top make
 it swing to and fro, over a period of four transits. The free sides send waves inwards too, the
 fastest at sqrt(K/rho) = 330 m/s, so mid-width is undisturbed for 0.9 ms; the run ends before one
-transit of the layer is over.
+transit of the layer is over. At the base's left corner they tear the foam off its grip for ten
+cells, 50 mm.
 
 Exact answer: `exact_displacement(height, time)`, and `exact_top_displacement(time)` =
 gamma (H - c t) for the first transit. Finite strain adds terms of the order of gamma^2: less than

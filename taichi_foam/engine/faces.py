@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_foam.engine.lattice import AHEAD, BEHIND, BREAK_TIME, INTACT, WORST
+from taichi_foam.engine.lattice import AHEAD, BEHIND, BREAK_TIME, INTACT, NEVER, WORST
 from taichi_foam.laws import foam as foam_law
 from taichi_foam.laws import kinematics
 
@@ -35,12 +35,12 @@ def face_force(
     lattice: ti.template(), axis: ti.template(), latching: ti.template(),
     b, i, j, ahead: vec2, behind: vec2, p: ti.template(),
 ):  # fmt: skip
-    """Force [N] of connection (i, j) on its first node, powers [W], and what latching found.
+    """Force [N] of connection (i, j) on its first node, short of densification.
 
-    `ahead` and `behind` are the crossing differences on its two sides. With `latching`, the state
-    is an accepted one, and the connection's history is brought up to date with it: its stiffness
-    [N/m] if it is densified comes back, and 1 if it breaks, and the powers that its shear and its
-    dashpot take up, T . (v_end - v_start).
+    `ahead` and `behind` are the crossing differences on its two sides. Besides, its strain; and
+    with `latching`, when the state is an accepted one and the connection's history is brought up
+    to date with it: the powers [W] that its shear and its dashpot take up, T . (v_end - v_start),
+    and 1 if it breaks.
     """
     links = ti.static(lattice.links[axis])
     ei, ej = ti.static((1, 0) if axis == A else (0, 1))
@@ -53,16 +53,14 @@ def face_force(
     length = reach.norm()
     e = kinematics.engineering_strain(length * per_length)
     broken = ti.i32(link[BREAK_TIME] >= 0.0)
-    stress = foam_law.normal_stress(p.foam, e, link[WORST], broken)
+    stress = foam_law.yielding_stress(p.foam, e, link[WORST], broken)
     per_reach = 1.0 / length
     force = reach * (p.area[axis] * stress * per_reach)
     power = vec2(0.0)
-    found = vec2(0.0)
+    breaks = 0.0
     if ti.static(latching):
         if e < link[WORST]:
             links[b, i, j][WORST] = e
-        if e < p.foam.densification_strain:
-            found[0] = foam_law.densified_modulus(p.foam, e) * p.area[axis] * per_length
     if not broken:
         # F's column across the connection, from the halves that its broken neighbours leave
         across = link[AHEAD] * ahead + link[BEHIND] * behind
@@ -76,14 +74,11 @@ def face_force(
         force += shear + dragging
         if ti.static(latching):
             power = vec2(shear.dot(relative), dragging.dot(relative))
-            worst = ti.min(link[WORST], e)
-            if foam_law.fails(p.foam, e, stress, tau, worst):
-                found[1] = 1.0
+            # densification only strengthens a connection that is far from failing in shear
+            if foam_law.fails(p.foam, e, stress, tau, ti.min(link[WORST], e)):
+                breaks = 1.0
                 links[b, i, j][BREAK_TIME] = lattice.clock[b].time
-                if stress > 0.0 or p.foam.broken_contact == foam_law.JUMP:
-                    lost = foam_law.stored_energy(p.foam, e, worst, 0)
-                    lattice.column_fracture[b, i] += p.area[axis] * p.cell[axis] * lost
-    return force, power, found
+    return force, e, power, breaks
 
 
 @ti.func
@@ -93,7 +88,7 @@ def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.tem
     What crosses an A above it crosses the next A below it, and is carried on.
     """
     power = vec2(0.0)
-    densified = 0.0
+    deepest = 0.0
     breaks = 0.0
     below = crossing(lattice, A, -1, b, i, 0)
     for j in range(lattice.rows):
@@ -101,24 +96,68 @@ def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.tem
         force_b = vec2(0.0)
         if i < lattice.columns - 1:
             above = crossing(lattice, A, 0, b, i, j)
-            force, taken, found = face_force(lattice, A, latching, b, i, j, above, below, p)
+            force, e, taken, broke = face_force(lattice, A, latching, b, i, j, above, below, p)
             below = above
             force_a = force
+            deepest = ti.min(deepest, e)
             power += taken
-            densified = ti.max(densified, found[0])
-            breaks += found[1]
+            breaks += broke
         if j < lattice.rows - 1:
             right = crossing(lattice, B, 0, b, i, j)
             left = crossing(lattice, B, -1, b, i, j)
-            force, taken, found = face_force(lattice, B, latching, b, i, j, right, left, p)
+            force, e, taken, broke = face_force(lattice, B, latching, b, i, j, right, left, p)
             force_b = force
+            deepest = ti.min(deepest, e)
             power += taken
-            densified = ti.max(densified, found[0])
-            breaks += found[1]
+            breaks += broke
         lattice.force[b, i, j] = vec4(force_a.x, force_a.y, force_b.x, force_b.y)
+    stiffest = 0.0
+    if deepest < p.foam.densification_strain:
+        stiffest = _densify_column(lattice, b, i, p)
     if ti.static(latching):
         lattice.column_power[b, i] = power
-        lattice.column_found[b, i] = vec2(densified, breaks)
+        lattice.column_found[b, i] = vec2(stiffest, breaks)
+
+
+@ti.func
+def _densify_column(lattice: ti.template(), b, i, p: ti.template()) -> ti.f64:
+    """Add densification to the column's forces; its stiffest connection [N/m] comes back.
+
+    Few columns have any, and the exponential's call would cost every face the processor's
+    registers: so it has a loop of its own.
+    """
+    stiffest = 0.0
+    for j in range(lattice.rows):
+        extra = vec4(0.0)
+        for axis in ti.static(range(2)):
+            ei, ej = ti.static((1, 0) if axis == A else (0, 1))
+            link = ti.static(lattice.links[axis])[b, i, j]
+            if link[BREAK_TIME] < NEVER:
+                reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
+                length = reach.norm()
+                e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+                if e < p.foam.densification_strain:
+                    broken = ti.i32(link[BREAK_TIME] >= 0.0)
+                    dense = foam_law.densification(p.foam, e, link[WORST], broken)
+                    force = reach * (p.area[axis] * dense[0] / length)
+                    extra[2 * axis] = force.x
+                    extra[2 * axis + 1] = force.y
+                    stiffest = ti.max(stiffest, dense[1] * p.area[axis] / p.cell[axis])
+        lattice.force[b, i, j] += extra
+    return stiffest
+
+
+@ti.func
+def book_fracture(lattice: ti.template(), b, i, j, p: ti.template()):
+    """Book the stored energy that the node's connections have lost by breaking just now [J]."""
+    for axis in ti.static(range(2)):
+        ei, ej = ti.static((1, 0) if axis == A else (0, 1))
+        link = ti.static(lattice.links[axis])[b, i, j]
+        if link[BREAK_TIME] == lattice.clock[b].time:
+            reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
+            e = kinematics.engineering_strain(reach.norm() / p.cell[axis])
+            lost = foam_law.energy_lost_by_breaking(p.foam, e, link[WORST])
+            lattice.column_fracture[b, i] += p.area[axis] * p.cell[axis] * lost
 
 
 @ti.func

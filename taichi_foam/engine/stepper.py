@@ -137,6 +137,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
     if broke:
         for i in range(lattice.columns):
             for j in range(lattice.rows):
+                faces.book_fracture(lattice, b, i, j, p)
                 faces.update_halves(lattice, b, i, j, p)
     if p.self_contact:
         for i in range(lattice.columns):
@@ -212,6 +213,7 @@ def _staged_latch(lattice: ti.template()):
                         ledger.energy_column(lattice, b, i, p)
                     if lattice.clock[b].newly_broken:
                         for j in range(lattice.rows):
+                            faces.book_fracture(lattice, b, i, j, p)
                             faces.update_halves(lattice, b, i, j, p)
                     if p.self_contact:
                         _refresh_column(lattice, b, i, p)

@@ -75,19 +75,36 @@ def permanent_strain(foam: Foam, e_min: ti.f64) -> ti.f64:
 
 
 @ti.func
-def normal_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
-    """Engineering stress at strain `e` with history `e_min`, intact or broken (Fig. 19)."""
+def yielding_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+    """The stress of `normal_stress`, were the plateau to go on for ever."""
     permanent = permanent_strain(foam, e_min)
     stress = foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain)
-    if e < foam.densification_strain:
-        stress = _densified(foam, e)[0]
-    elif stress > 0.0 and e_min < foam.yield_strain:
+    if stress > 0.0 and e_min < foam.yield_strain:
         slope = foam.crushed_tensile_stress / (foam.crushed_tensile_strain - permanent)
         stress = slope * (e - permanent)
     if broken:
         stress = ti.min(stress, 0.0)
         if foam.broken_contact == JUMP and e > e_min:
             stress = 0.0
+    return stress
+
+
+@ti.func
+def densification(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> vec2:
+    """What densification adds to the yielding stress, e < e_d, and the slope there [Pa]."""
+    dense = _densified(foam, e)
+    dense[0] -= foam.youngs_modulus * foam.yield_strain
+    if broken and foam.broken_contact == JUMP and e > e_min:
+        dense = vec2(0.0)
+    return dense
+
+
+@ti.func
+def normal_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+    """Engineering stress at strain `e` with history `e_min`, intact or broken (Fig. 19)."""
+    stress = yielding_stress(foam, e, e_min, broken)
+    if e < foam.densification_strain:
+        stress += densification(foam, e, e_min, broken)[0]
     return stress
 
 
@@ -131,12 +148,6 @@ def _densified_energy(foam: Foam, e: ti.f64) -> ti.f64:
 
 
 @ti.func
-def densified_modulus(foam: Foam, e: ti.f64) -> ti.f64:
-    """d(sigma_e)/de of the densification branch, e < e_d [Pa]."""
-    return _densified(foam, e)[1]
-
-
-@ti.func
 def elastic_modulus(foam: Foam) -> ti.f64:
     """The steepest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
     return ti.max(foam.youngs_modulus, foam.crushed_tensile_stress / foam.crushed_tensile_strain)
@@ -159,6 +170,15 @@ def piece_stress(foam: Foam, gap: ti.f64, touch: ti.f64, length: ti.f64) -> ti.f
     return foam.youngs_modulus * (
         ti.max((gap - touch) / length, foam.yield_strain) + PACKED * packed
     )
+
+
+@ti.func
+def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
+    """Stored energy per reference volume [J/m3] that a connection can no longer give back.
+
+    Reloading keeps what is stored in compression; the jump reading keeps nothing.
+    """
+    return stored_energy(foam, e, e_min, 0) - stored_energy(foam, e, e_min, 1)
 
 
 @ti.func

@@ -125,15 +125,17 @@ def test_it_has_shattered(shattered: Result) -> None:
 
 
 def test_no_piece_is_inside_another(shattered: Result) -> None:
-    """Foam that is not crushed: contact holds its centres off where cells still have their size.
+    """Foam that is not crushed carries the plateau's force at most, F = K |e_y| A on a node.
 
-    Powder is another matter: its radii are so small that it fits between a cell's four nodes.
+    To get in between two nodes of a cell it has to overcome both: each pushes back with F from
+    nearly the touching distance on, 30 degrees off the way in, 1.7 F together. Powder is another
+    matter: its radii are so small that it fits between a cell's four nodes.
     """
     block = shattered.scene.block
     depth = [deepest_intrusion(s, block) for s in shattered.snapshots]
     if max(depth) == -np.inf:
         pytest.skip("one piece and its powder")
-    assert max(depth) <= 0.05 * block.dx
+    assert max(depth) <= 0.0
 
 
 def test_centres_of_pieces_do_not_meet(shattered: Result) -> None:
