@@ -134,9 +134,11 @@ def _densify_column(lattice: ti.template(), b, i, p: ti.template()) -> ti.f64:
             link = ti.static(lattice.links[axis])[b, i, j]
             if link[BREAK_TIME] < NEVER:
                 reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
-                length = reach.norm()
-                e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
-                if e < p.foam.densification_strain:
+                square = reach.norm_sqr()
+                dense_length = p.cell[axis] * (1.0 + p.foam.densification_strain)
+                if square < dense_length * dense_length:
+                    length = ti.sqrt(square)
+                    e = kinematics.engineering_strain(length / p.cell[axis])
                     broken = ti.i32(link[BREAK_TIME] >= 0.0)
                     dense = foam_law.densification(p.foam, e, link[WORST], broken)
                     force = reach * (p.area[axis] * dense[0] / length)

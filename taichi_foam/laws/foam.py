@@ -56,7 +56,10 @@ def _densified(foam: Foam, e: ti.f64) -> vec2:
     guard = foam.locking_strain + GUARD * (foam.densification_strain - foam.locking_strain)
     inside = ti.max(e, guard)
     room = inside - foam.locking_strain
-    steepness = foam.densification_a / room**foam.densification_b
+    power = room
+    if foam.densification_b != 1.0:  # a power costs as much as the exponential
+        power = room**foam.densification_b
+    steepness = foam.densification_a / power
     exponent = steepness * (foam.densification_strain - inside)
     stress = foam.youngs_modulus * foam.yield_strain * ti.exp(exponent)
     slope = -stress * (steepness + foam.densification_b * exponent / room)
