@@ -44,7 +44,7 @@ class Model(Part):
         "pressure-dependent: its shear strength grows with the compression",
     )
     shear_pressure_coefficient: float = quantity(
-        15.0,
+        18.0,
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,

@@ -23,7 +23,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "impactor.friction": 0.15,
                 "model.damping": "connection",
                 "model.shear_failure": "pressure-dependent",
-                "model.shear_pressure_coefficient": 15.0,
+                "model.shear_pressure_coefficient": 18.0,
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
             }
