@@ -74,7 +74,7 @@ def face_force(
         force += shear + dragging
         if ti.static(latching):
             power = vec2(shear.dot(relative), dragging.dot(relative))
-            # densification only strengthens a connection that is far from failing in shear
+            # the shear strength grows with the stress up to the plateau
             if foam_law.fails(p.foam, e, stress, tau, ti.min(link[WORST], e)):
                 breaks = 1.0
                 links[b, i, j][BREAK_TIME] = lattice.clock[b].time
