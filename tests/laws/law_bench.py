@@ -36,7 +36,7 @@ def _stored(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array)
 @ti.kernel
 def _densified(foam: law.Foam, e: Array, out: Array):
     for k in range(e.shape[0]):
-        out[k] = law.densified_modulus(foam, e[k])
+        out[k] = law.densification(foam, e[k], 0.0, 0)[1]
 
 
 @ti.kernel

@@ -65,7 +65,9 @@ def test_a_compressed_connection_in_shear_by_each_reading() -> None:
 
 def test_the_strength_is_a_stress_whatever_the_shear_modulus() -> None:
     """G gamma_t of 1.2 MPa and 0.05 is 60 kPa; under 139 kPa of plateau, 15 times that comes on."""
-    foam = constants(Foam(shear_modulus=1.2e6, shear_strain=0.05))
+    foam = constants(
+        Foam(shear_modulus=1.2e6, shear_strain=0.05), Model(shear_pressure_coefficient=15.0)
+    )
     for e, sigma, limit in ((0.01, 2.78e4, 60e3), (-0.4, -139e3, 60e3 + 2085e3)):
         assert not fails(foam, e, sigma, limit - A_TOUCH, e_min=min(e, 0.0))
         assert fails(foam, e, sigma, limit + A_TOUCH, e_min=min(e, 0.0))
