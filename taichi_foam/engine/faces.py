@@ -58,7 +58,7 @@ def face_force(
     force = reach * (p.area[axis] * stress * per_reach)
     power = vec2(0.0)
     breaks = 0.0
-    if ti.static(latching):
+    if ti.static(latching):  # noqa: SIM102 - the static test must stand alone
         if e < link[WORST]:
             links[b, i, j][WORST] = e
     if not broken:
