@@ -158,13 +158,14 @@ def test_the_support_stops_the_impactor_and_throws_it_back() -> None:
     aside = reference_positions(scene) + np.array([1.0, 0.0])
     heights, speeds = [], []
     with bench(scene, position=aside) as loaded:
-        body = loaded.lattice.body
-        body.y[0] = body.trial_y[0] = 1e-4
+        member = loaded.lattice.body.get_member_field
+        y, v, support_work = member("y"), member("v"), member("support_work")
+        y[0] = member("trial_y")[0] = 1e-4
         for _ in range(120):
             loaded.step(10)
-            heights.append(body.y[0])
-            speeds.append(body.v[0])
-        work = body.support_work[0]
+            heights.append(y[0])
+            speeds.append(v[0])
+        work = support_work[0]
     heights, speeds = np.array(heights), np.array(speeds)
     falling = np.arange(10, 160, 10) * dt
     np.testing.assert_allclose(heights[:15], 1e-4 - speed * falling, rtol=0, atol=1e-12)
