@@ -15,6 +15,8 @@ A result folder holds
         e_min_b       (N,I,J-1)     -     the same of B(i,j)
         break_time_a  (N,I-1,J)     s     when A(i,j) broke, NaN while intact
         break_time_b  (N,I,J-1)     s     the same of B(i,j)
+    cracks.json    the crack path at the last snapshot: broken connections as polylines, points
+                   (x, y) in m in the reference configuration, the longest first
     summary.json   the measures (see taichi_foam.measures.summary), and `run`: how it was computed
 """
 
@@ -139,7 +141,7 @@ class Result:
             raise ValueError("history columns differ in length")
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
-        """Write the four files into a new folder, all or nothing, and return its path.
+        """Write the five files into a new folder, all or nothing, and return its path.
 
         Raises UserError as `taichi_foam.folders.output_folder` does.
         """
@@ -148,13 +150,16 @@ class Result:
         return Path(folder)
 
     def write(self, folder: Path) -> None:
-        """Write the four files into an existing folder (one yielded by `output_folder`)."""
+        """Write the five files into an existing folder (one yielded by `output_folder`)."""
         # Here, since measures stand on results and bring SciPy along.
+        from taichi_foam.fragments import cracks
         from taichi_foam.measures import summary
 
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
+        paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
+        write_json(folder / "cracks.json", {"polylines_m": paths})
         write_json(folder / "summary.json", {**summary(self), "run": self.run})
 
     @classmethod
@@ -183,7 +188,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def storage_bytes(scene: Scene) -> int:
-    """The most that a run's four files can take (bytes), before compression, frames and films."""
+    """The most that a run's five files can take (bytes), before compression, frames and films."""
     block, output = scene.block, scene.output
     seconds = scene.numerics.latest_end
     snapshots = seconds / output.snapshot_interval + 2

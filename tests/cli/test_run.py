@@ -145,6 +145,7 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "runs" / "My-drop-1"
     assert sorted(p.name for p in folder.iterdir()) == [
+        "cracks.json",
         "history.csv",
         "scene.toml",
         "snapshots.npz",

@@ -16,7 +16,8 @@ from taichi_foam.errors import UserError
 from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot, storage_bytes, write_json
 from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
 
-FILES = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
+READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
+FILES = ["cracks.json", *READ_BACK]
 
 
 def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, count: int = 3):
@@ -157,7 +158,7 @@ def test_a_missing_folder_is_told(tmp_path: Path) -> None:
     ("name", "damage"),
     [
         *product(["history.csv", "snapshots.npz", "summary.json"], ["empty", "cut"]),
-        *product(FILES, ["missing", "garbage"]),
+        *product(READ_BACK, ["missing", "garbage"]),
         ("snapshots.npz", "flipped"),
     ],
 )
@@ -202,3 +203,12 @@ def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_sn
     Result(scene, noise.history, noise.snapshots, {}).save(tmp_path / "run")
     taken = sum(file.stat().st_size for file in (tmp_path / "run").iterdir())
     assert taken < storage_bytes(scene) < 4 * taken
+
+
+def test_the_crack_path_is_kept_as_polylines(make_result, make_snapshot, tmp_path: Path) -> None:
+    """Every broken connection of the last snapshot is one step of one polyline."""
+    result = noisy_result(make_result, make_snapshot)
+    result.save(tmp_path / "run")
+    lines = json.loads((tmp_path / "run" / "cracks.json").read_text())["polylines_m"]
+    last = result.snapshots[-1]
+    assert sum(len(line) - 1 for line in lines) == last.broken_a.sum() + last.broken_b.sum() > 0

@@ -36,6 +36,7 @@ def test_the_folder_holds_all_of_it(study) -> None:
     for case in CASES:
         assert {path.name for path in (study.folder / case).iterdir()} == {
             "scene.toml",
+            "cracks.json",
             "history.csv",
             "snapshots.npz",
             "summary.json",
