@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from taichi_foam.result import Result
     from taichi_foam.scene import Scene
     from taichi_foam.scene_io import load_scene
-    from taichi_foam.simulation import run, run_many, simulate
+    from taichi_foam.simulation import run, run_many, simulate, simulate_many
     from taichi_foam.study.reproduce import reproduce
 
 # Taichi prints a banner when it is first imported, wherever that happens.
@@ -41,6 +41,7 @@ __all__ = [
     "run",
     "run_many",
     "simulate",
+    "simulate_many",
     "summary",
 ]
 
@@ -55,6 +56,7 @@ _HOMES = {
     "run": "simulation",
     "run_many": "simulation",
     "simulate": "simulation",
+    "simulate_many": "simulation",
     "summary": "measures",
 }
 

@@ -38,8 +38,10 @@ class Bars:
             def update(standing: Standing) -> None:
                 last[:] = [standing]
                 pace = standing.steps / max(standing.wall, 1e-9)
-                detail = f"{1e3 * standing.time:.1f} ms, {_count(pace)} steps/s"
-                show(standing.fraction, detail)
+                done = f"{1e3 * standing.time:.1f} ms"
+                if standing.of > 1:
+                    done = f"{standing.finished} of {standing.of} runs"
+                show(standing.fraction, f"{done}, {_count(pace)} steps/s")
 
             yield update
             if last:

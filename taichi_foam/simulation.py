@@ -1,22 +1,25 @@
-"""Run scenes: `simulate` yields snapshots as they come, `run` and `run_many` return results.
+"""Run scenes, one or many.
 
     from taichi_foam import run
     from taichi_foam.paper import paper_scene
     result = run(paper_scene("paper/wedge-2.86"))
 
-All three start Taichi with its defaults unless `engine.runtime.start` has been called before.
+`simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as
+they come; `run` and `run_many` return results. All start Taichi with its defaults unless
+`engine.runtime.start` has been called before.
 """
 
 import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 import numpy as np
 import taichi as ti
 
 import taichi_foam
-from taichi_foam.engine import runtime, stepper
+from taichi_foam.engine import loading, runtime, stepper
 from taichi_foam.engine.lattice import (
     AT_END_TIME,
     AT_REBOUND,
@@ -36,6 +39,10 @@ from taichi_foam.smoothing import smooth_deceleration
 CALL_SECONDS = 0.075
 MOST_STEPS = 1_000_000
 
+# Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
+MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
+MOST_LATTICES = {"cpu": 64, "gpu": 4096}
+
 ENDINGS = {
     RUNNING: "interrupt",
     AT_END_TIME: "end time",
@@ -49,25 +56,39 @@ ENDINGS = {
 class Progress:
     """Where a run or a batch of runs stands, once per call of the engine."""
 
-    time: float  # of the slowest lattice [s]
+    time: float  # of the slowest lattice on the device [s]
     fraction: float  # 0 to 1; an impact ends when its velocity is spent
     steps: int  # of all lattices together
     wall: float  # [s]
+    finished: int = 0
+    of: int = 1
 
 
 ProgressCallback = Callable[[Progress], None]
 
 
 @dataclass
+class _Wall:
+    """What the engine has done so far: seconds, and steps and stages of nodes of all lattices."""
+
+    seconds: float = 0.0
+    steps: int = 0
+    node_stages: int = 0
+
+
+@dataclass
 class _Run:
-    """What one lattice of a batch has given so far."""
+    """What one lattice has given so far."""
 
     scene: Scene
+    index: int
+    begun: _Wall
+    batch: int
     rows: list[np.ndarray] = field(default_factory=list)
     snapshots: list[Snapshot] = field(default_factory=list)
     status: int = RUNNING
     time: float = 0.0
-    bad_node: int = 0
+    report: dict[str, float] = field(default_factory=dict)
 
     @property
     def next_snapshot(self) -> float:
@@ -99,7 +120,29 @@ def simulate(scene: Scene) -> Iterator[Snapshot]:
     for runs in _drive([scene], _Wall()):
         yield from runs[0].snapshots[given:]
         given = len(runs[0].snapshots)
-    _raise_on_failure(runs)
+        _raise_on_failure(runs)
+
+
+def simulate_many(
+    scenes: Sequence[Scene], on_progress: ProgressCallback | None = None
+) -> Iterator[tuple[int, Result]]:
+    """Run scenes side by side, yielding each one's place in `scenes` and its result as it ends.
+
+    They may differ in everything. Those with the same lattice counts share a batch, one lattice on
+    each CPU thread, and a lattice that has ended makes room for the next. Nothing is kept of what
+    has been yielded. A result does not depend, to the last bit, on what else is run.
+
+    A run that fails is yielded like any other; `run["ended_by"]` says why it ended.
+    """
+    wall = _Wall()
+    finished = 0
+    for runs in _drive(scenes, wall):
+        ended = [run for run in runs if run.status != RUNNING]
+        finished += len(ended)
+        if on_progress is not None:
+            on_progress(_progress(runs, wall, finished, len(scenes)))
+        for run in ended:
+            yield run.index, _result(run, wall)
 
 
 def run(scene: Scene, on_progress: ProgressCallback | None = None) -> Result:
@@ -114,71 +157,94 @@ def run(scene: Scene, on_progress: ProgressCallback | None = None) -> Result:
 
 
 def run_many(scenes: Sequence[Scene], on_progress: ProgressCallback | None = None) -> list[Result]:
-    """Run scenes with the same lattice counts side by side, one lattice on each CPU thread.
+    """Run scenes as `simulate_many` does, and return their results in order.
+
+    Ctrl-C ends it early: there are then results of the scenes that were begun, those that had not
+    ended with `interrupted` set.
 
     Raises:
-        ValueError: no scenes, or different lattice counts.
-        RunError: as `run`.
+        RunError: as `run`, once all others have ended; its `results` hold everything.
     """
-    counts = {(scene.block.columns, scene.block.rows) for scene in scenes}
-    if len(counts) != 1:
-        raise ValueError(f"one batch takes scenes with the same lattice counts, not {counts}")
     wall = _Wall()
-    runs: list[_Run] = []
-    interrupted = False
+    begun: dict[int, _Run] = {}
+    results: dict[int, Result] = {}
     try:
         for runs in _drive(scenes, wall):
+            begun.update((run.index, run) for run in runs)
+            for run in runs:
+                if run.status != RUNNING:
+                    results[run.index] = _result(run, wall)
             if on_progress is not None:
-                on_progress(
-                    Progress(
-                        time=min(run.time for run in runs),
-                        fraction=sum(run.fraction for run in runs) / len(runs),
-                        steps=wall.steps,
-                        wall=wall.seconds,
-                    )
-                )
+                on_progress(_progress(runs, wall, len(results), len(scenes)))
     except KeyboardInterrupt:
-        interrupted = True
-        if not wall.clocks or not all(run.rows for run in runs):
+        for index, run in begun.items():
+            if index not in results and run.rows:
+                results[index] = _result(run, wall, interrupted=True)
+        if not results:
             raise
-    results = [_result(run, wall, b, interrupted) for b, run in enumerate(runs)]
-    _raise_on_failure(runs, results)
-    return results
-
-
-@dataclass
-class _Wall:
-    """How long the engine took, and the clocks and impactors that it left."""
-
-    seconds: float = 0.0
-    steps: int = 0
-    nodes: int = 0
-    clocks: dict[str, np.ndarray] = field(default_factory=dict)
-    max_overlap: np.ndarray | None = None
+    ordered = [results[index] for index in sorted(results)]
+    _raise_on_failure(list(begun.values()), ordered)
+    return ordered
 
 
 def _drive(scenes: Sequence[Scene], wall: _Wall) -> Iterator[list[_Run]]:
-    """Advance a batch call by call; yields the same list of runs after each."""
-    block = scenes[0].block
+    """Advance scenes call by call; yields the runs on the device after each.
+
+    A run is yielded for the last time with the status that ended it.
+    """
+    counts = [(scene.block.columns, scene.block.rows) for scene in scenes]
+    order = sorted(range(len(scenes)), key=lambda index: counts[index])
+    for (columns, rows), group in groupby(order, key=lambda index: counts[index]):
+        waiting = [(index, scenes[index]) for index in group]
+        yield from _drive_batch(waiting, columns, rows, wall)
+
+
+def _drive_batch(
+    waiting: list[tuple[int, Scene]], columns: int, rows: int, wall: _Wall
+) -> Iterator[list[_Run]]:
+    """Advance scenes of the same lattice counts; see `_drive`."""
     runtime.start()
-    with borrowed(len(scenes), block.columns, block.rows) as lattice:
-        lattice.load(scenes)
-        stepper.prepare(lattice)
+    batch = _batch_size(len(waiting), columns * rows)
+    with borrowed(batch, columns, rows) as lattice:
         advance = stepper.advance_of(lattice)
-        advance(lattice, 0)  # compiles; not counted as stepping
-        runs = [_Run(scene) for scene in scenes]
-        wall.nodes = lattice.nodes
-        most_steps = 1
-        while any(run.status == RUNNING for run in runs):
-            lattice.pause.from_numpy(np.array([run.next_snapshot for run in runs]))
-            start = time.perf_counter()
-            advance(lattice, most_steps)
-            ti.sync()
-            took = time.perf_counter() - start
-            wall.seconds += took
-            most_steps = _steps_for_call(most_steps, took)
-            _collect(lattice, runs, wall)
-            yield runs
+        slots: list[_Run | None] = [None] * batch
+        waiting = waiting[::-1]
+        most_steps = 0  # the first call compiles, and is not counted
+        try:
+            while waiting or any(slots):
+                for b in range(batch):
+                    if slots[b] is None and waiting:
+                        index, scene = waiting.pop()
+                        loading.load(lattice, b, scene)
+                        stepper.prepare(lattice, b)
+                        slots[b] = _Run(scene, index, replace(wall), batch)
+                pauses = [0.0 if run is None else run.next_snapshot for run in slots]
+                loading.set_pause(lattice, np.array(pauses))
+                if most_steps == 0:
+                    advance(lattice, 0)
+                    most_steps = 1
+                start = time.perf_counter()
+                advance(lattice, most_steps)
+                ti.sync()
+                took = time.perf_counter() - start
+                wall.seconds += took
+                most_steps = _steps_for_call(most_steps, took)
+                _collect(lattice, slots, wall)
+                yield [run for run in slots if run is not None]
+                for b, run in enumerate(slots):
+                    if run is not None and run.status != RUNNING:
+                        loading.unload(lattice, b)
+                        slots[b] = None
+        finally:
+            for b in range(batch):
+                loading.unload(lattice, b)
+
+
+def _batch_size(scenes: int, nodes: int) -> int:
+    """Lattices at a time: a power of two, so that few sizes are ever compiled."""
+    device = "cpu" if runtime.settings()["arch"] == "cpu" else "gpu"
+    most = max(1, min(MOST_LATTICES[device], MOST_NODES[device] // nodes))
+    return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
 
 
 def _steps_for_call(most_steps: int, took: float) -> int:
@@ -187,50 +253,55 @@ def _steps_for_call(most_steps: int, took: float) -> int:
     return int(np.clip(wanted, 1, min(2 * most_steps, MOST_STEPS)))
 
 
-def _collect(lattice: Lattice, runs: list[_Run], wall: _Wall) -> None:
+def _collect(lattice: Lattice, slots: Sequence[_Run | None], wall: _Wall) -> None:
     """Take the rows that a call has left, and the snapshots that are due."""
-    clocks = lattice.clock.to_numpy()
-    history = lattice.history.to_numpy()
-    due = []
-    for b, run in enumerate(runs):
-        was_running = run.status == RUNNING
-        run.status, run.time = int(clocks["status"][b]), float(clocks["time"][b])
-        run.bad_node = int(clocks["bad_node"][b])
-        if clocks["rows"][b]:
-            run.rows.append(history[b, : clocks["rows"][b]].copy())
-        if was_running and (run.status != RUNNING or run.time >= run.next_snapshot):
-            due.append(b)
-    lattice.clock.get_member_field("rows").fill(0)
-    if due:
-        snapshots = lattice.snapshots()
-        for b in due:
-            kept = runs[b].snapshots
-            if kept and kept[-1].time == snapshots[b].time:
-                kept.pop()  # the run has ended where its last snapshot was due
-            kept.append(snapshots[b])
-    wall.clocks = clocks
-    wall.steps = int(clocks["steps"].sum())
-    wall.max_overlap = lattice.column_overlap.to_numpy().max(axis=1)
+    standing, rows = loading.harvest(lattice)
+    for b, run in enumerate(slots):
+        if run is None:
+            continue
+        before = run.report.get("steps", 0)
+        run.report = {name: float(values[b]) for name, values in standing.items()}
+        run.status, run.time = int(run.report["status"]), run.report["time"]
+        wall.steps += int(run.report["steps"] - before)
+        wall.node_stages += 4 * lattice.nodes * int(run.report["steps"] - before)
+        if len(rows[b]):
+            run.rows.append(rows[b])
+        if run.status != RUNNING or run.time >= run.next_snapshot:
+            if run.snapshots and run.snapshots[-1].time == run.time:
+                run.snapshots.pop()  # the run has ended where its last snapshot was due
+            run.snapshots.append(loading.snapshot(lattice, b))
 
 
-def _result(run: _Run, wall: _Wall, b: int, interrupted: bool) -> Result:
+def _progress(runs: list[_Run], wall: _Wall, finished: int, of: int) -> Progress:
+    running = [run for run in runs if run.status == RUNNING]
+    return Progress(
+        time=min(run.time for run in runs),
+        fraction=(finished + sum(run.fraction for run in running)) / of,
+        steps=wall.steps,
+        wall=wall.seconds,
+        finished=finished,
+        of=of,
+    )
+
+
+def _result(run: _Run, wall: _Wall, interrupted: bool = False) -> Result:
     rows: dict[str, np.ndarray] = dict(zip(ROW_COLUMNS, np.concatenate(run.rows).T, strict=True))
-    clocks = wall.clocks
-    assert wall.max_overlap is not None
+    seconds = wall.seconds - run.begun.seconds
+    node_stages = wall.node_stages - run.begun.node_stages
     return Result(
         scene=run.scene,
         history=_history(run.scene, rows),
         snapshots=run.snapshots,
         run={
             "ended_by": ENDINGS[run.status],
-            "interrupted": interrupted and run.status == RUNNING,
-            "steps": int(clocks["steps"][b]),
-            "dt_min_s": float(clocks["shortest"][b]),
-            "dt_max_s": float(clocks["longest"][b]),
-            "max_overlap_m": float(wall.max_overlap[b]),
-            "batch": len(clocks["steps"]),
-            "wall_s": wall.seconds,
-            "node_stages_per_s": 4 * wall.nodes * wall.steps / max(wall.seconds, 1e-9),
+            "interrupted": interrupted,
+            "steps": int(run.report["steps"]),
+            "dt_min_s": run.report["shortest"],
+            "dt_max_s": run.report["longest"],
+            "max_overlap_m": run.report["overlap"],
+            "batch": run.batch,
+            "wall_s": seconds,
+            "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),
             "taichi_foam": taichi_foam.__version__,
             "taichi": ".".join(map(str, ti.__version__)),
@@ -287,7 +358,7 @@ def _history(scene: Scene, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]
     }
 
 
-def _raise_on_failure(runs: list[_Run], results: Sequence[Result] = ()) -> None:
+def _raise_on_failure(runs: Sequence[_Run], results: Sequence[Result] = ()) -> None:
     """Say when and where a run failed, with what it left."""
     for run in runs:
         if run.status in (NOT_FINITE, CROWDED):
@@ -295,7 +366,8 @@ def _raise_on_failure(runs: list[_Run], results: Sequence[Result] = ()) -> None:
 
 
 def _failure(run: _Run) -> str:
-    last = run.snapshots[-1]
+    rows = run.scene.block.rows
+    node = int(run.report["bad_node"])
     if run.status == CROWDED:
         return (
             f"{run.scene.name}: at {run.time * 1e3:.4f} ms more pieces touch than the neighbour "
@@ -303,6 +375,6 @@ def _failure(run: _Run) -> str:
         )
     return (
         f"{run.scene.name}: went astray at {run.time * 1e3:.4f} ms, first at node "
-        f"({run.bad_node // last.position.shape[1]}, {run.bad_node % last.position.shape[1]}): "
-        "values that are not finite, or beyond all measure; take a smaller numerics.dt, or 'auto'"
+        f"({node // rows}, {node % rows}): values that are not finite, or beyond all measure; "
+        "take a smaller numerics.dt, or 'auto'"
     )

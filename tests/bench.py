@@ -6,11 +6,12 @@ The lattices are the ones that runs borrow, so that each size compiles once a se
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from taichi_foam.engine import stepper
-from taichi_foam.engine.lattice import BREAK_TIME, WORST, Lattice, borrowed
+from taichi_foam.engine import loading, stepper
+from taichi_foam.engine.lattice import BROKEN, Lattice, borrowed
 from taichi_foam.result import Snapshot
 from taichi_foam.scene import Block, Numerics, Output, Scene
 
@@ -43,11 +44,11 @@ class Bench:
     def step(self, steps: int, advance: Callable | None = None) -> Snapshot:
         """Take exactly `steps` steps, and return the first lattice's state."""
         (advance or stepper.advance_of(self.lattice))(self.lattice, steps)
-        self.lattice.clock.get_member_field("rows").fill(0)  # nobody collects them here
-        return self.snapshots()[0]
+        loading.harvest(self.lattice)  # makes room for the next rows
+        return loading.snapshot(self.lattice, 0)
 
     def snapshots(self) -> list[Snapshot]:
-        return self.lattice.snapshots()
+        return [loading.snapshot(self.lattice, b) for b in range(self.lattice.batch)]
 
 
 @contextmanager
@@ -65,26 +66,33 @@ def bench(
     scenes = [scenes] if isinstance(scenes, Scene) else list(scenes)
     block = scenes[0].block
     with borrowed(len(scenes), block.columns, block.rows) as lattice:
-        lattice.load(scenes)
-        state = lattice.state.to_numpy()
-        inner = state[0, 1:-1, 1:-1]
-        if position is not None:
-            inner[..., :2] = position
-        if velocity is not None:
-            inner[..., 2:] = velocity
-        lattice.state.from_numpy(state)
-        lattice.trial.from_numpy(state)
+        for b, each in enumerate(scenes):
+            loading.load(lattice, b, each)
+        for values, names in ((position, "xy"), (velocity, "uv")):
+            for component, name in enumerate(names if values is not None else ""):
+                for motion in (lattice.state, lattice.trial):
+                    set_nodes(motion.get_member_field(name), values[..., component])
         given = ((lattice.link_a, broken_a, worst_a), (lattice.link_b, broken_b, worst_b))
-        for field, broken, worst in given:
-            link = field.to_numpy()
+        for links, broken, worst in given:
             if worst is not None:
-                link[0, 1 : 1 + worst.shape[0], 1 : 1 + worst.shape[1], WORST] = worst
+                set_nodes(links.get_member_field("worst"), worst)
             for i, j in broken:
-                link[0, i + 1, j + 1, BREAK_TIME] = 0.0
-            field.from_numpy(link)
-        lattice.pause.fill(1e30)
-        stepper.prepare(lattice)
+                links.get_member_field("condition")[0, i, j // lattice.lanes][j % lattice.lanes] = (
+                    BROKEN
+                )
+        loading.set_pause(lattice, np.full(len(scenes), 1e30))
+        for b in range(len(scenes)):
+            stepper.prepare(lattice, b)
         yield Bench(lattice)
+
+
+def set_nodes(field: Any, values: np.ndarray) -> None:
+    """Set a node field of the first lattice in nodes (i, j) < values.shape."""
+    packs = field.to_numpy()
+    columns = packs[0].reshape(packs.shape[1], -1)
+    lanes = packs.shape[-1]
+    columns[1 : 1 + values.shape[0], lanes : lanes + values.shape[1]] = values
+    field.from_numpy(packs)
 
 
 def node_forces(scene: Scene, **start: object) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 import taichi as ti
 
-from taichi_foam.engine import faces
-from taichi_foam.engine.lattice import CROWDED, PAIRS_PER_NODE, WORST
+from taichi_foam.engine import faces, packs
+from taichi_foam.engine.lattice import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.engine.parameters import CIRCLE, POLYGON
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import foam as foam_law
@@ -13,9 +13,11 @@ INSIDE = 0
 AT_SURFACE = 1
 NEW = 2  # at the surface since this listing
 
+UNLISTED = -1  # links of the search grid are not below this
+
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
-vec4 = ti.types.vector(4, ti.f64)
+vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
@@ -26,8 +28,8 @@ def impactor_distance(lattice: ti.template(), b, point: vec2, p: ti.template()) 
         found = contact_law.circle_distance(point, p.impactor_radius)
     elif p.impactor_kind == POLYGON:
         found[0] = -ti.math.inf
-        for k in range(p.impactor_edges):
-            edge = lattice.edges[b, k]
+        for n in range(p.impactor_edges):
+            edge = lattice.edges[b, n]
             distance = edge.xy.dot(point) - edge.z
             if distance > found[0]:
                 found = vec3(distance, edge.x, edge.y)
@@ -35,19 +37,27 @@ def impactor_distance(lattice: ti.template(), b, point: vec2, p: ti.template()) 
 
 
 @ti.func
-def slid(lattice: ti.template(), b, i, j, stage) -> vec2:
+def may_touch_bodies(lattice: ti.template(), b, x, y, p: ti.template()) -> ti.i32:
+    """Whether any of a pack's nodes may touch the impactor or the floor."""
+    beside = (y > lattice.body[b].trial_y) & (ti.abs(x - p.impactor_x) < p.impactor_half_width)
+    return packs.any_of(beside | (y < 0.5 * p.cell.y))
+
+
+@ti.func
+def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
     """How far [m] a node has moved since its friction springs were latched.
 
     They are latched at a step's first stage, whose `rate` still holds the last step's motion.
     """
-    path = lattice.rate[b, i, j].xy
+    path = packs.position(lattice, lattice.rate, b, i, j)
     if stage > 0:
-        path = lattice.trial[b, i, j].xy - lattice.state[b, i, j].xy
+        now = packs.position(lattice, lattice.trial, b, i, j)
+        path = now - packs.position(lattice, lattice.state, b, i, j)
     return path
 
 
 @ti.func
-def impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
+def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
     """How far [m] the impactor has moved since then."""
     path = lattice.body[b].rate_y
     if stage > 0:
@@ -56,64 +66,75 @@ def impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
 
 
 @ti.func
-def impactor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()):
-    """The impactor's normal and tangential force [N] on a node, and the signed distance [m].
+def touch_bodies(
+    lattice: ti.template(), motion: ti.template(), b, i, j, sweep, stage, weight, p: ti.template()
+):
+    """Forces [N] of the impactor and the floor on a node, as the `reaction` of its lane.
 
-    The first stage of a step also latches the friction spring: slid off beyond mu N, and slack
-    where there is no touch.
+    Work and lift are added to the column's. The first stage of a step also latches the friction
+    springs: slid off beyond mu N, and slack where there is no touch.
     """
-    now = lattice.trial[b, i, j].xy
-    point = vec2(now.x - p.impactor_x, now.y - lattice.body[b].trial_y)
-    pressing = vec2(0.0)
-    rubbing = vec2(0.0)
-    distance = ti.math.inf
-    stretch = 0.0
-    if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
-        found = impactor_distance(lattice, b, point, p)
-        distance = found[0]
-        if distance < 0.0:
-            normal = found.yz
-            tangent = vec2(-normal.y, normal.x)
-            force = contact_law.normal_force(p.contact_stiffness, distance)
-            path = slid(lattice, b, i, j, stage) - vec2(0.0, impactor_slid(lattice, b, stage))
-            along = contact_law.tangential_force(
+    now = packs.position(lattice, motion, b, i, j)
+    speed = packs.velocity(lattice, motion, b, i, j)
+    k = packs.pack_of(lattice, j)
+    lane = packs.lane_of(lattice, j)
+    force = vec2(0.0)
+    on_impactor = 0.0
+    on_floor = 0.0
+    # the held row is part of the support, which lets the impactor pass
+    if not (p.hold_y and j == 0):
+        work = lattice.column_work[b, i]
+        body = lattice.body[b]
+        point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
+        if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
+            found = impactor_distance(lattice, b, point, p)
+            if found[0] < 0.0:
+                normal = found.yz
+                tangent = vec2(-normal.y, normal.x)
+                press = contact_law.normal_force(p.contact_stiffness, found[0])
+                path = _slid(lattice, b, i, j, stage) - vec2(0.0, _impactor_slid(lattice, b, stage))
+                along = contact_law.tangential_force(
+                    p.contact_stiffness,
+                    lattice.slip[b, i, k].impactor[lane] + path.dot(tangent),
+                    p.impactor_friction,
+                    press,
+                )
+                pressing = press * normal
+                rubbing = along * tangent
+                on_impactor = -along / p.contact_stiffness
+                relative = vec2(speed.x, speed.y - body.trial_v)
+                work[IMPACTOR] -= weight * pressing.dot(relative)
+                work[FRICTION] -= weight * rubbing.dot(relative)
+                lattice.column_lift[b, i] = lattice.column_lift[b, i] - (pressing.y + rubbing.y)
+                lattice.column_overlap[b, i] = ti.max(lattice.column_overlap[b, i], -found[0])
+                force += pressing + rubbing
+        # between the node and the floor lies half a cell of foam, or what crushing has left of it
+        half = 0.5 * p.cell.y
+        if now.y < half:
+            stand = vec2(0.0)
+            radius = piece_radius(lattice, b, i, j, p)
+            if now.y < radius:
+                stand.y = -p.area.y * foam_law.piece_stress(p.foam, now.y, radius, half)
+            stand.x = contact_law.tangential_force(
                 p.contact_stiffness,
-                lattice.slip[b, i, j][0] + path.dot(tangent),
-                p.impactor_friction,
-                force,
+                lattice.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
+                p.floor_friction,
+                stand.y,
             )
-            pressing = force * normal
-            rubbing = along * tangent
-            stretch = -along / p.contact_stiffness
+            on_floor = -stand.x / p.contact_stiffness
+            work[BASE] -= weight * stand.dot(speed)
+            force += stand
+        lattice.column_work[b, i] = work
     if stage == 0:
-        lattice.slip[b, i, j][0] = stretch
-    return pressing, rubbing, distance
+        lattice.slip[b, i, k].impactor[lane] = on_impactor
+        lattice.slip[b, i, k].floor[lane] = on_floor
+    lattice.reaction[sweep].x[lane] = force.x
+    lattice.reaction[sweep].y[lane] = force.y
 
 
 @ti.func
-def floor_contact(lattice: ti.template(), b, i, j, stage, p: ti.template()) -> vec2:
-    """Force [N] of the floor on a node; its friction spring is latched likewise.
-
-    Between the node and the floor lies half a cell of foam, or what crushing has left of it.
-    """
-    now = lattice.trial[b, i, j].xy
-    force = vec2(0.0)
-    stretch = 0.0
-    half = 0.5 * p.cell.y
-    if now.y < half:
-        radius = piece_radius(lattice, b, i, j, p)
-        if now.y < radius:
-            force.y = -p.area.y * foam_law.piece_stress(p.foam, now.y, radius, half)
-        force.x = contact_law.tangential_force(
-            p.contact_stiffness,
-            lattice.slip[b, i, j][1] + slid(lattice, b, i, j, stage).x,
-            p.floor_friction,
-            force.y,
-        )
-        stretch = -force.x / p.contact_stiffness
-    if stage == 0:
-        lattice.slip[b, i, j][1] = stretch
-    return force
+def _worst(links: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
+    return links[b, i, packs.pack_of(lattice, j)].worst[packs.lane_of(lattice, j)]
 
 
 @ti.func
@@ -122,42 +143,71 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
     Never more than the room that there was when the node could first touch.
     """
-    worst_a = ti.min(lattice.link_a[b, i, j][WORST], lattice.link_a[b, i - 1, j][WORST])
-    worst_b = ti.min(lattice.link_b[b, i, j][WORST], lattice.link_b[b, i, j - 1][WORST])
+    link_a, link_b = ti.static(lattice.links)
+    worst_a = ti.min(_worst(link_a, lattice, b, i, j), _worst(link_a, lattice, b, i - 1, j))
+    worst_b = ti.min(_worst(link_b, lattice, b, i, j), _worst(link_b, lattice, b, i, j - 1))
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    return ti.min(0.5 * thinner, lattice.room[b, i, j])
+    return ti.min(
+        0.5 * thinner, lattice.room[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)]
+    )
 
 
 @ti.func
-def self_contact(lattice: ti.template(), b, i, j, p: ti.template()):
-    """Find the push [N] on a node from the nodes that it touches.
+def place_of(lattice: ti.template(), node) -> vec3i:
+    """Column, pack and lane of a node that goes by its number."""
+    j = ti.raw_mod(node, lattice.rows)
+    return vec3i(
+        ti.raw_div(node, lattice.rows), packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+    )
+
+
+@ti.func
+def _at(motion: ti.template(), b, place: vec3i) -> vec2:
+    return vec2(
+        motion[b, place[0], place[1]].x[place[2]], motion[b, place[0], place[1]].y[place[2]]
+    )
+
+
+@ti.func
+def push_pieces(lattice: ti.template(), motion: ti.template(), b, p: ti.template()):
+    """The pushes [N] on all nodes that touch others.
 
     A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
-    those have their connection's own law for compression, broken or not.
+    those have their connection's own law for compression, broken or not. Only one thread adds to
+    a lattice's pushes, so there are no atomics; and no branches, since who touches is a toss-up.
     """
-    node = i * lattice.rows + j
-    here = lattice.trial[b, i, j].xy
-    radius = lattice.radius[b, i, j]
-    push = vec2(0.0)
-    for k in range(lattice.pair_start[b, node], lattice.pair_start[b, node + 1]):
-        other = lattice.pairs[b, k]
-        oi = other // lattice.rows
-        oj = other % lattice.rows
-        away = here - lattice.trial[b, oi, oj].xy
-        touch = radius + lattice.radius[b, oi, oj]
-        gap_sqr = away.norm_sqr()
-        if gap_sqr < touch * touch and gap_sqr > 0.0:
-            gap = ti.sqrt(gap_sqr)
-            stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
-            push -= away * (p.piece_area * stress / gap)
-    lattice.push[b, i, j] = push
+    for n in range(lattice.clock[b].touchers):
+        now = _at(motion, b, place_of(lattice, lattice.toucher_node[b, n]))
+        lattice.touchers[b, n].x = now.x
+        lattice.touchers[b, n].y = now.y
+        lattice.toucher_push[b, n] = vec2(0.0)
+    for n in range(lattice.clock[b].pairs):
+        pair = lattice.pairs[b, n]
+        one = lattice.touchers[b, pair[0]]
+        two = lattice.touchers[b, pair[1]]
+        away = vec2(one.x - two.x, one.y - two.y)
+        touch = one.radius + two.radius
+        gap = away.norm()
+        stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
+        acts = gap < touch and gap > 0.0
+        push = away * ti.select(acts, p.piece_area * stress / gap, 0.0)
+        lattice.toucher_push[b, pair[0]] = lattice.toucher_push[b, pair[0]] - push
+        lattice.toucher_push[b, pair[1]] = lattice.toucher_push[b, pair[1]] + push
+    for n in range(lattice.clock[b].touchers):
+        place = place_of(lattice, lattice.toucher_node[b, n])
+        lattice.push[b, place[0], place[1]].x[place[2]] = lattice.toucher_push[b, n].x
+        lattice.push[b, place[0], place[1]].y[place[2]] = lattice.toucher_push[b, n].y
 
 
 @ti.func
-def drifted(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
-    """Whether a node has moved so far that the neighbour list may miss a touch."""
-    moved = lattice.trial[b, i, j].xy - lattice.anchor[b, i, j]
-    return ti.i32(4.0 * moved.norm_sqr() > p.skin * p.skin)
+def refresh_radii(lattice: ti.template(), b, p: ti.template()):
+    """Bring the radii of the nodes that may touch up to date with their crush."""
+    for n in range(lattice.clock[b].touchers):
+        node = lattice.toucher_node[b, n]
+        radius = piece_radius(
+            lattice, b, ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows), p
+        )
+        lattice.touchers[b, n].radius = radius
 
 
 @ti.func
@@ -177,79 +227,118 @@ def _bin(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vect
 def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
-    Serial, so that the order of every list, and with it every sum, is the same for any number of
+    Serial, so that the order of the list, and with it every sum, is the same for any number of
     threads. It is rare: a node has moved by half the skin, or a connection has broken.
     """
-    for k in range(lattice.bins_x * lattice.bins_y):
-        lattice.bin_head[b, k] = -1
+    for n in range(lattice.clock[b].touchers):
+        place = place_of(lattice, lattice.toucher_node[b, n])
+        lattice.push[b, place[0], place[1]].x[place[2]] = 0.0
+        lattice.push[b, place[0], place[1]].y[place[2]] = 0.0
+    for n in range(lattice.bins_x * lattice.bins_y):
+        lattice.bin_head[b, n] = -1
     for i in range(lattice.columns):
+        lattice.column_touchers[b, i] = 0
         for j in range(lattice.rows):
-            point = lattice.trial[b, i, j].xy
-            lattice.anchor[b, i, j] = point
-            lattice.radius[b, i, j] = piece_radius(lattice, b, i, j, p)
-            if lattice.touching[b, i, j] == INSIDE and faces.is_surface(lattice, b, i, j):
-                lattice.touching[b, i, j] = NEW
+            k = packs.pack_of(lattice, j)
+            lane = packs.lane_of(lattice, j)
+            lattice.radius[b, i, k][lane] = piece_radius(lattice, b, i, j, p)
+            if lattice.surface[b, i, k][lane] == INSIDE and faces.is_surface(lattice, b, i, j):
+                lattice.surface[b, i, k][lane] = NEW
             node = i * lattice.rows + j
-            cell = _bin(lattice, point, p)
+            cell = _bin(lattice, packs.position(lattice, lattice.state, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
             lattice.next_in_bin[b, node] = lattice.bin_head[b, head]
             lattice.bin_head[b, head] = node
     found = 0
     for i in range(lattice.columns):
         for j in range(lattice.rows):
-            lattice.pair_start[b, i * lattice.rows + j] = found
-            found = _list_around(lattice, b, i, j, found, p)
-    lattice.pair_start[b, lattice.nodes] = found
+            if (
+                lattice.surface[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)]
+                != INSIDE
+            ):
+                found = _list_around(lattice, b, i, j, found, p)
     lattice.clock[b].stale = 0
-    if found > PAIRS_PER_NODE * lattice.nodes:
+    lattice.clock[b].drift = 0.0
+    lattice.clock[b].pairs = ti.min(found, lattice.most_pairs)
+    if found > lattice.most_pairs:
         lattice.clock[b].status = CROWDED
-    else:
-        for i in range(lattice.columns):
-            for j in range(lattice.rows):
-                _make_room(lattice, b, i, j)
-        for i in range(lattice.columns):
-            for j in range(lattice.rows):
-                lattice.touching[b, i, j] = ti.min(lattice.touching[b, i, j], AT_SURFACE)
-                lattice.radius[b, i, j] = piece_radius(lattice, b, i, j, p)
-
-
-@ti.func
-def _make_room(lattice: ti.template(), b, i, j):
-    """Let a node start to touch its neighbours without overlap.
-
-    Foam that has sheared under compression may be closer than its radii when it tears. Contact
-    that sprang up there at once would push with energy from nothing.
-    """
-    node = i * lattice.rows + j
-    radius = lattice.radius[b, i, j]
-    for k in range(lattice.pair_start[b, node], lattice.pair_start[b, node + 1]):
-        other = lattice.pairs[b, k]
-        oi = other // lattice.rows
-        oj = other % lattice.rows
-        if ti.max(lattice.touching[b, i, j], lattice.touching[b, oi, oj]) == NEW:
-            distance = (lattice.trial[b, oi, oj].xy - lattice.trial[b, i, j].xy).norm()
-            share = distance / (radius + lattice.radius[b, oi, oj])
-            lattice.room[b, i, j] = ti.min(lattice.room[b, i, j], share * radius)
+    for n in range(lattice.clock[b].pairs):
+        _make_room(lattice, b, lattice.pairs[b, n])
+    _list_touchers(lattice, b)
+    refresh_radii(lattice, b, p)
 
 
 @ti.func
 def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti.i32:
-    """Append the nodes near node (i, j), but not those that it is or was connected to."""
-    point = lattice.anchor[b, i, j]
+    """Append the pairs of a surface node with those near it, but not with its lattice neighbours.
+
+    Of two surface nodes the one with the lower number lists the pair.
+    """
+    node = i * lattice.rows + j
+    here = place_of(lattice, node)
+    point = _at(lattice.state, b, here)
     home = _bin(lattice, point, p)
+    reach = lattice.radius[b, here[0], here[1]][here[2]] + p.skin
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
             other = lattice.bin_head[b, bx * lattice.bins_y + by]
             while other >= 0:
-                oi = other // lattice.rows
-                oj = other % lattice.rows
-                can_touch = lattice.touching[b, i, j] + lattice.touching[b, oi, oj] > INSIDE
-                if can_touch and ti.abs(oi - i) + ti.abs(oj - j) > 1:
-                    reach = lattice.radius[b, i, j] + lattice.radius[b, oi, oj] + p.skin
-                    if (lattice.anchor[b, oi, oj] - point).norm_sqr() < reach * reach:
-                        if count < PAIRS_PER_NODE * lattice.nodes:
-                            lattice.pairs[b, count] = other
+                there = place_of(lattice, other)
+                listed = lattice.surface[b, there[0], there[1]][there[2]] != INSIDE and other < node
+                steps = ti.abs(there[0] - i) + ti.abs(ti.raw_mod(other, lattice.rows) - j)
+                if not listed and steps > 1:
+                    limit = reach + lattice.radius[b, there[0], there[1]][there[2]]
+                    if (_at(lattice.state, b, there) - point).norm_sqr() < limit * limit:
+                        if count < lattice.most_pairs:
+                            lattice.pairs[b, count] = ti.Vector([node, other])
                         count += 1
                 other = lattice.next_in_bin[b, other]
     return count
+
+
+@ti.func
+def _make_room(lattice: ti.template(), b, pair):
+    """Let a node start to touch its neighbours without overlap.
+
+    Foam that has sheared under compression may be closer than its radii when it tears. Contact
+    that sprang up there at once would push with energy from nothing.
+    """
+    one = place_of(lattice, pair[0])
+    two = place_of(lattice, pair[1])
+    radius_one = lattice.radius[b, one[0], one[1]][one[2]]
+    radius_two = lattice.radius[b, two[0], two[1]][two[2]]
+    state_one = lattice.surface[b, one[0], one[1]][one[2]]
+    state_two = lattice.surface[b, two[0], two[1]][two[2]]
+    if state_one == NEW or state_two == NEW:
+        distance = (_at(lattice.state, b, two) - _at(lattice.state, b, one)).norm()
+        share = distance / (radius_one + radius_two)
+        room_one = lattice.room[b, one[0], one[1]][one[2]]
+        room_two = lattice.room[b, two[0], two[1]][two[2]]
+        lattice.room[b, one[0], one[1]][one[2]] = ti.min(room_one, share * radius_one)
+        lattice.room[b, two[0], two[1]][two[2]] = ti.min(room_two, share * radius_two)
+
+
+@ti.func
+def _list_touchers(lattice: ti.template(), b):
+    """List the nodes that have a pair, and count them by columns."""
+    for i in range(lattice.columns):
+        for k in range(lattice.packs):
+            lattice.surface[b, i, k] = ti.min(lattice.surface[b, i, k], AT_SURFACE)
+    # the search grid's links are no longer needed: they tell each node's place in the list
+    found = 0
+    for n in range(lattice.clock[b].pairs):
+        for side in ti.static(range(2)):
+            node = lattice.pairs[b, n][side]
+            if lattice.next_in_bin[b, node] >= UNLISTED:
+                lattice.next_in_bin[b, node] = -2 - found
+                if found < lattice.most_touchers:
+                    lattice.toucher_node[b, found] = node
+                    i = ti.raw_div(node, lattice.rows)
+                    lattice.column_touchers[b, i] = lattice.column_touchers[b, i] + 1
+                found += 1
+            lattice.pairs[b, n][side] = -2 - lattice.next_in_bin[b, node]
+    lattice.clock[b].touchers = ti.min(found, lattice.most_touchers)
+    if found > lattice.most_touchers:
+        lattice.clock[b].status = CROWDED
+        lattice.clock[b].pairs = 0

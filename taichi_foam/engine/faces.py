@@ -1,13 +1,16 @@
-"""Connections: their forces at a stage, and their history once a step is accepted."""
+"""Connections: their forces at a stage, and what a step does to their history.
+
+Everything is done a pack of connections at a time, without branches on values: see `packs`.
+"""
 
 import taichi as ti
 
-from taichi_foam.engine.lattice import AHEAD, BEHIND, BREAK_TIME, INTACT, NEVER, WORST
+from taichi_foam.engine import packs
+from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, RING
 from taichi_foam.laws import foam as foam_law
 from taichi_foam.laws import kinematics
 
 vec2 = ti.types.vector(2, ti.f64)
-vec4 = ti.types.vector(4, ti.f64)
 
 # A connection runs along its own axis (A along x, B along y); the other axis lies across it.
 A = 0
@@ -15,196 +18,270 @@ B = 1
 
 
 @ti.func
-def crossing(lattice: ti.template(), axis: ti.template(), side: ti.template(), b, i, j) -> vec2:
-    """Sum of the differences that cross a connection at its two nodes, on one side of it [m].
+def slot_of(lattice: ti.template(), i, last):
+    """Where a sweep that ends with column `last` keeps the forces of column `i`.
 
-    `side` 0 is above an A and right of a B, -1 below and left. The two nodes' parts are added
-    first: mirrored, the sum is then the same to the last bit.
+    The last column has a place of its own: its forces may be there before the sweep begins. Left
+    of the lattice there are none, for which a place of zeros is kept.
     """
-    ei, ej = ti.static((1, 0) if axis == A else (0, 1))  # to the connection's other node
-    si, sj = ti.static((0, 1) if axis == A else (1, 0))  # to the neighbours beside it
-    fi, fj = ti.static((side * si, side * sj))
-    x = ti.static(lattice.trial)
-    at_start = x[b, i + fi + si, j + fj + sj].xy - x[b, i + fi, j + fj].xy
-    at_end = x[b, i + ei + fi + si, j + ej + fj + sj].xy - x[b, i + ei + fi, j + ej + fj].xy
-    return at_start + at_end
+    return ti.select(i < 0, RING + 1, ti.select(i == last, RING, ti.raw_mod(i, RING)))
 
 
 @ti.func
-def face_force(
-    lattice: ti.template(), axis: ti.template(), latching: ti.template(),
-    b, i, j, ahead: vec2, behind: vec2, p: ti.template(),
+def _link_forces(
+    axis: ti.template(), latching: ti.template(), link: ti.template(),
+    reach_x, reach_y, along_u, along_v, ahead_x, ahead_y, behind_x, behind_y, p: ti.template(),
 ):  # fmt: skip
-    """Force [N] of connection (i, j) on its first node, short of densification.
+    """Force [N] of a pack of connections on their first nodes, short of densification.
 
-    `ahead` and `behind` are the crossing differences on its two sides. Besides, its strain; and
-    with `latching`, when the state is an accepted one and the connection's history is brought up
-    to date with it: the powers [W] that its shear and its dashpot take up, T . (v_end - v_start),
-    and 1 if it breaks.
+    `reach` and `along` are the differences of position and velocity between the two nodes, `ahead`
+    and `behind` what crosses the connection on its two sides. Besides, the strain; and with
+    `latching`, when the state is an accepted one, the power [W] that shear and dashpots take up,
+    and the history brought up to date.
     """
-    links = ti.static(lattice.links[axis])
-    ei, ej = ti.static((1, 0) if axis == A else (0, 1))
-    link = links[b, i, j]
-    start = lattice.trial[b, i, j]
-    end = lattice.trial[b, i + ei, j + ej]
-    reach = end.xy - start.xy
-    relative = end.zw - start.zw
-    per_length = 1.0 / p.cell[axis]
-    length = reach.norm()
-    e = kinematics.engineering_strain(length * per_length)
-    broken = ti.i32(link[BREAK_TIME] >= 0.0)
-    stress = foam_law.yielding_stress(p.foam, e, link[WORST], broken)
-    per_reach = 1.0 / length
-    force = reach * (p.area[axis] * stress * per_reach)
-    power = vec2(0.0)
-    breaks = 0.0
-    if ti.static(latching):  # noqa: SIM102 - the static test must stand alone
-        if e < link[WORST]:
-            links[b, i, j][WORST] = e
-    if not broken:
-        # F's column across the connection, from the halves that its broken neighbours leave
-        across = link[AHEAD] * ahead + link[BEHIND] * behind
-        gamma = kinematics.shear_strain(reach, across) * per_length
-        tau = foam_law.shear_stress(p.foam, gamma)
-        shear = across * (p.area[axis] * tau)
-        dragging = p.cross_dashpot[axis] * relative
-        if p.excess_dashpot[axis] != 0.0:
-            closing = reach.dot(relative) * per_reach
-            dragging += reach * (p.excess_dashpot[axis] * closing * per_reach)
-        force += shear + dragging
-        if ti.static(latching):
-            power = vec2(shear.dot(relative), dragging.dot(relative))
-            # the shear strength grows with the stress up to the plateau
-            if foam_law.fails(p.foam, e, stress, tau, ti.min(link[WORST], e)):
-                breaks = 1.0
-                links[b, i, j][BREAK_TIME] = lattice.clock[b].time
-    return force, e, power, breaks
+    length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
+    e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+    condition = ti.cast(link.condition, ti.f64)
+    whole = condition > BROKEN
+    worst = link.worst
+    if ti.static(latching):
+        # columns at the seams of two sweeps are latched by both: twice must be the same as once
+        worst = ti.min(worst, ti.select(condition > ABSENT, e, worst))
+    numerator, divisor = foam_law.yielding_fraction(p.foam, e, worst, condition <= BROKEN)
+    normal = p.area[axis] * numerator / (divisor * length)
+    # F's column across the connection, from the halves that its broken neighbours leave
+    per_spacing = 1.0 / p.cell[1 - axis]
+    ahead = ti.cast(link.ahead, ti.f64) * per_spacing
+    behind = ti.cast(link.behind, ti.f64) * per_spacing
+    across_x = ahead * ahead_x + behind * behind_x
+    across_y = ahead * ahead_y + behind * behind_y
+    gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
+    tau = foam_law.shear_stress(p.foam, gamma)
+    shear = p.area[axis] * tau
+    dashpot = ti.select(whole, p.cross_dashpot[axis], 0.0)
+    drag_x = dashpot * along_u
+    drag_y = dashpot * along_v
+    if p.excess_dashpot[axis] != 0.0:
+        closing = (reach_x * along_u + reach_y * along_v) / (length * length)
+        excess = ti.select(whole, p.excess_dashpot[axis], 0.0) * closing
+        drag_x += reach_x * excess
+        drag_y += reach_y * excess
+    shear_x = across_x * shear
+    shear_y = across_y * shear
+    there = condition > ABSENT
+    force_x = ti.select(there, reach_x * normal + (shear_x + drag_x), 0.0)
+    force_y = ti.select(there, reach_y * normal + (shear_y + drag_y), 0.0)
+    sheared = shear_x * along_u + shear_y * along_v
+    damped = drag_x * along_u + drag_y * along_v
+    if ti.static(latching):
+        # the shear strength grows with the stress up to the plateau
+        stress = numerator / divisor
+        fails = whole & foam_law.fails(p.foam, e, stress, tau, worst)
+        condition = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
+    return (
+        force_x, force_y, ti.select(there, e, 0.0), worst, condition,
+        ti.select(whole, sheared, 0.0), ti.select(whole, damped, 0.0),
+    )  # fmt: skip
 
 
 @ti.func
-def face_column(lattice: ti.template(), latching: ti.template(), b, i, p: ti.template()):
-    """Forces of the connections to the right of and above each node of column `i`.
+def face_pack(
+    lattice: ti.template(), motion: ti.template(), latching: ti.template(),
+    b, i, k, sweep, slot, below_x, below_y, p: ti.template(),
+):  # fmt: skip
+    """Forces of the connections to the right of and above each node of a pack, kept in `slot`.
 
-    What crosses an A above it crosses the next A below it, and is carried on.
+    `below` is what crosses the first lane's A below it. What crosses the last lane's A above it
+    comes back for the next pack; besides, the least strain, and the power of shear and dashpots
+    and the connections that break, added over the pack (0 unless `latching`).
+    """
+    here = motion[b, i, k]
+    right = motion[b, i + 1, k]
+    left = motion[b, i - 1, k]
+    up = motion[b, i, k + 1]
+    up_x = packs.from_above(here.x, up.x[0])
+    up_y = packs.from_above(here.y, up.y[0])
+    right_up_x = packs.from_above(right.x, motion[b, i + 1, k + 1].x[0])
+    right_up_y = packs.from_above(right.y, motion[b, i + 1, k + 1].y[0])
+    left_up_x = packs.from_above(left.x, motion[b, i - 1, k + 1].x[0])
+    left_up_y = packs.from_above(left.y, motion[b, i - 1, k + 1].y[0])
+    reach_x, reach_y = right.x - here.x, right.y - here.y
+    rise_x, rise_y = up_x - here.x, up_y - here.y
+    # what crosses a connection on one side of it: the differences at its two nodes are added
+    # first, so that the mirror image gives the same sums
+    above_x, above_y = rise_x + (right_up_x - right.x), rise_y + (right_up_y - right.y)
+    beside_x, beside_y = reach_x + (right_up_x - up_x), reach_y + (right_up_y - up_y)
+    before_x = (here.x - left.x) + (up_x - left_up_x)
+    before_y = (here.y - left.y) + (up_y - left_up_y)
+
+    fx, fy, e, worst, condition, sheared, damped = _link_forces(
+        A, latching, lattice.link_a[b, i, k], reach_x, reach_y, right.u - here.u, right.v - here.v,
+        above_x, above_y, packs.from_below(above_x, below_x), packs.from_below(above_y, below_y), p,
+    )  # fmt: skip
+    lattice.force[sweep, slot, k].ax = fx
+    lattice.force[sweep, slot, k].ay = fy
+    power = vec2(0.0)
+    breaks = 0.0
+    if ti.static(latching):
+        lattice.link_a[b, i, k].worst = worst
+        lattice.link_a[b, i, k].condition = ti.cast(condition, ti.f32)
+        power = vec2(sheared.sum(), damped.sum())
+        breaks = ti.select(condition == BREAKING, 1.0, 0.0).sum()
+    least = e.min()
+    up_u = packs.from_above(here.u, up.u[0])
+    up_v = packs.from_above(here.v, up.v[0])
+    fx, fy, e, worst, condition, sheared, damped = _link_forces(
+        B, latching, lattice.link_b[b, i, k], rise_x, rise_y, up_u - here.u, up_v - here.v,
+        beside_x, beside_y, before_x, before_y, p,
+    )  # fmt: skip
+    lattice.force[sweep, slot, k].bx = fx
+    lattice.force[sweep, slot, k].by = fy
+    if ti.static(latching):
+        lattice.link_b[b, i, k].worst = worst
+        lattice.link_b[b, i, k].condition = ti.cast(condition, ti.f32)
+        power += vec2(sheared.sum(), damped.sum())
+        breaks += ti.select(condition == BREAKING, 1.0, 0.0).sum()
+    last = ti.static(lattice.lanes - 1)
+    return above_x[last], above_y[last], ti.min(least, e.min()), power, breaks
+
+
+@ti.func
+def densify_pack(
+    lattice: ti.template(), motion: ti.template(), b, i, k, sweep, slot, p: ti.template()
+):
+    """Add densification to a pack's forces; its stiffest connection [N/m] comes back."""
+    here = motion[b, i, k]
+    up = motion[b, i, k + 1]
+    fx, fy, stiffest = _densify(
+        A, lattice.link_a[b, i, k],
+        motion[b, i + 1, k].x - here.x, motion[b, i + 1, k].y - here.y, p,
+    )  # fmt: skip
+    lattice.force[sweep, slot, k].ax = lattice.force[sweep, slot, k].ax + fx
+    lattice.force[sweep, slot, k].ay = lattice.force[sweep, slot, k].ay + fy
+    fx, fy, stiff = _densify(
+        B, lattice.link_b[b, i, k],
+        packs.from_above(here.x, up.x[0]) - here.x, packs.from_above(here.y, up.y[0]) - here.y, p,
+    )  # fmt: skip
+    lattice.force[sweep, slot, k].bx = lattice.force[sweep, slot, k].bx + fx
+    lattice.force[sweep, slot, k].by = lattice.force[sweep, slot, k].by + fy
+    return ti.max(stiffest, stiff)
+
+
+@ti.func
+def _densify(axis: ti.template(), link: ti.template(), reach_x, reach_y, p: ti.template()):
+    length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
+    e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+    broken = link.condition <= BROKEN
+    stress, slope = foam_law.densification(p.foam, e, link.worst, broken)
+    there = link.condition > ABSENT
+    force = ti.select(there, p.area[axis] * stress / length, 0.0)
+    stiffness = ti.select(there, slope * (p.area[axis] / p.cell[axis]), 0.0)
+    return reach_x * force, reach_y * force, stiffness.max()
+
+
+@ti.func
+def face_column(
+    lattice: ti.template(), motion: ti.template(), latching: ti.template(),
+    b, i, sweep, slot, p: ti.template(),
+):  # fmt: skip
+    """Forces of column `i`'s connections, kept in `slot`, and what a step has to know of them.
+
+    What crosses an A above it crosses the next A below it, and is carried on. Densification has
+    a loop of its own: few columns have any, and it would cost every other face its registers.
     """
     power = vec2(0.0)
-    deepest = 0.0
     breaks = 0.0
-    below = crossing(lattice, A, -1, b, i, 0)
-    for j in range(lattice.rows):
-        force_a = vec2(0.0)
-        force_b = vec2(0.0)
-        if i < lattice.columns - 1:
-            above = crossing(lattice, A, 0, b, i, j)
-            force, e, taken, broke = face_force(lattice, A, latching, b, i, j, above, below, p)
-            below = above
-            force_a = force
-            deepest = ti.min(deepest, e)
+    least = 0.0
+    below_x, below_y = 0.0, 0.0
+    for k in range(lattice.packs):
+        below_x, below_y, e, taken, broke = face_pack(
+            lattice, motion, latching, b, i, k, sweep, slot, below_x, below_y, p
+        )
+        least = ti.min(least, e)
+        if ti.static(latching):
             power += taken
             breaks += broke
-        if j < lattice.rows - 1:
-            right = crossing(lattice, B, 0, b, i, j)
-            left = crossing(lattice, B, -1, b, i, j)
-            force, e, taken, broke = face_force(lattice, B, latching, b, i, j, right, left, p)
-            force_b = force
-            deepest = ti.min(deepest, e)
-            power += taken
-            breaks += broke
-        lattice.force[b, i, j] = vec4(force_a.x, force_a.y, force_b.x, force_b.y)
     stiffest = 0.0
-    if deepest < p.foam.densification_strain:
-        stiffest = _densify_column(lattice, b, i, p)
+    if least < p.foam.densification_strain:
+        for k in range(lattice.packs):
+            stiff = densify_pack(lattice, motion, b, i, k, sweep, slot, p)
+            stiffest = ti.max(stiffest, stiff)
     if ti.static(latching):
         lattice.column_power[b, i] = power
-        lattice.column_found[b, i] = vec2(stiffest, breaks)
+        lattice.column_breaks[b, i] = ti.i32(breaks)
+    lattice.column_stiffest[b, i] = stiffest
 
 
 @ti.func
-def _densify_column(lattice: ti.template(), b, i, p: ti.template()) -> ti.f64:
-    """Add densification to the column's forces; its stiffest connection [N/m] comes back.
+def break_connections(lattice: ti.template(), b, i, p: ti.template()):
+    """At the end of a step: column `i`'s failed connections are broken from now on.
 
-    Few columns have any, and the exponential's call would cost every face the processor's
-    registers: so it has a loop of its own.
+    The stored energy that they lose is booked [J].
     """
-    stiffest = 0.0
+    lost = 0.0
     for j in range(lattice.rows):
-        extra = vec4(0.0)
+        k = packs.pack_of(lattice, j)
+        lane = packs.lane_of(lattice, j)
         for axis in ti.static(range(2)):
             ei, ej = ti.static((1, 0) if axis == A else (0, 1))
-            link = ti.static(lattice.links[axis])[b, i, j]
-            if link[BREAK_TIME] < NEVER:
-                reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
-                square = reach.norm_sqr()
-                dense_length = p.cell[axis] * (1.0 + p.foam.densification_strain)
-                if square < dense_length * dense_length:
-                    length = ti.sqrt(square)
-                    e = kinematics.engineering_strain(length / p.cell[axis])
-                    broken = ti.i32(link[BREAK_TIME] >= 0.0)
-                    dense = foam_law.densification(p.foam, e, link[WORST], broken)
-                    force = reach * (p.area[axis] * dense[0] / length)
-                    extra[2 * axis] = force.x
-                    extra[2 * axis + 1] = force.y
-                    stiffest = ti.max(stiffest, dense[1] * p.area[axis] / p.cell[axis])
-        lattice.force[b, i, j] += extra
-    return stiffest
+            links = ti.static(lattice.links[axis])
+            if links[b, i, k].condition[lane] == BREAKING:
+                links[b, i, k].condition[lane] = BROKEN
+                time = ti.cast(lattice.clock[b].time, ti.f32)
+                links[b, i, k].break_time[lane] = time
+                start = packs.position(lattice, lattice.state, b, i, j)
+                end = packs.position(lattice, lattice.state, b, i + ei, j + ej)
+                e = kinematics.engineering_strain((end - start).norm() / p.cell[axis])
+                density = foam_law.energy_lost_by_breaking(p.foam, e, links[b, i, k].worst[lane])
+                lost += p.area[axis] * p.cell[axis] * density
+    lattice.column_fracture[b, i] = lattice.column_fracture[b, i] + lost
 
 
 @ti.func
-def book_fracture(lattice: ti.template(), b, i, j, p: ti.template()):
-    """Book the stored energy that the node's connections have lost by breaking just now [J]."""
-    for axis in ti.static(range(2)):
-        ei, ej = ti.static((1, 0) if axis == A else (0, 1))
-        link = ti.static(lattice.links[axis])[b, i, j]
-        if link[BREAK_TIME] == lattice.clock[b].time:
-            reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
-            e = kinematics.engineering_strain(reach.norm() / p.cell[axis])
-            lost = foam_law.energy_lost_by_breaking(p.foam, e, link[WORST])
-            lattice.column_fracture[b, i] += p.area[axis] * p.cell[axis] * lost
+def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
+    links = ti.static(lattice.links[axis])
+    return ti.i32(
+        links[b, i, packs.pack_of(lattice, j)].condition[packs.lane_of(lattice, j)] > BROKEN
+    )
 
 
 @ti.func
-def _whole(link: vec4) -> ti.i32:
-    return ti.i32(link[BREAK_TIME] == INTACT)
+def _weight(counts: ti.i32, halves: ti.i32) -> ti.f32:
+    """Factor of a half in the mean gradient: each is the sum of two differences."""
+    return ti.cast(counts, ti.f32) * 0.5 / ti.cast(ti.max(halves, 1), ti.f32)
 
 
 @ti.func
-def _weights(ahead: ti.i32, behind: ti.i32, spacing: ti.f64) -> vec2:
-    """Factors of the two halves in the mean gradient [1/m], none of a half that does not count.
-
-    Each half is the sum of two differences over `spacing`.
-    """
-    halves = ti.max(ahead + behind, 1)
-    return vec2(ahead, behind) / (2.0 * halves * spacing)
-
-
-@ti.func
-def update_halves(lattice: ti.template(), b, i, j, p: ti.template()):
+def update_halves(lattice: ti.template(), b, i, j):
     """Which halves of the node's two connections still count (Eqs 13, 27, Fig. 20).
 
     A half counts while the crossing connections at both of the connection's nodes are whole. With
-    none left the connection is a bare fibre: `across` vanishes, and the shear with it.
+    none left the connection is a bare fibre: `across` vanishes, and the shear with it. So it does
+    for a broken connection.
     """
+    k = packs.pack_of(lattice, j)
+    lane = packs.lane_of(lattice, j)
     if i < lattice.columns - 1:
-        above = _whole(lattice.link_b[b, i, j]) * _whole(lattice.link_b[b, i + 1, j])
-        below = _whole(lattice.link_b[b, i, j - 1]) * _whole(lattice.link_b[b, i + 1, j - 1])
-        factors = _weights(above, below, p.cell.y)
-        lattice.link_a[b, i, j][AHEAD] = factors[0]
-        lattice.link_a[b, i, j][BEHIND] = factors[1]
+        holds = is_whole(lattice, A, b, i, j)
+        above = holds * is_whole(lattice, B, b, i, j) * is_whole(lattice, B, b, i + 1, j)
+        below = holds * is_whole(lattice, B, b, i, j - 1) * is_whole(lattice, B, b, i + 1, j - 1)
+        lattice.link_a[b, i, k].ahead[lane] = _weight(above, above + below)
+        lattice.link_a[b, i, k].behind[lane] = _weight(below, above + below)
     if j < lattice.rows - 1:
-        right = _whole(lattice.link_a[b, i, j]) * _whole(lattice.link_a[b, i, j + 1])
-        left = _whole(lattice.link_a[b, i - 1, j]) * _whole(lattice.link_a[b, i - 1, j + 1])
-        factors = _weights(right, left, p.cell.x)
-        lattice.link_b[b, i, j][AHEAD] = factors[0]
-        lattice.link_b[b, i, j][BEHIND] = factors[1]
+        holds = is_whole(lattice, B, b, i, j)
+        right = holds * is_whole(lattice, A, b, i, j) * is_whole(lattice, A, b, i, j + 1)
+        left = holds * is_whole(lattice, A, b, i - 1, j) * is_whole(lattice, A, b, i - 1, j + 1)
+        lattice.link_b[b, i, k].ahead[lane] = _weight(right, right + left)
+        lattice.link_b[b, i, k].behind[lane] = _weight(left, right + left)
 
 
 @ti.func
 def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
     """Whether any of the node's four connections is broken or was never there."""
     return ti.i32(
-        _whole(lattice.link_a[b, i, j])
-        + _whole(lattice.link_a[b, i - 1, j])
-        + _whole(lattice.link_b[b, i, j])
-        + _whole(lattice.link_b[b, i, j - 1])
+        is_whole(lattice, A, b, i, j)
+        + is_whole(lattice, A, b, i - 1, j)
+        + is_whole(lattice, B, b, i, j)
+        + is_whole(lattice, B, b, i, j - 1)
         < 4
     )

@@ -1,27 +1,25 @@
 """The state of a batch of lattices with the same counts, as Taichi fields.
 
-Every field has a leading batch axis. Node fields are padded by one on each side, so that a
-neighbour's index is always valid and a missing neighbour is only a connection that never was.
+Every field has a leading batch axis. Node fields are padded by one column and one pack on each
+side, so that a neighbour's index is always valid and a missing neighbour is only a connection that
+never was.
 """
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-import numpy as np
 import taichi as ti
 
 from taichi_foam.engine import runtime
-from taichi_foam.engine.parameters import MAX_EDGES, Parameters, impactor_edges, parameters_of
-from taichi_foam.result import Snapshot
-from taichi_foam.scene import Scene
+from taichi_foam.engine.packs import CPU_LANES
+from taichi_foam.engine.parameters import MAX_EDGES, Parameters
 
-# Members of a connection's four numbers.
-AHEAD = 0  # factor of the half above (A) or right (B) in the mean of Eq. 13 [1/m]
-BEHIND = 1  # factor of the half below (A) or left (B)
-WORST = 2  # e_min
-BREAK_TIME = 3  # time of breaking [s]; INTACT while whole, NEVER where no connection is
+# What a connection is (`condition`).
+ABSENT = -1
+BROKEN = 0
+WHOLE = 1
+BREAKING = 2  # whole until the end of this step
 
-INTACT = -1.0
 NEVER = 1e30
 
 # Why a lattice no longer steps.
@@ -30,10 +28,31 @@ AT_END_TIME = 1
 AT_REBOUND = 2
 NOT_FINITE = 3
 CROWDED = 4
+EMPTY = 5  # nothing was loaded, or it has been taken away
 
-ROWS = 256  # of the history kept on the device between two calls
+HISTORY_ROWS = 256  # kept on the device between two calls
 ROW_VALUES = 18  # in each, see ledger.ROW_COLUMNS
-PAIRS_PER_NODE = 12  # room in the neighbour list; whole foam needs next to none
+
+# Room in the neighbour list, for each node: pairs, and nodes that have one. The paper's tests need
+# up to 0.7 and 0.3. Shattered foam needs more; but then it is no big block.
+SMALL_BLOCK = 50_000
+PAIRS = {"small": 2.0, "big": 1.0}
+TOUCHERS = {"small": 1.0, "big": 0.5}
+
+# Members of a column's work, all in J and positive where the nodes lose energy.
+FACES = 0  # normal stress, shear and dashpots together
+SHEAR = 1
+DASHPOTS = 2
+DRAG = 3
+IMPACTOR = 4
+FRICTION = 5
+BASE = 6
+SELF_CONTACT = 7
+
+# Columns of forces that a sweep keeps: those left of, at and right of a node, the last one of the
+# sweep, and zeros for what is left of the lattice.
+RING = 3
+SWEEP_SLOTS = RING + 2
 
 
 @ti.dataclass
@@ -51,6 +70,15 @@ class Body:
 
 
 @ti.dataclass
+class Toucher:
+    """A node that may touch others: what its pairs read, gathered in one place."""
+
+    x: ti.f64  # [m]
+    y: ti.f64
+    radius: ti.f64  # [m]
+
+
+@ti.dataclass
 class Clock:
     """Where one lattice stands in time."""
 
@@ -61,147 +89,148 @@ class Clock:
     next_row: ti.f64
     last_contact: ti.f64
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
-    steps: ti.i64
+    pause: ti.f64  # time at which a call hands the lattice back
+    drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
+    steps: ti.i32
     status: ti.i32
     rows: ti.i32
     broken: ti.i32  # connections broken so far
-    newly_broken: ti.i32  # by the last latch
     bad_node: ti.i32
     stale: ti.i32  # the neighbour list is to be built again
+    touchers: ti.i32  # nodes that have a pair in the neighbour list
+    pairs: ti.i32
     active: ti.i32  # takes part in the current step (staged stepping)
+    spare: ti.i32  # an even number of them keeps Vulkan's records aligned, see Lattice
 
 
 @ti.data_oriented
 class Lattice:
     """Fields for `batch` lattices of `columns` x `rows` nodes.
 
-    Shapes: node fields (batch, -1..columns, -1..rows); connection A(i, j) and B(i, j) are stored
-    at node (i, j).
+    Node fields have the shape (batch, -1..columns, -1..packs); each element holds a pack of
+    `lanes` nodes. Connection A(i, j) and B(i, j) are stored at node (i, j).
     """
 
     def __init__(self, batch: int, columns: int, rows: int) -> None:
         runtime.start()
+        on_cpu = runtime.settings()["arch"] == "cpu"
         self.batch, self.columns, self.rows = batch, columns, rows
         self.nodes = columns * rows
-        self.bins_x, self.bins_y = columns + columns // 2 + 4, rows + rows // 2 + 4
+        self.lanes = CPU_LANES if on_cpu else 1
+        self.packs = -(-rows // self.lanes)
+        # sweeps that the columns of one big lattice are dealt out in
+        self.sweeps = max(1, min(columns // 5, 4 * int(runtime.settings()["threads"])))
+        size = "small" if self.nodes < SMALL_BLOCK else "big"
+        self.most_pairs = int(PAIRS[size] * self.nodes)
+        self.most_touchers = int(TOUCHERS[size] * self.nodes)
+        self.bins_x, self.bins_y = columns + columns // 4 + 4, rows + rows // 4 + 4
 
         vec2 = ti.types.vector(2, ti.f64)
         vec3 = ti.types.vector(3, ti.f64)
-        vec4 = ti.types.vector(4, ti.f64)
         vec8 = ti.types.vector(8, ti.f64)
-        # grouped by four: a node's numbers share a cache line
-        self.state = vec4.field()  # accepted (x, y, v_x, v_y)
-        self.trial = vec4.field()  # at the current stage
-        self.rate = vec4.field()  # weighted sum of the stages' time derivatives
-        self.force = vec4.field()  # of the node's A and B faces (T_A, T_B) [N]
-        self.link_a = vec4.field()  # AHEAD, BEHIND, WORST, BREAK_TIME
-        self.link_b = vec4.field()
+        pack = ti.types.vector(self.lanes, ti.f64)
+        small_pack = ti.types.vector(self.lanes, ti.f32)
+        motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
+        # `ahead` and `behind` weigh the halves of Eq. 13 (above and below an A, right and left of
+        # a B): 0, 1/4 or 1/2, exact in 32 bits as are the conditions
+        link = ti.types.struct(
+            worst=pack, ahead=small_pack, behind=small_pack, condition=small_pack,
+            break_time=small_pack,
+        )  # fmt: skip
+
+        self.state = motion.field()  # accepted: position [m], velocity [m/s]
+        self.trial = motion.field()  # at the current stage
+        self.rate = motion.field()  # weighted sum of the stages' time derivatives
+        self.link_a = link.field()
+        self.link_b = link.field()
         self.links = (self.link_a, self.link_b)
-        self.push = vec2.field()  # self-contact force [N]
-        self.slip = vec2.field()  # stretch of the friction springs: impactor, floor [m]
-        self.radius = ti.field(ti.f64)  # in self-contact [m]
-        self.room = ti.field(ti.f64)  # that the radius had when the node could first touch [m]
-        self.touching = ti.field(ti.i32)  # contact.INSIDE, AT_SURFACE or NEW
-        self.anchor = vec2.field()  # where the node was when the neighbours were listed [m]
+        # stretch of the friction springs: impactor, floor [m]
+        self.slip = ti.types.struct(impactor=pack, floor=pack).field()
 
-        # what a column of nodes adds up; a sum over columns has one order on any machine
-        self.column_power = vec2.field()  # of shear and dashpots at the last latch [W]
-        self.column_found = vec2.field()  # by the last latch: densified stiffness [N/m], breaks
-        self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
-        self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
-        self.column_bad = ti.field(ti.i32)  # first row that is not finite, or `rows`
-        self.column_work = vec8.field()  # members in nodes.py [J]
-        self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
-        self.column_energy = vec3.field()  # kinetic, stored, potential [J]
-
-        # the neighbour list: pairs[pair_start[n] : pair_start[n + 1]] are near node n
-        self.pair_start = ti.field(ti.i32)
-        self.pairs = ti.field(ti.i32)
+        # self-contact
+        self.push = ti.types.struct(x=pack, y=pack).field()  # force [N]
+        self.radius = pack.field()  # [m]
+        self.room = pack.field()  # that the radius had when the node could first touch [m]
+        self.surface = ti.types.vector(self.lanes, ti.i32).field()  # contact.INSIDE and so on
+        self.toucher_node = ti.field(ti.i32)
+        self.touchers = Toucher.field()
+        # apart from what is read: a wide load behind a narrow store would wait for it
+        self.toucher_push = vec2.field()  # [N]
+        self.pairs = ti.types.vector(2, ti.i32).field()  # nodes, then touchers, that may touch
         self.bin_head = ti.field(ti.i32)
         self.next_in_bin = ti.field(ti.i32)
 
+        # forces of the connections [N], of the few columns that a sweep needs at a time
+        self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
+        self.reaction = ti.types.struct(x=pack, y=pack).field()  # of the bodies on one pack [N]
+
+        # what a column of nodes adds up; a sum over columns has one order on any machine
+        self.column_power = vec2.field()  # of shear and dashpots, this step [W]
+        self.column_stiffest = ti.field(ti.f64)  # densified connection [N/m]
+        self.column_breaks = ti.field(ti.i32)  # connections that break in this step
+        self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
+        self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
+        self.column_moved = ti.field(ti.f64)  # furthest squared in this step [m2]
+        self.column_astray = ti.field(ti.i32)  # nodes that are not finite
+        self.column_touchers = ti.field(ti.i32)
+        self.column_work = vec8.field()  # members FACES to SELF_CONTACT [J]
+        self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
+        self.column_energy = vec3.field()  # kinetic, stored, potential [J]
+
         self.parameters = Parameters.field()
-        self.edges = ti.types.vector(3, ti.f64).field()
+        self.edges = vec3.field()
         self.body = Body.field()
         self.clock = Clock.field()
-        self.pause = ti.field(ti.f64)  # time at which a call hands a lattice back
         self.history = ti.field(ti.f64)
 
         builder = ti.FieldsBuilder()
-        padded = (batch, columns + 2, rows + 2)
-        offset = (0, -1, -1)
+        padded, offset = (batch, columns + 2, self.packs + 2), (0, -1, -1)
         for field in (
-            self.state, self.trial, self.rate, self.force, self.link_a, self.link_b,
-            self.push, self.slip, self.radius, self.room, self.touching, self.anchor,
+            self.state, self.trial, self.rate, self.link_a, self.link_b, self.slip,
+            self.push, self.radius, self.room,
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
+        sweeps = batch * self.sweeps
+        builder.dense(ti.ijk, (sweeps, SWEEP_SLOTS, self.packs)).place(self.force)
+        builder.dense(ti.i, sweeps).place(self.reaction)
         self.column_fields = (
-            self.column_power, self.column_found, self.column_lift, self.column_overlap,
-            self.column_bad, self.column_work, self.column_fracture, self.column_energy,
+            self.column_power, self.column_stiffest, self.column_lift, self.column_overlap,
+            self.column_moved, self.column_work, self.column_fracture, self.column_energy,
         )  # fmt: skip
         for field in self.column_fields:
             builder.dense(ti.ij, (batch, columns)).place(field)
-        builder.dense(ti.ij, (batch, self.nodes)).place(self.next_in_bin)
-        builder.dense(ti.ij, (batch, self.nodes + 1)).place(self.pair_start)
-        builder.dense(ti.ij, (batch, self.bins_x * self.bins_y)).place(self.bin_head)
-        builder.dense(ti.ij, (batch, PAIRS_PER_NODE * self.nodes)).place(self.pairs)
-        for field in (self.parameters, self.body, self.clock, self.pause):
+        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.touchers)
+        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_push)
+        for field in (self.parameters, self.body, self.clock):
             builder.dense(ti.i, batch).place(field)
         builder.dense(ti.ij, (batch, MAX_EDGES)).place(self.edges)
-        builder.dense(ti.ijk, (batch, ROWS, ROW_VALUES)).place(self.history)
+        builder.dense(ti.ijk, (batch, HISTORY_ROWS, ROW_VALUES)).place(self.history)
         builder.finalize()
+        # whole numbers in a tree of their own: Taichi's Vulkan backend packs fields without padding
+        # and reads a float at an address that is no multiple of eight from another one, in silence
+        builder = ti.FieldsBuilder()
+        builder.dense(ti.ijk, padded).place(self.surface, offset=offset)
+        for field in (self.column_breaks, self.column_astray, self.column_touchers):
+            builder.dense(ti.ij, (batch, columns)).place(field)
+        builder.dense(ti.ij, (batch, self.nodes)).place(self.next_in_bin)
+        builder.dense(ti.ij, (batch, self.bins_x * self.bins_y)).place(self.bin_head)
+        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_node)
+        builder.dense(ti.ij, (batch, self.most_pairs)).place(self.pairs)
+        builder.finalize()
+        self.clock.get_member_field("status").fill(EMPTY)
+        self.members = list(_members(self.parameters))
 
-    def load(self, scenes: Sequence[Scene]) -> None:
-        """Set every field to the start of `scenes`, one for each lattice of the batch."""
-        if len(scenes) != self.batch:
-            raise ValueError(f"{len(scenes)} scenes for a batch of {self.batch}")
-        shape = (self.batch, self.columns + 2, self.rows + 2)
-        state = np.zeros((*shape, 4))
-        link_a = np.zeros((*shape, 4))
-        link_a[..., BREAK_TIME] = NEVER
-        link_b = link_a.copy()
-        link_a[:, 1:-2, 1:-1, BREAK_TIME] = INTACT
-        link_b[:, 1:-1, 1:-2, BREAK_TIME] = INTACT
-        edges = np.stack([impactor_edges(scene) for scene in scenes])
-        for b, scene in enumerate(scenes):
-            state[b, 1:-1, 1:-1] = start_state(scene)
-            self.parameters[b] = _record(Parameters, parameters_of(scene))
-            self.body[b] = _record(Body, body_of(scene))
-            self.clock[b] = Clock(reversal=NEVER, shortest=NEVER, bad_node=self.nodes, stale=1)
-        self.state.from_numpy(state)
-        self.trial.from_numpy(state)
-        self.link_a.from_numpy(link_a)
-        self.link_b.from_numpy(link_b)
-        self.edges.from_numpy(edges)
-        for field in (
-            self.rate, self.force, self.push, self.slip, self.touching, *self.column_fields,
-        ):  # fmt: skip
-            field.fill(0)
-        self.room.fill(NEVER)
 
-    def snapshots(self) -> list[Snapshot]:
-        """The accepted state of every lattice, copied."""
-        inner = (slice(None), slice(1, -1), slice(1, -1))
-        state = self.state.to_numpy()[inner]
-        link_a = self.link_a.to_numpy()[inner][:, :-1]
-        link_b = self.link_b.to_numpy()[inner][:, :, :-1]
-        breaks = [np.where(link[..., BREAK_TIME] < 0, np.nan, link[..., BREAK_TIME])
-                  for link in (link_a, link_b)]  # fmt: skip
-        heights, times = self.body.y.to_numpy(), self.clock.time.to_numpy()
-        kinds = self.parameters.impactor_kind.to_numpy()
-        return [
-            Snapshot(
-                time=float(times[b]),
-                impactor_y=float(heights[b]) if kinds[b] else float("nan"),
-                position=state[b, ..., :2].copy(),
-                velocity=state[b, ..., 2:].copy(),
-                e_min_a=link_a[b, ..., WORST].copy(),
-                e_min_b=link_b[b, ..., WORST].copy(),
-                break_time_a=breaks[0][b],
-                break_time_b=breaks[1][b],
-            )
-            for b in range(self.batch)
-        ]
+def _members(record) -> Iterator[tuple]:
+    """The number fields of a record field, nested ones too: field, component of a vector, kind."""
+    for name in record.keys:
+        member = record.get_member_field(name)
+        if isinstance(member, ti.StructField):
+            yield from _members(member)
+        elif isinstance(member, ti.MatrixField):
+            yield from ((member, component, "vector") for component in range(member.n))
+        else:
+            yield member, 0, "integer" if member.dtype == ti.i32 else "number"
 
 
 _idle: dict[tuple[int, int, int], list[Lattice]] = {}
@@ -220,43 +249,3 @@ def borrowed(batch: int, columns: int, rows: int) -> Iterator[Lattice]:
         yield lattice
     finally:
         kept.append(lattice)
-
-
-def reference_positions(columns: int, rows: int, dx: float, dy: float) -> np.ndarray:
-    """Cell centres (columns, rows, 2) [m]; x is mirror-symmetric to the last bit."""
-    x = (np.arange(columns) - 0.5 * (columns - 1)) * dx
-    y = (np.arange(rows) + 0.5) * dy
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-
-
-def start_state(scene: Scene) -> np.ndarray:
-    """(x, y, v_x, v_y) of every node at the start, (columns, rows, 4) [m, m/s]."""
-    block = scene.block
-    reference = reference_positions(block.columns, block.rows, block.dx, block.dy)
-    foot = np.array([0.0, 0.5 * block.dy])
-    arm = reference - foot
-    gradient = np.asarray(scene.start.deformation_gradient, float)
-    spin = np.asarray(scene.start.velocity_gradient, float)
-    # added to the reference, so that an undeformed block starts on it to the last bit
-    position = reference + arm @ (gradient - np.eye(2)).T
-    velocity = arm @ spin.T
-    velocity[:, 0, 0] *= scene.base.kind != "gripped"
-    velocity[:, 0, 1] *= scene.base.kind == "floor"
-    return np.concatenate([position, velocity], axis=-1)
-
-
-def body_of(scene: Scene) -> dict:
-    """The impactor's record at the start: its lowest point meets the top row, or floats above."""
-    if scene.impactor is None:
-        return {}
-    y = scene.block.height - 0.5 * scene.block.dy + scene.impactor.gap
-    v = -scene.impactor.velocity
-    return {"y": y, "v": v, "trial_y": y, "trial_v": v}
-
-
-def _record(kind, values: dict):
-    """Build a Taichi record from nested plain values."""
-    return kind(**{
-        key: _record(kind.members[key], value) if isinstance(value, dict) else value
-        for key, value in values.items()
-    })  # fmt: skip

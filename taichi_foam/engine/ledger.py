@@ -2,15 +2,14 @@
 
 import taichi as ti
 
-from taichi_foam.engine.lattice import BREAK_TIME, INTACT, NEVER, WORST
-from taichi_foam.engine.nodes import BASE
+from taichi_foam.engine import packs
+from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
 from taichi_foam.laws import foam as foam_law
 
 vec3 = ti.types.vector(3, ti.f64)
-vec4 = ti.types.vector(4, ti.f64)
 
 # What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
-# [N], the broken connections, and energies [J]: of the nodes, then the works of nodes.py.
+# [N], the broken connections, and energies [J]: of the nodes, then the works of lattice.py.
 ROW_COLUMNS = (
     "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
     "faces", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
@@ -21,15 +20,18 @@ FIRST_WORK = ROW_COLUMNS.index("faces")
 @ti.func
 def _stored(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Stored energy [J] of the connection from (i, j) along `axis`, 0 where there is none."""
-    link = ti.static(lattice.links[axis])[b, i, j]
+    links = ti.static(lattice.links[axis])
+    k = packs.pack_of(lattice, j)
+    lane = packs.lane_of(lattice, j)
     ei, ej = ti.static((1, 0) if axis == 0 else (0, 1))
     energy = 0.0
-    if link[BREAK_TIME] < NEVER:
-        reach = lattice.trial[b, i + ei, j + ej].xy - lattice.trial[b, i, j].xy
+    if links[b, i, k].condition[lane] > ABSENT:
+        start = packs.position(lattice, lattice.state, b, i, j)
+        reach = packs.position(lattice, lattice.state, b, i + ei, j + ej) - start
         e = reach.norm() / p.cell[axis] - 1.0
-        broken = ti.i32(link[BREAK_TIME] != INTACT)
+        broken = ti.i32(links[b, i, k].condition[lane] == BROKEN)
         volume = p.area[axis] * p.cell[axis]
-        energy = volume * foam_law.stored_energy(p.foam, e, link[WORST], broken)
+        energy = volume * foam_law.stored_energy(p.foam, e, links[b, i, k].worst[lane], broken)
     return energy
 
 
@@ -38,11 +40,10 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
     """Add up the energies of one column of nodes and its connections."""
     energy = vec3(0.0)
     for j in range(lattice.rows):
-        state = lattice.trial[b, i, j]
         energy += vec3(
-            0.5 * p.node_mass * state.zw.norm_sqr(),
+            0.5 * p.node_mass * packs.velocity(lattice, lattice.state, b, i, j).norm_sqr(),
             _stored(lattice, 0, b, i, j, p) + _stored(lattice, 1, b, i, j, p),
-            p.node_mass * p.gravity * state.y,
+            p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
         )
     lattice.column_energy[b, i] = energy
 

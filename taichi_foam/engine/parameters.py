@@ -101,7 +101,7 @@ def parameters_of(scene: Scene) -> dict:
         "self_contact": int(model.self_contact),
         "piece_area": math.sqrt(area_a * area_b),
         "piece_length": math.sqrt(block.dx * block.dy),
-        "skin": 0.2 * cell,
+        "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
         "largest_step": 0.5 * scene.output.history_interval,

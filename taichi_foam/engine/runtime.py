@@ -59,8 +59,12 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             default_ip=ti.i32,
             cpu_max_num_threads=wanted[1],
             fast_math=False,
-            cfg_optimization=False,  # a third of the compile time, and the same speed
+            # LLVM optimises what matters: without these passes kernels are as fast and compile
+            # in a quarter of the time
+            advanced_optimization=False,
+            cfg_optimization=False,
             log_level=ti.ERROR,
+            unrolling_limit=0,  # no warning of loops that are unrolled on purpose
         )
     _started = wanted
 

@@ -1,21 +1,25 @@
 """The time loop: Runge-Kutta stages, history, step size, and when to stop.
 
-Two ways to run the same functions in the same order, with the same numbers to the last bit:
-`fused` keeps a whole lattice on one thread for thousands of steps in one call (a call costs as
-much as a stage of a small lattice), `staged` spreads the columns of a big lattice over the threads.
+A stage is a *sweep* over columns: it works out the forces of one column's connections, then moves
+the nodes of the column before it, whose forces are then complete. So a stage reads and writes each
+node once, and keeps the forces of only a few columns.
+
+Two ways to run the same functions, with the same numbers to the last bit: `fused` keeps a whole
+lattice on one thread for thousands of steps in one call (a call costs as much as a stage of a small
+lattice), `staged` deals the columns of a big lattice out to several sweeps.
 """
 
 from collections.abc import Callable
 
 import taichi as ti
 
-from taichi_foam.engine import contact, faces, ledger, nodes, runtime
+from taichi_foam.engine import contact, faces, ledger, nodes
 from taichi_foam.engine.lattice import (
     AT_END_TIME,
     AT_REBOUND,
+    HISTORY_ROWS,
     NEVER,
     NOT_FINITE,
-    ROWS,
     RUNNING,
     Lattice,
 )
@@ -28,8 +32,8 @@ STAGED_NODES = 50_000
 # bodies cost. So a loop over few costly bodies is stretched by as much, and runs one in each.
 GRAIN = 512
 
-# Tasks that the columns of a big lattice are dealt out in.
-TASKS = 32
+# Steps after which the radii in contact are brought up to date with the nodes' crush.
+REFRESH = 4
 
 # After the impactor's reversal a run goes on until contact has been lost for QUIET, or for at most
 # SETTLING: enough to measure the rebound velocity.
@@ -40,21 +44,20 @@ SETTLING = 8e-3
 @ti.func
 def _goes_on(lattice: ti.template(), b) -> ti.i32:
     clock = lattice.clock[b]
-    return ti.i32(clock.status == RUNNING and clock.time < lattice.pause[b] and clock.rows < ROWS)
+    return ti.i32(
+        clock.status == RUNNING and clock.time < clock.pause and clock.rows < HISTORY_ROWS
+    )
 
 
 @ti.func
 def _take_stock(lattice: ti.template(), b, p: ti.template()):
-    """Of an accepted state whose columns have been latched: breaks, step size, an end."""
+    """Of an accepted state: step size, an end.
+
+    The stiffness comes from the last stage's forces, which looked at the step's end.
+    """
     densified = 0.0
-    breaks = 0.0
     for i in range(lattice.columns):
-        found = lattice.column_found[b, i]
-        densified = ti.max(densified, found[0])
-        breaks += found[1]
-    lattice.clock[b].newly_broken = ti.i32(breaks)
-    lattice.clock[b].stale |= ti.i32(breaks > 0.0)
-    lattice.clock[b].broken += ti.i32(breaks)
+        densified = ti.max(densified, lattice.column_stiffest[b, i])
     step = p.step
     if step == 0.0:
         step = stable_step(p, densified)
@@ -95,75 +98,110 @@ def _close_row(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
-def _refresh_column(lattice: ti.template(), b, i, p: ti.template()):
-    """Keep the touching radii up to date, and see whether the neighbour list may miss a touch."""
-    for j in range(lattice.rows):
-        lattice.radius[b, i, j] = contact.piece_radius(lattice, b, i, j, p)
-        if contact.drifted(lattice, b, i, j, p):
-            lattice.clock[b].stale = 1
+def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
+    """Before a step: which nodes may touch in it, and their radii."""
+    if p.self_contact:
+        if lattice.clock[b].stale:
+            contact.list_neighbours(lattice, b, p)
+        elif lattice.clock[b].steps % REFRESH == 0:
+            contact.refresh_radii(lattice, b, p)
 
 
 @ti.func
-def _push_column(lattice: ti.template(), b, i, p: ti.template()):
-    for j in range(lattice.rows):
-        contact.self_contact(lattice, b, i, j, p)
+def _sweep(
+    lattice: ti.template(), motion: ti.template(), first: ti.template(),
+    b, stage, sweep, start, end, known_before, known_from, p: ti.template(),
+):  # fmt: skip
+    """A stage of the columns `start` to `end`.
+
+    The forces of columns before `known_before` and from `known_from` on are there already.
+    """
+    for i in range(start, end + 1):
+        if known_before <= i and i < known_from:
+            slot = faces.slot_of(lattice, i, end - 1)
+            faces.face_column(lattice, motion, first, b, i, sweep, slot, p)
+        if i > start:
+            slot = faces.slot_of(lattice, i - 1, end - 1)
+            left_slot = faces.slot_of(lattice, i - 2, end - 1)
+            nodes.node_column(lattice, motion, first, b, i - 1, stage, sweep, slot, left_slot, p)
 
 
 @ti.func
-def _end_step(lattice: ti.template(), b):
-    """Move the clock, and stop a lattice that has gone astray."""
+def _end_step(lattice: ti.template(), b, p: ti.template()):
+    """Move the clock, break what has failed, and stop a lattice that has gone astray."""
     lattice.clock[b].time += lattice.clock[b].step
     lattice.clock[b].steps += 1
+    moved = 0.0
+    breaks = 0
     for i in range(lattice.columns):
-        if lattice.column_bad[b, i] < lattice.rows and lattice.clock[b].status == RUNNING:
+        moved = ti.max(moved, lattice.column_moved[b, i])
+        breaks += lattice.column_breaks[b, i]
+        if lattice.column_astray[b, i] > 0 and lattice.clock[b].status == RUNNING:
             lattice.clock[b].status = NOT_FINITE
-            lattice.clock[b].bad_node = i * lattice.rows + lattice.column_bad[b, i]
+            lattice.clock[b].bad_node = i * lattice.rows + nodes.first_astray(lattice, b, i)
+    lattice.clock[b].drift += ti.sqrt(moved)
+    if 2.0 * lattice.clock[b].drift > p.skin:
+        lattice.clock[b].stale = 1
+    if breaks > 0:
+        lattice.clock[b].broken += breaks
+        lattice.clock[b].stale = 1
+        _break(lattice, b, p)
+
+
+@ti.func
+def _break(lattice: ti.template(), b, p: ti.template()):
+    for i in range(lattice.columns):
+        if lattice.column_breaks[b, i] > 0:
+            faces.break_connections(lattice, b, i, p)
+    for i in range(lattice.columns):
+        near = lattice.column_breaks[b, i]
+        near += lattice.column_breaks[b, ti.max(i - 1, 0)]
+        near += lattice.column_breaks[b, ti.min(i + 1, lattice.columns - 1)]
+        if near > 0:
+            for j in range(lattice.rows):
+                faces.update_halves(lattice, b, i, j)
+
+
+@ti.func
+def _stage(
+    lattice: ti.template(), motion: ti.template(), first: ti.template(), b, stage, p: ti.template()
+):
+    """One stage of a whole lattice on one thread."""
+    if p.self_contact:
+        contact.push_pieces(lattice, motion, b, p)
+    sweep = b * lattice.sweeps
+    columns = lattice.columns
+    _sweep(lattice, motion, first, b, stage, sweep, 0, columns, 0, columns, p)
+    nodes.body_stage(lattice, b, stage, p)
 
 
 @ti.func
 def _take_step(lattice: ti.template(), b, p: ti.template()):
-    """One step of one lattice on one thread: latch the accepted state, then four stages.
-
-    The first stage's forces come with the latch. If connections broke, they are worked out again.
-    """
-    for i in range(lattice.columns):
-        faces.face_column(lattice, True, b, i, p)
+    """One step of one lattice on one thread."""
     _take_stock(lattice, b, p)
     if _row_is_due(lattice, b):
         for i in range(lattice.columns):
             ledger.energy_column(lattice, b, i, p)
         _close_row(lattice, b, p)
-    broke = lattice.clock[b].newly_broken
-    if broke:
-        for i in range(lattice.columns):
-            for j in range(lattice.rows):
-                faces.book_fracture(lattice, b, i, j, p)
-                faces.update_halves(lattice, b, i, j, p)
-    if p.self_contact:
-        for i in range(lattice.columns):
-            _refresh_column(lattice, b, i, p)
-        if lattice.clock[b].stale:
-            contact.list_neighbours(lattice, b, p)
+    _find_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
-        for stage in range(4):
-            if stage > 0 or broke:
-                for i in range(lattice.columns):
-                    faces.face_column(lattice, False, b, i, p)
-            if p.self_contact:
-                for i in range(lattice.columns):
-                    _push_column(lattice, b, i, p)
-            for i in range(lattice.columns):
-                nodes.node_column(lattice, b, i, stage, p)
-            nodes.body_stage(lattice, b, stage, p)
-        _end_step(lattice, b)
+        _stage(lattice, lattice.state, True, b, 0, p)
+        for stage in range(1, nodes.LAST_STAGE + 1):
+            _stage(lattice, lattice.trial, False, b, stage, p)
+        _end_step(lattice, b, p)
 
 
 @ti.kernel
-def prepare(lattice: ti.template()):
-    """Before the first step: say which halves every connection's gradient has."""
-    for b, i, j in ti.ndrange(lattice.batch, lattice.columns, lattice.rows):
+def prepare(lattice: ti.template(), b: ti.i32):
+    """Before a lattice's first step: the halves of its gradients, its history, its stiffness."""
+    for _ in range(1):
         p = lattice.parameters[b]
-        faces.update_halves(lattice, b, i, j, p)
+        for i in range(lattice.columns):
+            for j in range(lattice.rows):
+                faces.update_halves(lattice, b, i, j)
+        for i in range(lattice.columns):
+            sweep = b * lattice.sweeps
+            faces.face_column(lattice, lattice.state, True, b, i, sweep, 0, p)
 
 
 @ti.kernel
@@ -180,93 +218,92 @@ def advance_fused(lattice: ti.template(), most_steps: ti.i32):
 
 
 @ti.func
-def _first_column(lattice: ti.template(), task) -> ti.i32:
-    return task * lattice.batch * lattice.columns // TASKS
+def _first_column(lattice: ti.template(), sweep) -> ti.i32:
+    return sweep % lattice.sweeps * lattice.columns // lattice.sweeps
+
+
+@ti.func
+def _end_column(lattice: ti.template(), sweep) -> ti.i32:
+    return (sweep % lattice.sweeps + 1) * lattice.columns // lattice.sweeps
 
 
 @ti.kernel
-def _staged_latch(lattice: ti.template()):
-    """What a step begins with, columns spread over the threads."""
+def _begin_staged(lattice: ti.template()):
+    """What a step begins with."""
     for b in range(lattice.batch):
         lattice.clock[b].active = _goes_on(lattice, b)
-    for q in range(TASKS * GRAIN):
-        if q % GRAIN == 0:
-            task = q // GRAIN
-            for column in range(_first_column(lattice, task), _first_column(lattice, task + 1)):
-                b = column // lattice.columns
-                if lattice.clock[b].active:
-                    p = lattice.parameters[b]
-                    faces.face_column(lattice, True, b, column % lattice.columns, p)
-    for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             _take_stock(lattice, b, p)
-    for q in range(TASKS * GRAIN):
+    for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
-            task = q // GRAIN
-            for column in range(_first_column(lattice, task), _first_column(lattice, task + 1)):
-                b = column // lattice.columns
-                i = column % lattice.columns
-                if lattice.clock[b].active:
-                    p = lattice.parameters[b]
-                    if _row_is_due(lattice, b):
-                        ledger.energy_column(lattice, b, i, p)
-                    if lattice.clock[b].newly_broken:
-                        for j in range(lattice.rows):
-                            faces.book_fracture(lattice, b, i, j, p)
-                            faces.update_halves(lattice, b, i, j, p)
-                    if p.self_contact:
-                        _refresh_column(lattice, b, i, p)
+            sweep = q // GRAIN
+            b = sweep // lattice.sweeps
+            if lattice.clock[b].active and _row_is_due(lattice, b):
+                p = lattice.parameters[b]
+                for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
+                    ledger.energy_column(lattice, b, i, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             if _row_is_due(lattice, b):
                 _close_row(lattice, b, p)
-            if p.self_contact and lattice.clock[b].stale:
-                contact.list_neighbours(lattice, b, p)
+            _find_neighbours(lattice, b, p)
             lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
+            if p.self_contact:
+                contact.push_pieces(lattice, lattice.state, b, p)
 
 
 @ti.kernel
-def _staged_stage(lattice: ti.template(), stage: ti.i32):
-    """One Runge-Kutta stage, columns spread over the threads."""
-    for q in range(TASKS * GRAIN):
+def _stage_staged(
+    lattice: ti.template(), motion: ti.template(), first: ti.template(), stage: ti.i32
+):
+    """One Runge-Kutta stage, its columns dealt out to sweeps.
+
+    Sweeps move nodes as they go. So the forces at their seams, which depend on nodes of both
+    sides, are worked out before any sweep begins.
+    """
+    for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
-            task = q // GRAIN
-            for column in range(_first_column(lattice, task), _first_column(lattice, task + 1)):
-                b = column // lattice.columns
-                if lattice.clock[b].active:
-                    p = lattice.parameters[b]
-                    if stage > 0 or lattice.clock[b].newly_broken:
-                        faces.face_column(lattice, False, b, column % lattice.columns, p)
-                    if p.self_contact:
-                        _push_column(lattice, b, column % lattice.columns, p)
-    for q in range(TASKS * GRAIN):
+            sweep = q // GRAIN
+            b = sweep // lattice.sweeps
+            if lattice.clock[b].active:
+                p = lattice.parameters[b]
+                start = _first_column(lattice, sweep)
+                end = _end_column(lattice, sweep)
+                for n in range(3):
+                    i = ti.select(n == 2, end - 1, start - 1 + n)
+                    if i >= 0:
+                        slot = faces.slot_of(lattice, i, end - 1)
+                        faces.face_column(lattice, motion, first, b, i, sweep, slot, p)
+    for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
-            task = q // GRAIN
-            for column in range(_first_column(lattice, task), _first_column(lattice, task + 1)):
-                b = column // lattice.columns
-                if lattice.clock[b].active:
-                    p = lattice.parameters[b]
-                    nodes.node_column(lattice, b, column % lattice.columns, stage, p)
+            sweep = q // GRAIN
+            b = sweep // lattice.sweeps
+            if lattice.clock[b].active:
+                p = lattice.parameters[b]
+                start = _first_column(lattice, sweep)
+                end = _end_column(lattice, sweep)
+                _sweep(lattice, motion, first, b, stage, sweep, start, end, start + 1, end - 1, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             nodes.body_stage(lattice, b, stage, p)
             if stage == nodes.LAST_STAGE:
-                _end_step(lattice, b)
+                _end_step(lattice, b, p)
+            elif p.self_contact:
+                contact.push_pieces(lattice, lattice.trial, b, p)
 
 
 def advance_staged(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each spread over the threads."""
     for _ in range(most_steps):
-        _staged_latch(lattice)
-        for stage in range(4):
-            _staged_stage(lattice, stage)
+        _begin_staged(lattice)
+        _stage_staged(lattice, lattice.state, True, 0)
+        for stage in range(1, nodes.LAST_STAGE + 1):
+            _stage_staged(lattice, lattice.trial, False, stage)
 
 
 def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
-    """The faster way to step `lattice`: a GPU's threads are too slow for a whole lattice each."""
-    if lattice.nodes >= STAGED_NODES or runtime.settings()["arch"] != "cpu":
-        return advance_staged
-    return advance_fused
+    """The faster way to step `lattice`."""
+    return advance_staged if lattice.nodes >= STAGED_NODES else advance_fused

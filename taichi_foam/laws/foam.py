@@ -2,9 +2,14 @@
 
 A connection remembers one number, e_min, the most compressive strain that it has met, and whether
 it is broken. Every function takes that history as frozen.
+
+What a stage of the Runge-Kutta method needs has no branches on values: strains, histories and what
+is broken may be numbers or vectors of them, one for each of several connections.
 """
 
 import taichi as ti
+
+from taichi_foam.laws import elementary
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -48,67 +53,70 @@ class Foam:
 
 
 @ti.func
-def _densified(foam: Foam, e: ti.f64) -> vec2:
-    """Stress of the densification branch, e < e_d, and its slope (Eq. 26c, both brackets positive).
+def _densified(foam: Foam, e):
+    """Stress of the densification branch and its slope (Eq. 26c, both brackets positive).
 
-    Beyond the guard strain it goes on as the tangent there.
+    For e < e_d; beyond the guard strain it goes on as the tangent there.
     """
     guard = foam.locking_strain + GUARD * (foam.densification_strain - foam.locking_strain)
     inside = ti.max(e, guard)
     room = inside - foam.locking_strain
     power = room
     if foam.densification_b != 1.0:  # a power costs as much as the exponential
-        power = room**foam.densification_b
+        power = elementary.power(room, foam.densification_b)
     steepness = foam.densification_a / power
     exponent = steepness * (foam.densification_strain - inside)
-    stress = foam.youngs_modulus * foam.yield_strain * ti.exp(exponent)
+    stress = foam.youngs_modulus * foam.yield_strain * elementary.exp(exponent)
     slope = -stress * (steepness + foam.densification_b * exponent / room)
-    return vec2(stress + slope * (e - inside), slope)
+    return stress + slope * (e - inside), slope
 
 
 @ti.func
-def permanent_strain(foam: Foam, e_min: ti.f64) -> ti.f64:
+def permanent_strain(foam: Foam, e_min):
     """Strain at which a connection that has met `e_min` is without stress.
 
     It unloads from the plateau with the slope K; densification retraces itself, so that the
     turning point is never beyond e_d.
     """
-    turn = ti.math.clamp(e_min, foam.densification_strain, foam.yield_strain)
+    turn = ti.min(ti.max(e_min, foam.densification_strain), foam.yield_strain)
     return turn - foam.yield_strain
 
 
 @ti.func
-def yielding_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
-    """The stress of `normal_stress`, were the plateau to go on for ever."""
+def yielding_fraction(foam: Foam, e, e_min, broken):
+    """The stress of `normal_stress`, were the plateau to go on for ever, as (numerator, divisor).
+
+    The divisor is positive. Who divides by a length besides needs only one division so.
+    """
     permanent = permanent_strain(foam, e_min)
-    stress = foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain)
-    if stress > 0.0 and e_min < foam.yield_strain:
-        slope = foam.crushed_tensile_stress / (foam.crushed_tensile_strain - permanent)
-        stress = slope * (e - permanent)
-    if broken:
-        stress = ti.min(stress, 0.0)
-        if foam.broken_contact == JUMP and e > e_min:
-            stress = 0.0
-    return stress
+    stretch = e - permanent
+    pulled = (stretch > 0.0) & (e_min < foam.yield_strain)
+    pressed = foam.youngs_modulus * ti.max(stretch, foam.yield_strain)
+    numerator = ti.select(pulled, foam.crushed_tensile_stress * stretch, pressed)
+    divisor = ti.select(pulled, foam.crushed_tensile_strain - permanent, 1.0)
+    kept = ti.min(numerator, 0.0)
+    if foam.broken_contact == JUMP:
+        kept = ti.select(e > e_min, 0.0, kept)
+    return ti.select(broken, kept, numerator), divisor
 
 
 @ti.func
-def densification(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> vec2:
-    """What densification adds to the yielding stress, e < e_d, and the slope there [Pa]."""
-    dense = _densified(foam, e)
-    dense[0] -= foam.youngs_modulus * foam.yield_strain
-    if broken and foam.broken_contact == JUMP and e > e_min:
-        dense = vec2(0.0)
-    return dense
+def densification(foam: Foam, e, e_min, broken):
+    """What densification adds to the yielding stress, and the slope there [Pa]; 0 above e_d."""
+    stress, slope = _densified(foam, ti.min(e, foam.densification_strain))
+    acts = e < foam.densification_strain
+    if foam.broken_contact == JUMP:
+        acts = ti.select(broken, acts & (e <= e_min), acts)
+    added = stress - foam.youngs_modulus * foam.yield_strain
+    return ti.select(acts, added, 0.0), ti.select(acts, slope, 0.0)
 
 
 @ti.func
-def normal_stress(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+def normal_stress(foam: Foam, e, e_min, broken):
     """Engineering stress at strain `e` with history `e_min`, intact or broken (Fig. 19)."""
-    stress = yielding_stress(foam, e, e_min, broken)
-    if e < foam.densification_strain:
-        stress += densification(foam, e, e_min, broken)[0]
-    return stress
+    added, _ = densification(foam, e, e_min, broken)
+    numerator, divisor = yielding_fraction(foam, e, e_min, broken)
+    return numerator / divisor + added
 
 
 @ti.func
@@ -139,14 +147,15 @@ def _densified_energy(foam: Foam, e: ti.f64) -> ti.f64:
     intervals = 32
     room = foam.densification_strain - foam.locking_strain
     ratio = ti.max(e - foam.locking_strain, GUARD * room) / room
-    width = -ti.log(ratio) / intervals
+    width = -elementary.log(ratio) / intervals
     area = 0.0
     for k in range(intervals + 1):
         weight = 2.0 + 2.0 * (k % 2)
         if k == 0 or k == intervals:
             weight = 1.0
-        here = room * ti.exp(-k * width)
-        area += weight * here * _densified(foam, foam.locking_strain + here)[0]
+        here = room * elementary.exp(-k * width)
+        stress, _ = _densified(foam, foam.locking_strain + here)
+        area += weight * here * stress
     return -area * width / 3.0
 
 
@@ -157,7 +166,7 @@ def elastic_modulus(foam: Foam) -> ti.f64:
 
 
 @ti.func
-def shear_stress(foam: Foam, gamma: ti.f64) -> ti.f64:
+def shear_stress(foam: Foam, gamma):
     """tau = G gamma (Eq. 25)."""
     return foam.shear_modulus * gamma
 
@@ -185,27 +194,24 @@ def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
 
 
 @ti.func
-def tensile_limit(foam: Foam, e_min: ti.f64) -> ti.f64:
+def tensile_limit(foam: Foam, e_min):
     """Strain at which a connection breaks in tension: less for crushed foam (Section 4.5)."""
-    limit = foam.tensile_strain
-    if e_min < foam.yield_strain:
-        limit = foam.crushed_tensile_strain
-    return limit
+    return ti.select(e_min < foam.yield_strain, foam.crushed_tensile_strain, foam.tensile_strain)
 
 
 @ti.func
-def shear_strength(foam: Foam, e: ti.f64, sigma_e: ti.f64) -> ti.f64:
+def shear_strength(foam: Foam, e, sigma_e):
     """Shear stress at which a connection breaks [Pa], by the chosen reading of compression."""
-    strength = foam.shear_modulus * foam.shear_failure_strain
-    if e < 0.0:
-        if foam.shear_failure == TENSION_ONLY:
-            strength = ti.math.inf
-        elif foam.shear_failure == PRESSURE_DEPENDENT:
-            strength += foam.shear_pressure_coefficient * ti.abs(sigma_e)
-    return strength
+    pulled = foam.shear_modulus * foam.shear_failure_strain
+    pressed = pulled + 0.0 * sigma_e
+    if foam.shear_failure == TENSION_ONLY:
+        pressed += ti.math.inf
+    elif foam.shear_failure == PRESSURE_DEPENDENT:
+        pressed += foam.shear_pressure_coefficient * ti.abs(sigma_e)
+    return ti.select(e < 0.0, pressed, pulled)
 
 
 @ti.func
-def fails(foam: Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64) -> ti.i32:
+def fails(foam: Foam, e, sigma_e, tau, e_min):
     """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6)."""
-    return ti.i32(e > tensile_limit(foam, e_min) or ti.abs(tau) > shear_strength(foam, e, sigma_e))
+    return (e > tensile_limit(foam, e_min)) | (ti.abs(tau) > shear_strength(foam, e, sigma_e))

@@ -2,20 +2,19 @@
 
 A face's force per reference area is F S N (Eqs 10-11 with Nanson's formula): its normal stress acts
 along the gradient's column along the connection, its shear stress along the column across it.
+Arguments may be numbers or vectors of them, one for each of several connections.
 """
 
 import taichi as ti
 
-vec2 = ti.types.vector(2, ti.f64)
-
 
 @ti.func
-def engineering_strain(stretch: ti.f64) -> ti.f64:
+def engineering_strain(stretch):
     """e = stretch - 1 (Eq. 15b)."""
     return stretch - 1.0
 
 
 @ti.func
-def shear_strain(along: vec2, across: vec2) -> ti.f64:
+def shear_strain(along_x, along_y, across_x, across_y):
     """gamma = 2 E_12: the Green-Lagrange shear of the two columns of F (Eqs 12, 23)."""
-    return along.dot(across)
+    return along_x * across_x + along_y * across_y

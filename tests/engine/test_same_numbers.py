@@ -78,7 +78,8 @@ _WITH_THREADS = """
 import hashlib, sys
 sys.path.insert(0, {tests!r})
 sys.path.insert(0, {engine!r})
-from taichi_foam.engine import runtime, stepper
+import numpy as np
+from taichi_foam.engine import loading, runtime, stepper
 runtime.start(threads={threads})
 from bench import bench
 from test_same_numbers import STEPS, impacts
@@ -86,9 +87,10 @@ for advance in (stepper.advance_fused, stepper.advance_staged):
     with bench(impacts()) as loaded:
         loaded.step(STEPS, advance)
         digest = hashlib.sha256()
-        for field in (loaded.lattice.state, loaded.lattice.link_a, loaded.lattice.link_b,
-                      loaded.lattice.column_work):
-            digest.update(field.to_numpy().tobytes())
+        for b in range(3):
+            for values in vars(loading.snapshot(loaded.lattice, b)).values():
+                digest.update(np.asarray(values).tobytes())
+        digest.update(loaded.lattice.column_work.to_numpy().tobytes())
         print(digest.hexdigest())
 """
 

@@ -1,0 +1,77 @@
+"""Packs: consecutive nodes of a column that the processor computes side by side.
+
+On a CPU a pack is four nodes, and every number of the hot loops is a vector of four: the compiler
+then turns them into vector instructions, which it does not find by itself. On a GPU, whose threads
+are such lanes already, a pack is one node. Row `j` of a column is lane `j % lanes` of pack
+`j // lanes`; the last pack's spare lanes hold nodes that are connected to nothing.
+"""
+
+import taichi as ti
+
+CPU_LANES = 4  # a power of two
+
+vec2 = ti.types.vector(2, ti.f64)
+
+
+@ti.func
+def pack_of(lattice: ti.template(), j) -> ti.i32:
+    """The pack of row `j`; a shift rounds down below 0 too, at no cost."""
+    return j >> ti.static(lattice.lanes.bit_length() - 1)
+
+
+@ti.func
+def lane_of(lattice: ti.template(), j) -> ti.i32:
+    """The lane of row `j` in its pack."""
+    return j & ti.static(lattice.lanes - 1)
+
+
+@ti.func
+def zeros(lattice: ti.template()):
+    """A pack of zeros."""
+    return ti.Vector.zero(ti.f64, ti.static(lattice.lanes))
+
+
+@ti.func
+def from_above(values: ti.template(), following):
+    """Each lane's value of the node above it; the last lane's is the next pack's first."""
+    lanes = ti.static(values.n)
+    above = values
+    for lane in ti.static(range(lanes - 1)):
+        above[lane] = values[lane + 1]
+    above[lanes - 1] = following
+    return above
+
+
+@ti.func
+def from_below(values: ti.template(), preceding):
+    """Each lane's value of the node below it; the first lane's is the last pack's last."""
+    below = values
+    for lane in ti.static(range(1, values.n)):
+        below[lane] = values[lane - 1]
+    below[0] = preceding
+    return below
+
+
+@ti.func
+def any_of(mask: ti.template()) -> ti.i32:
+    """Whether it holds for any lane."""
+    found = ti.i32(mask[0])
+    for lane in ti.static(range(1, mask.n)):
+        found |= ti.i32(mask[lane])
+    return found
+
+
+@ti.func
+def position(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
+    """Where node (i, j) is [m], in `motion`: the lattice's accepted or trial one."""
+    k = pack_of(lattice, j)
+    lane = lane_of(lattice, j)
+    return vec2(motion[b, i, k].x[lane], motion[b, i, k].y[lane])
+
+
+@ti.func
+def velocity(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
+    """How fast node (i, j) moves [m/s]."""
+    k = pack_of(lattice, j)
+    lane = lane_of(lattice, j)
+    return vec2(motion[b, i, k].u[lane], motion[b, i, k].v[lane])
