@@ -67,11 +67,11 @@ def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
 
 @ti.func
 def touch_bodies(
-    lattice: ti.template(), motion: ti.template(), b, i, j, sweep, stage, weight, p: ti.template()
+    lattice: ti.template(), motion: ti.template(), b, i, j, strip, stage, weight, p: ti.template()
 ):
     """Forces [N] of the impactor and the floor on a node, as the `reaction` of its lane.
 
-    Work and lift are added to the column's. The first stage of a step also latches the friction
+    Work and lift are added to the strip's. The first stage of a step also latches the friction
     springs: slid off beyond mu N, and slack where there is no touch.
     """
     now = packs.position(lattice, motion, b, i, j)
@@ -83,7 +83,7 @@ def touch_bodies(
     on_floor = 0.0
     # the held row is part of the support, which lets the impactor pass
     if not (p.hold_y and j == 0):
-        work = lattice.column_work[b, i]
+        work = lattice.strip_work[b, strip]
         body = lattice.body[b]
         point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
         if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
@@ -105,8 +105,10 @@ def touch_bodies(
                 relative = vec2(speed.x, speed.y - body.trial_v)
                 work[IMPACTOR] -= weight * pressing.dot(relative)
                 work[FRICTION] -= weight * rubbing.dot(relative)
-                lattice.column_lift[b, i] = lattice.column_lift[b, i] - (pressing.y + rubbing.y)
-                lattice.column_overlap[b, i] = ti.max(lattice.column_overlap[b, i], -found[0])
+                lattice.strip_lift[b, strip] = lattice.strip_lift[b, strip] - (
+                    pressing.y + rubbing.y
+                )
+                lattice.strip_overlap[b, strip] = ti.max(lattice.strip_overlap[b, strip], -found[0])
                 force += pressing + rubbing
         # between the node and the floor lies half a cell of foam, or what crushing has left of it
         half = 0.5 * p.cell.y
@@ -124,12 +126,12 @@ def touch_bodies(
             on_floor = -stand.x / p.contact_stiffness
             work[BASE] -= weight * stand.dot(speed)
             force += stand
-        lattice.column_work[b, i] = work
+        lattice.strip_work[b, strip] = work
     if stage == 0:
         lattice.slip[b, i, k].impactor[lane] = on_impactor
         lattice.slip[b, i, k].floor[lane] = on_floor
-    lattice.reaction[sweep].x[lane] = force.x
-    lattice.reaction[sweep].y[lane] = force.y
+    lattice.tally[b, strip].reaction_x[lane] = force.x
+    lattice.tally[b, strip].reaction_y[lane] = force.y
 
 
 @ti.func

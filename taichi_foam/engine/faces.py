@@ -7,8 +7,8 @@ import taichi as ti
 
 from taichi_foam.engine import packs
 from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, RING
+from taichi_foam.laws import elementary, kinematics
 from taichi_foam.laws import foam as foam_law
-from taichi_foam.laws import kinematics
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -46,7 +46,7 @@ def _link_forces(
     worst = link.worst
     if ti.static(latching):
         # columns at the seams of two sweeps are latched by both: twice must be the same as once
-        worst = ti.min(worst, ti.select(condition > ABSENT, e, worst))
+        worst = elementary.smaller(ti.select(condition > ABSENT, e, worst), worst)
     numerator, divisor = foam_law.yielding_fraction(p.foam, e, worst, condition <= BROKEN)
     normal = p.area[axis] * numerator / (divisor * length)
     # F's column across the connection, from the halves that its broken neighbours leave
@@ -76,8 +76,9 @@ def _link_forces(
     if ti.static(latching):
         # the shear strength grows with the stress up to the plateau
         stress = numerator / divisor
-        fails = whole & foam_law.fails(p.foam, e, stress, tau, worst)
-        condition = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
+        fails = foam_law.fails(p.foam, e, stress, tau, worst)
+        failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
+        condition = ti.select(whole, failed, condition)
     return (
         force_x, force_y, ti.select(there, e, 0.0), worst, condition,
         ti.select(whole, sheared, 0.0), ti.select(whole, damped, 0.0),
@@ -87,13 +88,14 @@ def _link_forces(
 @ti.func
 def face_pack(
     lattice: ti.template(), motion: ti.template(), latching: ti.template(),
-    b, i, k, sweep, slot, below_x, below_y, p: ti.template(),
+    b, i, k, strip, sweep, slot, below_x, below_y, p: ti.template(),
 ):  # fmt: skip
     """Forces of the connections to the right of and above each node of a pack, kept in `slot`.
 
     `below` is what crosses the first lane's A below it. What crosses the last lane's A above it
-    comes back for the next pack; besides, the least strain, and the power of shear and dashpots
-    and the connections that break, added over the pack (0 unless `latching`).
+    comes back for the next pack. The strip's tally gets the least strain, and with `latching` the
+    powers of shear and of dashpots and how many connections break: in memory, since this loop has
+    no registers to spare.
     """
     here = motion[b, i, k]
     right = motion[b, i + 1, k]
@@ -120,14 +122,15 @@ def face_pack(
     )  # fmt: skip
     lattice.force[sweep, slot, k].ax = fx
     lattice.force[sweep, slot, k].ay = fy
-    power = vec2(0.0)
-    breaks = 0.0
+    tally = ti.static(lattice.tally)
+    tally[b, strip].least = elementary.smaller(e, tally[b, strip].least)
     if ti.static(latching):
         lattice.link_a[b, i, k].worst = worst
         lattice.link_a[b, i, k].condition = ti.cast(condition, ti.f32)
-        power = vec2(sheared.sum(), damped.sum())
-        breaks = ti.select(condition == BREAKING, 1.0, 0.0).sum()
-    least = e.min()
+        tally[b, strip].sheared = tally[b, strip].sheared + sheared
+        tally[b, strip].damped = tally[b, strip].damped + damped
+        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
+        tally[b, strip].breaks = tally[b, strip].breaks + breaks
     up_u = packs.from_above(here.u, up.u[0])
     up_v = packs.from_above(here.v, up.v[0])
     fx, fy, e, worst, condition, sheared, damped = _link_forces(
@@ -139,10 +142,13 @@ def face_pack(
     if ti.static(latching):
         lattice.link_b[b, i, k].worst = worst
         lattice.link_b[b, i, k].condition = ti.cast(condition, ti.f32)
-        power += vec2(sheared.sum(), damped.sum())
-        breaks += ti.select(condition == BREAKING, 1.0, 0.0).sum()
+        tally[b, strip].sheared = tally[b, strip].sheared + sheared
+        tally[b, strip].damped = tally[b, strip].damped + damped
+        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
+        tally[b, strip].breaks = tally[b, strip].breaks + breaks
+    tally[b, strip].least = elementary.smaller(e, tally[b, strip].least)
     last = ti.static(lattice.lanes - 1)
-    return above_x[last], above_y[last], ti.min(least, e.min()), power, breaks
+    return above_x[last], above_y[last]
 
 
 @ti.func
@@ -182,34 +188,37 @@ def _densify(axis: ti.template(), link: ti.template(), reach_x, reach_y, p: ti.t
 @ti.func
 def face_column(
     lattice: ti.template(), motion: ti.template(), latching: ti.template(),
-    b, i, sweep, slot, p: ti.template(),
+    b, i, strip, sweep, slot, p: ti.template(),
 ):  # fmt: skip
     """Forces of column `i`'s connections, kept in `slot`, and what a step has to know of them.
 
     What crosses an A above it crosses the next A below it, and is carried on. Densification has
     a loop of its own: few columns have any, and it would cost every other face its registers.
     """
-    power = vec2(0.0)
-    breaks = 0.0
-    least = 0.0
+    clear_faces(lattice, latching, b, strip)
     below_x, below_y = 0.0, 0.0
     for k in range(lattice.packs):
-        below_x, below_y, e, taken, broke = face_pack(
-            lattice, motion, latching, b, i, k, sweep, slot, below_x, below_y, p
+        below_x, below_y = face_pack(
+            lattice, motion, latching, b, i, k, strip, sweep, slot, below_x, below_y, p
         )
-        least = ti.min(least, e)
-        if ti.static(latching):
-            power += taken
-            breaks += broke
     stiffest = 0.0
-    if least < p.foam.densification_strain:
+    if lattice.tally[b, strip].least.min() < p.foam.densification_strain:
         for k in range(lattice.packs):
             stiff = densify_pack(lattice, motion, b, i, k, sweep, slot, p)
             stiffest = ti.max(stiffest, stiff)
+    lattice.strip_stiffest[b, strip] = stiffest
     if ti.static(latching):
-        lattice.column_power[b, i] = power
-        lattice.column_breaks[b, i] = ti.i32(breaks)
-    lattice.column_stiffest[b, i] = stiffest
+        lattice.column_breaks[b, i] = ti.i32(lattice.tally[b, strip].breaks.sum())
+
+
+@ti.func
+def clear_faces(lattice: ti.template(), latching: ti.template(), b, strip):
+    """Start the tally of a strip's faces."""
+    lattice.tally[b, strip].least = packs.zeros(lattice)
+    if ti.static(latching):
+        lattice.tally[b, strip].sheared = packs.zeros(lattice)
+        lattice.tally[b, strip].damped = packs.zeros(lattice)
+        lattice.tally[b, strip].breaks = packs.zeros(lattice)
 
 
 @ti.func
@@ -234,7 +243,7 @@ def break_connections(lattice: ti.template(), b, i, p: ti.template()):
                 e = kinematics.engineering_strain((end - start).norm() / p.cell[axis])
                 density = foam_law.energy_lost_by_breaking(p.foam, e, links[b, i, k].worst[lane])
                 lost += p.area[axis] * p.cell[axis] * density
-    lattice.column_fracture[b, i] = lattice.column_fracture[b, i] + lost
+    lattice.strip_fracture[b, i] = lattice.strip_fracture[b, i] + lost
 
 
 @ti.func

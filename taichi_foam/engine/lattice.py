@@ -118,6 +118,7 @@ class Lattice:
         self.nodes = columns * rows
         self.lanes = CPU_LANES if on_cpu else 1
         self.packs = -(-rows // self.lanes)
+        self.strips = columns  # groups of nodes that one thread takes at a time
         # sweeps that the columns of one big lattice are dealt out in
         self.sweeps = max(1, min(columns // 5, 4 * int(runtime.settings()["threads"])))
         size = "small" if self.nodes < SMALL_BLOCK else "big"
@@ -162,20 +163,27 @@ class Lattice:
 
         # forces of the connections [N], of the few columns that a sweep needs at a time
         self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
-        self.reaction = ti.types.struct(x=pack, y=pack).field()  # of the bodies on one pack [N]
 
-        # what a column of nodes adds up; a sum over columns has one order on any machine
-        self.column_power = vec2.field()  # of shear and dashpots, this step [W]
-        self.column_stiffest = ti.field(ti.f64)  # densified connection [N/m]
+        # what a strip of nodes adds up; a sum over strips has one order on any machine
+        self.tally = ti.types.struct(
+            least=pack,  # strain
+            sheared=pack,  # power of shear at the step's start [W]
+            damped=pack,  # and of the dashpots
+            breaks=pack,  # connections that break in this step
+            by_faces=pack,  # power of all connections at the stage [W]
+            moved=pack,  # squared motion in the step [m2]
+            astray=pack,  # nodes that are not finite
+            reaction_x=pack,  # of the bodies on the pack at hand [N]
+            reaction_y=pack,
+        ).field()
+        self.strip_stiffest = ti.field(ti.f64)  # densified connection [N/m]
+        self.strip_lift = ti.field(ti.f64)  # its force on the impactor now [N]
+        self.strip_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
+        self.strip_work = vec8.field()  # members FACES to SELF_CONTACT [J]
+        self.strip_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
+        self.strip_energy = vec3.field()  # kinetic, stored, potential [J]
         self.column_breaks = ti.field(ti.i32)  # connections that break in this step
-        self.column_lift = ti.field(ti.f64)  # its force on the impactor now [N]
-        self.column_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
-        self.column_moved = ti.field(ti.f64)  # furthest squared in this step [m2]
-        self.column_astray = ti.field(ti.i32)  # nodes that are not finite
         self.column_touchers = ti.field(ti.i32)
-        self.column_work = vec8.field()  # members FACES to SELF_CONTACT [J]
-        self.column_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
-        self.column_energy = vec3.field()  # kinetic, stored, potential [J]
 
         self.parameters = Parameters.field()
         self.edges = vec3.field()
@@ -192,13 +200,12 @@ class Lattice:
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         sweeps = batch * self.sweeps
         builder.dense(ti.ijk, (sweeps, SWEEP_SLOTS, self.packs)).place(self.force)
-        builder.dense(ti.i, sweeps).place(self.reaction)
-        self.column_fields = (
-            self.column_power, self.column_stiffest, self.column_lift, self.column_overlap,
-            self.column_moved, self.column_work, self.column_fracture, self.column_energy,
-        )  # fmt: skip
-        for field in self.column_fields:
-            builder.dense(ti.ij, (batch, columns)).place(field)
+        for field in (
+            self.tally, self.strip_stiffest, self.strip_lift, self.strip_overlap,
+            self.strip_work, self.strip_fracture, self.strip_energy,
+        ):  # fmt: skip
+            # the columns at the seams of sweeps are looked at by two, but count once
+            builder.dense(ti.ij, (batch, self.strips + self.sweeps)).place(field)
         builder.dense(ti.ij, (batch, self.most_touchers)).place(self.touchers)
         builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_push)
         for field in (self.parameters, self.body, self.clock):
@@ -210,7 +217,7 @@ class Lattice:
         # and reads a float at an address that is no multiple of eight from another one, in silence
         builder = ti.FieldsBuilder()
         builder.dense(ti.ijk, padded).place(self.surface, offset=offset)
-        for field in (self.column_breaks, self.column_astray, self.column_touchers):
+        for field in (self.column_breaks, self.column_touchers):
             builder.dense(ti.ij, (batch, columns)).place(field)
         builder.dense(ti.ij, (batch, self.nodes)).place(self.next_in_bin)
         builder.dense(ti.ij, (batch, self.bins_x * self.bins_y)).place(self.bin_head)

@@ -45,21 +45,21 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
             _stored(lattice, 0, b, i, j, p) + _stored(lattice, 1, b, i, j, p),
             p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
         )
-    lattice.column_energy[b, i] = energy
+    lattice.strip_energy[b, i] = energy
 
 
 @ti.func
 def write_row(lattice: ti.template(), b):
-    """Append a row to the lattice's history, from its columns' sums."""
+    """Append a row to the lattice's history, from its strips' sums."""
     clock = lattice.clock[b]
     row = clock.rows
     energy = vec3(0.0)
     fracture = 0.0
     works = ti.Vector.zero(ti.f64, 8)
-    for i in range(lattice.columns):
-        energy += lattice.column_energy[b, i]
-        fracture += lattice.column_fracture[b, i]
-        works += lattice.column_work[b, i]
+    for strip in range(lattice.strips):
+        energy += lattice.strip_energy[b, strip]
+        fracture += lattice.strip_fracture[b, strip]
+        works += lattice.strip_work[b, strip]
     works[BASE] += lattice.body[b].support_work
     lattice.history[b, row, 0] = clock.time
     lattice.history[b, row, 1] = clock.step

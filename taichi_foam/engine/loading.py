@@ -148,12 +148,13 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
             lattice.surface[b, i, k] = ti.cast(zeros, ti.i32)
             lattice.room[b, i, k] = zeros + NEVER
     for i in range(lattice.columns):
-        lattice.column_stiffest[b, i] = 0.0
         lattice.column_breaks[b, i] = 0
-        lattice.column_overlap[b, i] = 0.0
         lattice.column_touchers[b, i] = 0
-        lattice.column_fracture[b, i] = 0.0
-        lattice.column_work[b, i] = vec8(0.0)
+    for strip in range(lattice.strips):
+        lattice.strip_stiffest[b, strip] = 0.0
+        lattice.strip_overlap[b, strip] = 0.0
+        lattice.strip_fracture[b, strip] = 0.0
+        lattice.strip_work[b, strip] = vec8(0.0)
     for _ in range(1):
         clock = lattice.clock[b]
         clock.time = 0.0
@@ -198,8 +199,8 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
     for b in range(lattice.batch):
         clock = lattice.clock[b]
         overlap = 0.0
-        for i in range(lattice.columns):
-            overlap = ti.max(overlap, lattice.column_overlap[b, i])
+        for strip in range(lattice.strips):
+            overlap = ti.max(overlap, lattice.strip_overlap[b, strip])
         report[b, 0] = clock.status
         report[b, 1] = clock.time
         report[b, 2] = clock.rows

@@ -1,6 +1,7 @@
 """Nodes and impactor: gather the forces of a stage, and take it in the Runge-Kutta sum.
 
-What a column adds up is kept per column: the sums then have one order, whoever runs the columns.
+What a strip of nodes adds up is kept per strip: the sums then have one order, whoever runs the
+strips. On a CPU a strip is a column.
 """
 
 import taichi as ti
@@ -9,6 +10,7 @@ from taichi_foam.engine import contact, packs
 from taichi_foam.engine.lattice import DASHPOTS, DRAG, FACES, SELF_CONTACT, SHEAR
 from taichi_foam.engine.parameters import NO_IMPACTOR
 from taichi_foam.laws import contact as contact_law
+from taichi_foam.laws import elementary
 
 LAST_STAGE = 3
 
@@ -20,7 +22,7 @@ ASTRAY = 1e5
 @ti.func
 def node_pack(
     lattice: ti.template(), motion: ti.template(), first: ti.template(),
-    b, i, k, stage, sweep, slot, left_slot, below_x, below_y, touched, p: ti.template(),
+    b, i, k, strip, stage, sweep, slot, left_slot, below_x, below_y, p: ti.template(),
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
@@ -29,8 +31,8 @@ def node_pack(
     for the first, whose code is its own, else trial. After the last stage the step is accepted.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
-    numbers. Powers taken from the nodes by faces, self-contact and drag [W] come back, the
-    largest squared motion in the step [m2], and how many nodes are astray.
+    numbers. The powers [W] that the nodes give to the faces are added to the strip's tally, and
+    what they give to anything else to its work.
     """
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)
@@ -39,26 +41,26 @@ def node_pack(
     left = lattice.force[sweep, left_slot, k]
     force_x = (own.ax - left.ax) + (own.bx - packs.from_below(own.bx, below_x))
     force_y = (own.ay - left.ay) + (own.by - packs.from_below(own.by, below_y))
-    by_faces = -(force_x * now.u + force_y * now.v)
-    by_pieces = 0.0 * now.u
-    by_drag = 0.0 * now.u
+    by_faces = force_x * now.u + force_y * now.v
+    lattice.tally[b, strip].by_faces = lattice.tally[b, strip].by_faces - by_faces
     if contact.may_touch_bodies(lattice, b, now.x, now.y, p):
+        lattice.tally[b, strip].reaction_x = packs.zeros(lattice)
+        lattice.tally[b, strip].reaction_y = packs.zeros(lattice)
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
-                contact.touch_bodies(lattice, motion, b, i, j, sweep, stage, weight, p)
-            else:
-                lattice.reaction[sweep].x[lane] = 0.0
-                lattice.reaction[sweep].y[lane] = 0.0
-        force_x += lattice.reaction[sweep].x
-        force_y += lattice.reaction[sweep].y
-    if touched:
+                contact.touch_bodies(lattice, motion, b, i, j, strip, stage, weight, p)
+        force_x += lattice.tally[b, strip].reaction_x
+        force_y += lattice.tally[b, strip].reaction_y
+    if p.self_contact and lattice.column_touchers[b, i] > 0:
         push = lattice.push[b, i, k]
-        by_pieces = -(push.x * now.u + push.y * now.v)
+        by_pieces = -(push.x * now.u + push.y * now.v).sum()
+        _add_work(lattice, b, strip, SELF_CONTACT, weight * by_pieces)
         force_x += push.x
         force_y += push.y
     if p.drag > 0.0:
-        by_drag = p.drag * (now.u * now.u + now.v * now.v)
+        by_drag = p.drag * (now.u * now.u + now.v * now.v).sum()
+        _add_work(lattice, b, strip, DRAG, weight * by_drag)
         force_x -= p.drag * now.u
         force_y -= p.drag * now.v
     a_x = force_x * (1.0 / p.node_mass)
@@ -81,8 +83,6 @@ def node_pack(
     lattice.rate[b, i, k].u = rate_u
     lattice.rate[b, i, k].v = rate_v
     start = lattice.state[b, i, k]
-    moved = 0.0
-    astray = 0
     if stage < LAST_STAGE:
         ahead = stage_ahead(stage, step)
         lattice.trial[b, i, k].x = start.x + ahead * now.u
@@ -90,15 +90,22 @@ def node_pack(
         lattice.trial[b, i, k].u = start.u + ahead * a_x
         lattice.trial[b, i, k].v = start.v + ahead * a_y
     else:
-        x, y, u, v = start.x + rate_x, start.y + rate_y, start.u + rate_u, start.v + rate_v
-        lattice.state[b, i, k].x = x
-        lattice.state[b, i, k].y = y
-        lattice.state[b, i, k].u = u
-        lattice.state[b, i, k].v = v
-        moved = (rate_x * rate_x + rate_y * rate_y).max()
-        sound = ti.abs(x) + ti.abs(y) + ti.abs(u) + ti.abs(v) <= ASTRAY  # false for NaN
-        astray = lattice.lanes - ti.select(sound, 1, 0).sum()
-    return by_faces.sum(), by_pieces.sum(), by_drag.sum(), moved, astray
+        lattice.state[b, i, k].x = start.x + rate_x
+        lattice.state[b, i, k].y = start.y + rate_y
+        lattice.state[b, i, k].u = start.u + rate_u
+        lattice.state[b, i, k].v = start.v + rate_v
+
+
+@ti.func
+def inspect_pack(lattice: ti.template(), b, i, k, strip):
+    """After the last stage: how far the nodes have moved in the step, and whether any is astray."""
+    now = lattice.state[b, i, k]
+    path = lattice.rate[b, i, k]
+    moved = path.x * path.x + path.y * path.y
+    lattice.tally[b, strip].moved = elementary.larger(moved, lattice.tally[b, strip].moved)
+    size = ti.abs(now.x) + ti.abs(now.y) + ti.abs(now.u) + ti.abs(now.v)
+    astray = ti.select(size <= ASTRAY, 0.0, 1.0)  # of NaN too
+    lattice.tally[b, strip].astray = lattice.tally[b, strip].astray + astray
 
 
 @ti.func
@@ -106,74 +113,76 @@ def node_column(
     lattice: ti.template(), motion: ti.template(), first: ti.template(),
     b, i, stage, sweep, slot, left_slot, p: ti.template(),
 ):  # fmt: skip
-    """A stage for one column of nodes.
+    """A stage for one column of nodes."""
+    clear_nodes(lattice, b, i, stage)
+    below_x, below_y = 0.0, 0.0
+    last = ti.static(lattice.lanes - 1)
+    for k in range(lattice.packs):
+        node_pack(
+            lattice, motion, first, b, i, k, i, stage, sweep, slot, left_slot, below_x, below_y, p
+        )
+        below_x = lattice.force[sweep, slot, k].bx[last]
+        below_y = lattice.force[sweep, slot, k].by[last]
+    if stage == LAST_STAGE:
+        for k in range(lattice.packs):
+            inspect_pack(lattice, b, i, k, i)
+    close_nodes(lattice, first, b, i, stage)
+
+
+@ti.func
+def clear_nodes(lattice: ti.template(), b, strip, stage):
+    """Start the tally of a strip's nodes."""
+    lattice.strip_lift[b, strip] = 0.0
+    lattice.tally[b, strip].by_faces = packs.zeros(lattice)
+    if stage == LAST_STAGE:
+        lattice.tally[b, strip].moved = packs.zeros(lattice)
+        lattice.tally[b, strip].astray = packs.zeros(lattice)
+
+
+@ti.func
+def close_nodes(lattice: ti.template(), first: ti.template(), b, strip, stage):
+    """Add a stage's tally to the strip's work.
 
     The ledger: what the faces take up is the power of their forces on the nodes, in the same
     Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
     integrator's order. How it splits into normal stress, shear and dashpots is sampled once a
     step, with the latch: that moves work between columns, never out of the sum.
     """
-    touched = p.self_contact and lattice.column_touchers[b, i] > 0
-    lattice.column_lift[b, i] = 0.0
-    by_faces, by_pieces, by_drag = 0.0, 0.0, 0.0
-    moved = 0.0
-    astray = 0
-    below_x, below_y = 0.0, 0.0
-    last = ti.static(lattice.lanes - 1)
-    for k in range(lattice.packs):
-        faces, pieces, drag, reach, lost = node_pack(
-            lattice, motion, first, b, i, k, stage, sweep, slot, left_slot, below_x, below_y,
-            touched, p,
-        )  # fmt: skip
-        below_x = lattice.force[sweep, slot, k].bx[last]
-        below_y = lattice.force[sweep, slot, k].by[last]
-        by_faces += faces
-        by_pieces += pieces
-        by_drag += drag
-        moved = ti.max(moved, reach)
-        astray += lost
     weight = stage_weight(stage, lattice.clock[b].step)
-    _add_work(lattice, b, i, FACES, weight * by_faces)
-    if touched:
-        _add_work(lattice, b, i, SELF_CONTACT, weight * by_pieces)
-    if p.drag > 0.0:
-        _add_work(lattice, b, i, DRAG, weight * by_drag)
+    _add_work(lattice, b, strip, FACES, weight * lattice.tally[b, strip].by_faces.sum())
     if ti.static(first):
-        power = lattice.column_power[b, i]
-        _add_work(lattice, b, i, SHEAR, lattice.clock[b].step * power[0])
-        _add_work(lattice, b, i, DASHPOTS, lattice.clock[b].step * power[1])
-    if stage == LAST_STAGE:
-        lattice.column_moved[b, i] = moved
-        lattice.column_astray[b, i] = astray
+        step = lattice.clock[b].step
+        _add_work(lattice, b, strip, SHEAR, step * lattice.tally[b, strip].sheared.sum())
+        _add_work(lattice, b, strip, DASHPOTS, step * lattice.tally[b, strip].damped.sum())
 
 
 @ti.func
-def first_astray(lattice: ti.template(), b, i) -> ti.i32:
-    """The lowest row of a column whose node is astray."""
-    found = lattice.rows
-    for n in range(lattice.rows):
-        j = lattice.rows - 1 - n
-        x = packs.position(lattice, lattice.state, b, i, j)
-        v = packs.velocity(lattice, lattice.state, b, i, j)
-        if not ti.abs(x).sum() + ti.abs(v).sum() <= ASTRAY:
-            found = j
+def first_astray(lattice: ti.template(), b) -> ti.i32:
+    """The node with the lowest number that is astray."""
+    found = lattice.nodes
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            x = packs.position(lattice, lattice.state, b, i, j)
+            v = packs.velocity(lattice, lattice.state, b, i, j)
+            if found == lattice.nodes and not ti.abs(x).sum() + ti.abs(v).sum() <= ASTRAY:
+                found = i * lattice.rows + j
     return found
 
 
 @ti.func
-def _add_work(lattice: ti.template(), b, i, member: ti.template(), work):
-    """A column has one thread: no atomics."""
-    lattice.column_work[b, i][member] = lattice.column_work[b, i][member] + work
+def _add_work(lattice: ti.template(), b, strip, member: ti.template(), work):
+    """A strip has one thread: no atomics."""
+    lattice.strip_work[b, strip][member] = lattice.strip_work[b, strip][member] + work
 
 
 @ti.func
 def body_stage(lattice: ti.template(), b, stage, p: ti.template()):
-    """The same stage for the impactor, once all columns have given their lift."""
+    """The same stage for the impactor, once all strips have given their lift."""
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)
     force = 0.0
-    for i in range(lattice.columns):
-        force += lattice.column_lift[b, i]
+    for strip in range(lattice.strips):
+        force += lattice.strip_lift[b, strip]
     body = lattice.body[b]
     if p.impactor_kind != NO_IMPACTOR:
         # the support stops the impactor too, once it has gone right through the block

@@ -56,8 +56,8 @@ def _take_stock(lattice: ti.template(), b, p: ti.template()):
     The stiffness comes from the last stage's forces, which looked at the step's end.
     """
     densified = 0.0
-    for i in range(lattice.columns):
-        densified = ti.max(densified, lattice.column_stiffest[b, i])
+    for strip in range(lattice.strips):
+        densified = ti.max(densified, lattice.strip_stiffest[b, strip])
     step = p.step
     if step == 0.0:
         step = stable_step(p, densified)
@@ -119,7 +119,7 @@ def _sweep(
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
             slot = faces.slot_of(lattice, i, end - 1)
-            faces.face_column(lattice, motion, first, b, i, sweep, slot, p)
+            faces.face_column(lattice, motion, first, b, i, i, sweep, slot, p)
         if i > start:
             slot = faces.slot_of(lattice, i - 1, end - 1)
             left_slot = faces.slot_of(lattice, i - 2, end - 1)
@@ -133,12 +133,15 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
     lattice.clock[b].steps += 1
     moved = 0.0
     breaks = 0
+    astray = 0.0
+    for strip in range(lattice.strips):
+        moved = ti.max(moved, lattice.tally[b, strip].moved.max())
+        astray += lattice.tally[b, strip].astray.sum()
     for i in range(lattice.columns):
-        moved = ti.max(moved, lattice.column_moved[b, i])
         breaks += lattice.column_breaks[b, i]
-        if lattice.column_astray[b, i] > 0 and lattice.clock[b].status == RUNNING:
-            lattice.clock[b].status = NOT_FINITE
-            lattice.clock[b].bad_node = i * lattice.rows + nodes.first_astray(lattice, b, i)
+    if astray > 0.0:
+        lattice.clock[b].status = NOT_FINITE
+        lattice.clock[b].bad_node = nodes.first_astray(lattice, b)
     lattice.clock[b].drift += ti.sqrt(moved)
     if 2.0 * lattice.clock[b].drift > p.skin:
         lattice.clock[b].stale = 1
@@ -201,7 +204,7 @@ def prepare(lattice: ti.template(), b: ti.i32):
                 faces.update_halves(lattice, b, i, j)
         for i in range(lattice.columns):
             sweep = b * lattice.sweeps
-            faces.face_column(lattice, lattice.state, True, b, i, sweep, 0, p)
+            faces.face_column(lattice, lattice.state, True, b, i, i, sweep, 0, p)
 
 
 @ti.kernel
@@ -275,7 +278,8 @@ def _stage_staged(
                     i = ti.select(n == 2, end - 1, start - 1 + n)
                     if i >= 0:
                         slot = faces.slot_of(lattice, i, end - 1)
-                        faces.face_column(lattice, motion, first, b, i, sweep, slot, p)
+                        strip = ti.select(n == 0, lattice.strips + sweep % lattice.sweeps, i)
+                        faces.face_column(lattice, motion, first, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN

@@ -39,6 +39,21 @@ LOG_SERIES = tuple(2.0 / k for k in range(21, 1, -2))
 
 
 @ti.func
+def smaller(x, y):
+    """The smaller of two numbers; `y` if either is NaN.
+
+    One instruction. ti.min, which prefers what is not NaN, takes three.
+    """
+    return ti.select(x < y, x, y)
+
+
+@ti.func
+def larger(x, y):
+    """The larger of two numbers; `y` if either is NaN."""
+    return ti.select(x > y, x, y)
+
+
+@ti.func
 def exp(x):
     """e^x within 1.2 ulp for x from -708 to 709.78; 0 below that, infinity above, NaN of NaN."""
     bounded = ti.select(x > LEAST_EXPONENT, ti.min(x, GREATEST_EXPONENT), LEAST_EXPONENT)

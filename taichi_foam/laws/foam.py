@@ -59,7 +59,7 @@ def _densified(foam: Foam, e):
     For e < e_d; beyond the guard strain it goes on as the tangent there.
     """
     guard = foam.locking_strain + GUARD * (foam.densification_strain - foam.locking_strain)
-    inside = ti.max(e, guard)
+    inside = elementary.larger(e, guard)
     room = inside - foam.locking_strain
     power = room
     if foam.densification_b != 1.0:  # a power costs as much as the exponential
@@ -78,7 +78,8 @@ def permanent_strain(foam: Foam, e_min):
     It unloads from the plateau with the slope K; densification retraces itself, so that the
     turning point is never beyond e_d.
     """
-    turn = ti.min(ti.max(e_min, foam.densification_strain), foam.yield_strain)
+    turn = elementary.larger(e_min, foam.densification_strain)
+    turn = elementary.smaller(turn, foam.yield_strain)
     return turn - foam.yield_strain
 
 
@@ -90,11 +91,13 @@ def yielding_fraction(foam: Foam, e, e_min, broken):
     """
     permanent = permanent_strain(foam, e_min)
     stretch = e - permanent
-    pulled = (stretch > 0.0) & (e_min < foam.yield_strain)
-    pressed = foam.youngs_modulus * ti.max(stretch, foam.yield_strain)
-    numerator = ti.select(pulled, foam.crushed_tensile_stress * stretch, pressed)
-    divisor = ti.select(pulled, foam.crushed_tensile_strain - permanent, 1.0)
-    kept = ti.min(numerator, 0.0)
+    elastic = foam.youngs_modulus * elementary.larger(stretch, foam.yield_strain)
+    crushed = e_min < foam.yield_strain
+    weak = ti.select(crushed, foam.crushed_tensile_stress * stretch, elastic)
+    reach = ti.select(crushed, foam.crushed_tensile_strain - permanent, 1.0)
+    numerator = ti.select(stretch > 0.0, weak, elastic)
+    divisor = ti.select(stretch > 0.0, reach, 1.0)
+    kept = elementary.smaller(numerator, 0.0)
     if foam.broken_contact == JUMP:
         kept = ti.select(e > e_min, 0.0, kept)
     return ti.select(broken, kept, numerator), divisor
@@ -103,7 +106,7 @@ def yielding_fraction(foam: Foam, e, e_min, broken):
 @ti.func
 def densification(foam: Foam, e, e_min, broken):
     """What densification adds to the yielding stress, and the slope there [Pa]; 0 above e_d."""
-    stress, slope = _densified(foam, ti.min(e, foam.densification_strain))
+    stress, slope = _densified(foam, elementary.smaller(e, foam.densification_strain))
     acts = e < foam.densification_strain
     if foam.broken_contact == JUMP:
         acts = ti.select(broken, acts & (e <= e_min), acts)

@@ -51,7 +51,7 @@ def test_fused_and_staged_stepping_agree(which: int) -> None:
     for advance in (stepper.advance_fused, stepper.advance_staged):
         with bench(scene) as loaded:
             states.append(loaded.step(STEPS, advance))
-            history = loaded.lattice.column_work.to_numpy()
+            history = loaded.lattice.strip_work.to_numpy()
         states[-1] = (states[-1], history)
     (fused, fused_work), (staged, staged_work) = states
     assert_same_snapshots(fused, staged)
@@ -90,7 +90,7 @@ for advance in (stepper.advance_fused, stepper.advance_staged):
         for b in range(3):
             for values in vars(loading.snapshot(loaded.lattice, b)).values():
                 digest.update(np.asarray(values).tobytes())
-        digest.update(loaded.lattice.column_work.to_numpy().tobytes())
+        digest.update(loaded.lattice.strip_work.to_numpy().tobytes())
         print(digest.hexdigest())
 """
 
