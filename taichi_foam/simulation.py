@@ -11,7 +11,7 @@ they come; `run` and `run_many` return results. All start Taichi with its defaul
 
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
@@ -125,7 +125,7 @@ def simulate(scene: Scene) -> Iterator[Snapshot]:
 
 def simulate_many(
     scenes: Sequence[Scene], on_progress: ProgressCallback | None = None
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result], None, None]:
     """Run scenes side by side, yielding each one's place in `scenes` and its result as it ends.
 
     They may differ in everything. Those with the same lattice counts share a batch, one lattice on
@@ -217,7 +217,8 @@ def _drive_batch(
                         index, scene = waiting.pop()
                         loading.load(lattice, b, scene)
                         stepper.prepare(lattice, b)
-                        slots[b] = _Run(scene, index, replace(wall), batch)
+                        first = [loading.snapshot(lattice, b)]
+                        slots[b] = _Run(scene, index, replace(wall), batch, snapshots=first)
                 pauses = [0.0 if run is None else run.next_snapshot for run in slots]
                 loading.set_pause(lattice, np.array(pauses))
                 if most_steps == 0:

@@ -1,6 +1,7 @@
 """Every scene of the gallery runs and gives what its text promises.
 
-Those with a closed form run to their end, the drops on the paper's block for their first 12 ms.
+Those with a closed form run to their end, the drops on the paper's block for their first 12 ms,
+and the big one for a few steps.
 """
 
 import math
@@ -19,6 +20,7 @@ from taichi_foam.simulation import run
 SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
 DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
+BIG = ("fine_wedge",)
 TABLES = ("flat_tall_block",)
 
 # Kelvin-Voigt: a link's dashpot adds this much stress per strain rate, tau K.
@@ -31,7 +33,7 @@ def script(name: str) -> SimpleNamespace:
 
 
 def test_no_scene_is_forgotten_here() -> None:
-    assert {p.stem for p in SCENES.glob("*.py")} == {*CLOSED_FORMS, *DROPS}
+    assert {p.stem for p in SCENES.glob("*.py")} == {*CLOSED_FORMS, *DROPS, *BIG}
     assert {p.stem for p in SCENES.glob("*.toml")} == {*TABLES}
 
 
@@ -200,3 +202,15 @@ def test_the_tall_block_is_hit_after_a_fall_of_10_mm() -> None:
         mean_deceleration(result, history["time_s"][later[0]] * 1e3, 15.0) + g
     )
     assert 1.39e5 * face < mean < (1.39e5 + VISCOSITY * v / scene.block.dy) * face
+
+
+def test_the_fine_wedge_is_the_wedge_with_smaller_cells() -> None:
+    """Same block and impactor; ten times as many steps a millisecond, as its text says."""
+    fine, coarse = script("fine_wedge").scene, script("wedge").scene
+    assert fine.impactor == coarse.impactor
+    assert (fine.block.width, fine.block.height) == (coarse.block.width, coarse.block.height)
+    assert fine.block.columns * fine.block.rows == 80_000
+    end = {"numerics": fine.numerics.model_copy(update={"end": 3e-6})}
+    result = run(fine.model_copy(update=end))
+    assert 0.049 / result.run["dt_max_s"] == pytest.approx(150_000, rel=0.1)
+    assert result.run["max_overlap_m"] < 0.02 * fine.block.dx

@@ -1,0 +1,26 @@
+"""The wedge's impact with a hundred times as many mass points: 400 x 200 cells of 0.5 mm.
+
+Physics: the block, the impactor and the foam of `wedge.py`. A cell is now smaller than the foam's
+own pores, so the lattice stands for a continuum: what stays as it was is a property of the model,
+what changes depends on the size of its cells. Damping is there for the lattice's own shortest
+waves, ten times as quick here as with cells of 5 mm, and so its time is a tenth.
+
+Measured (Table 4): duration 49 ms, displacement 75 mm, plateau 66 m/s2.
+
+Run time: 150,000 steps of 80,000 nodes, a quarter of an hour on two cores.
+"""
+
+from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
+
+scene = Scene(
+    name="Wedge at 2.86 m/s, 80,000 cells",
+    block=Block(columns=400, rows=200),
+    impactor=Wedge(angle_deg=90, velocity=2.86),
+    numerics=Numerics(damping_time=0.1 * Numerics().damping_time),
+    output=Output(snapshot_interval=2e-3),
+)
+
+if __name__ == "__main__":
+    from taichi_foam.cli import run_script
+
+    run_script(scene)
