@@ -33,7 +33,6 @@ from taichi_foam.engine.ledger import ROW_COLUMNS
 from taichi_foam.errors import RunError
 from taichi_foam.result import Result, Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.smoothing import smooth_deceleration
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
@@ -319,6 +318,9 @@ def _history(scene: Scene, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]
     Work counts from the first row; crushing is what the normal stresses took up beyond what they
     still store or lost by breaking. The residual is the energy that no column accounts for.
     """
+    # filters take a second to load: after the run, not before it
+    from taichi_foam.smoothing import smooth_deceleration
+
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
     t, y, v = rows["time"], rows["y"], rows["v"]

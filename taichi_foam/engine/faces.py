@@ -222,27 +222,52 @@ def clear_faces(lattice: ti.template(), latching: ti.template(), b, strip):
 
 
 @ti.func
+def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
+    """Condition, worst and present strain of the accepted state's connection (i, j) along `axis`.
+
+    The axis may be known at run time only.
+    """
+    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+    start = packs.position(lattice, lattice.state, b, i, j)
+    condition = lattice.link_a[b, i, k].condition[lane]
+    worst = lattice.link_a[b, i, k].worst[lane]
+    length = p.cell.x
+    end = packs.position(lattice, lattice.state, b, i + 1, j)
+    if axis == B:
+        condition = lattice.link_b[b, i, k].condition[lane]
+        worst = lattice.link_b[b, i, k].worst[lane]
+        length = p.cell.y
+        end = packs.position(lattice, lattice.state, b, i, j + 1)
+    strain = kinematics.engineering_strain((end - start).norm() / length)
+    return condition, worst, strain
+
+
+@ti.func
+def volume(axis, p: ti.template()) -> ti.f64:
+    """Reference volume [m3] that a connection stands for."""
+    return ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
+
+
+@ti.func
 def break_connections(lattice: ti.template(), b, i, p: ti.template()):
     """At the end of a step: column `i`'s failed connections are broken from now on.
 
     The stored energy that they lose is booked [J].
     """
+    time = ti.cast(lattice.clock[b].time, ti.f32)
     lost = 0.0
     for j in range(lattice.rows):
-        k = packs.pack_of(lattice, j)
-        lane = packs.lane_of(lattice, j)
-        for axis in ti.static(range(2)):
-            ei, ej = ti.static((1, 0) if axis == A else (0, 1))
-            links = ti.static(lattice.links[axis])
-            if links[b, i, k].condition[lane] == BREAKING:
-                links[b, i, k].condition[lane] = BROKEN
-                time = ti.cast(lattice.clock[b].time, ti.f32)
-                links[b, i, k].break_time[lane] = time
-                start = packs.position(lattice, lattice.state, b, i, j)
-                end = packs.position(lattice, lattice.state, b, i + ei, j + ej)
-                e = kinematics.engineering_strain((end - start).norm() / p.cell[axis])
-                density = foam_law.energy_lost_by_breaking(p.foam, e, links[b, i, k].worst[lane])
-                lost += p.area[axis] * p.cell[axis] * density
+        k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+        for axis in range(2):
+            condition, worst, strain = look_at(lattice, axis, b, i, j, p)
+            if condition == BREAKING:
+                lost += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
+                if axis == A:
+                    lattice.link_a[b, i, k].condition[lane] = BROKEN
+                    lattice.link_a[b, i, k].break_time[lane] = time
+                else:
+                    lattice.link_b[b, i, k].condition[lane] = BROKEN
+                    lattice.link_b[b, i, k].break_time[lane] = time
     lattice.strip_fracture[b, i] = lattice.strip_fracture[b, i] + lost
 
 

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_foam.engine import packs
+from taichi_foam.engine import faces, packs
 from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
 from taichi_foam.laws import foam as foam_law
 
@@ -18,20 +18,13 @@ FIRST_WORK = ROW_COLUMNS.index("faces")
 
 
 @ti.func
-def _stored(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Stored energy [J] of the connection from (i, j) along `axis`, 0 where there is none."""
-    links = ti.static(lattice.links[axis])
-    k = packs.pack_of(lattice, j)
-    lane = packs.lane_of(lattice, j)
-    ei, ej = ti.static((1, 0) if axis == 0 else (0, 1))
+    condition, worst, strain = faces.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
-    if links[b, i, k].condition[lane] > ABSENT:
-        start = packs.position(lattice, lattice.state, b, i, j)
-        reach = packs.position(lattice, lattice.state, b, i + ei, j + ej) - start
-        e = reach.norm() / p.cell[axis] - 1.0
-        broken = ti.i32(links[b, i, k].condition[lane] == BROKEN)
-        volume = p.area[axis] * p.cell[axis]
-        energy = volume * foam_law.stored_energy(p.foam, e, links[b, i, k].worst[lane], broken)
+    if condition > ABSENT:
+        broken = ti.i32(condition == BROKEN)
+        energy = faces.volume(axis, p) * foam_law.stored_energy(p.foam, strain, worst, broken)
     return energy
 
 
@@ -40,9 +33,12 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
     """Add up the energies of one column of nodes and its connections."""
     energy = vec3(0.0)
     for j in range(lattice.rows):
+        stored = 0.0
+        for axis in range(2):  # not unrolled: the law is long, and compiles once so
+            stored += _stored(lattice, axis, b, i, j, p)
         energy += vec3(
             0.5 * p.node_mass * packs.velocity(lattice, lattice.state, b, i, j).norm_sqr(),
-            _stored(lattice, 0, b, i, j, p) + _stored(lattice, 1, b, i, j, p),
+            stored,
             p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
         )
     lattice.strip_energy[b, i] = energy

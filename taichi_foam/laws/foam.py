@@ -193,7 +193,10 @@ def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
 
     Reloading keeps what is stored in compression; the jump reading keeps nothing.
     """
-    return stored_energy(foam, e, e_min, 0) - stored_energy(foam, e, e_min, 1)
+    lost = stored_energy(foam, e, e_min, 0)
+    if foam.broken_contact == RELOAD and e <= permanent_strain(foam, e_min):
+        lost = 0.0
+    return lost
 
 
 @ti.func
