@@ -38,9 +38,14 @@ def impactor_distance(lattice: ti.template(), b, point: vec2, p: ti.template()) 
 
 @ti.func
 def may_touch_bodies(lattice: ti.template(), b, x, y, p: ti.template()) -> ti.i32:
-    """Whether any of a pack's nodes may touch the impactor or the floor."""
-    beside = (y > lattice.body[b].trial_y) & (ti.abs(x - p.impactor_x) < p.impactor_half_width)
-    return packs.any_of(beside | (y < 0.5 * p.cell.y))
+    """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
+
+    The margin sees to it that a node which leaves them is looked at once more: its friction springs
+    go slack.
+    """
+    above = y > lattice.body[b].trial_y - p.skin
+    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
+    return packs.any_of((above & beside) | (y < 0.5 * p.cell.y + p.skin))
 
 
 @ti.func
@@ -66,16 +71,14 @@ def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
 
 
 @ti.func
-def touch_bodies(
-    lattice: ti.template(), motion: ti.template(), b, i, j, strip, stage, weight, p: ti.template()
-):
+def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()):
     """Forces [N] of the impactor and the floor on a node, as the `reaction` of its lane.
 
     Work and lift are added to the strip's. The first stage of a step also latches the friction
     springs: slid off beyond mu N, and slack where there is no touch.
     """
-    now = packs.position(lattice, motion, b, i, j)
-    speed = packs.velocity(lattice, motion, b, i, j)
+    now = packs.position(lattice, lattice.trial, b, i, j)
+    speed = packs.velocity(lattice, lattice.trial, b, i, j)
     k = packs.pack_of(lattice, j)
     lane = packs.lane_of(lattice, j)
     force = vec2(0.0)
@@ -171,7 +174,7 @@ def _at(motion: ti.template(), b, place: vec3i) -> vec2:
 
 
 @ti.func
-def push_pieces(lattice: ti.template(), motion: ti.template(), b, p: ti.template()):
+def push_pieces(lattice: ti.template(), b, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
     A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
@@ -179,7 +182,7 @@ def push_pieces(lattice: ti.template(), motion: ti.template(), b, p: ti.template
     a lattice's pushes, so there are no atomics; and no branches, since who touches is a toss-up.
     """
     for n in range(lattice.clock[b].touchers):
-        now = _at(motion, b, place_of(lattice, lattice.toucher_node[b, n]))
+        now = _at(lattice.trial, b, place_of(lattice, lattice.toucher_node[b, n]))
         lattice.touchers[b, n].x = now.x
         lattice.touchers[b, n].y = now.y
         lattice.toucher_push[b, n] = vec2(0.0)

@@ -29,30 +29,29 @@ def slot_of(lattice: ti.template(), i, last):
 
 @ti.func
 def _link_forces(
-    axis: ti.template(), latching: ti.template(), link: ti.template(),
+    lattice: ti.template(), axis: ti.template(), latching, b, i, k, strip,
     reach_x, reach_y, along_u, along_v, ahead_x, ahead_y, behind_x, behind_y, p: ti.template(),
 ):  # fmt: skip
     """Force [N] of a pack of connections on their first nodes, short of densification.
 
     `reach` and `along` are the differences of position and velocity between the two nodes, `ahead`
-    and `behind` what crosses the connection on its two sides. Besides, the strain; and with
-    `latching`, when the state is an accepted one, the power [W] that shear and dashpots take up,
-    and the history brought up to date.
+    and `behind` what crosses the connection on its two sides.
     """
+    links = ti.static(lattice.links[axis])
+    tally = ti.static(lattice.tally)
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
-    condition = ti.cast(link.condition, ti.f64)
+    condition = ti.cast(links[b, i, k].condition, ti.f64)
+    there = condition > ABSENT
     whole = condition > BROKEN
-    worst = link.worst
-    if ti.static(latching):
-        # columns at the seams of two sweeps are latched by both: twice must be the same as once
-        worst = elementary.smaller(ti.select(condition > ABSENT, e, worst), worst)
+    # the plateau has no memory, so a worst strain met only now gives the same stress
+    worst = elementary.smaller(e, links[b, i, k].worst)
     numerator, divisor = foam_law.yielding_fraction(p.foam, e, worst, condition <= BROKEN)
     normal = p.area[axis] * numerator / (divisor * length)
     # F's column across the connection, from the halves that its broken neighbours leave
     per_spacing = 1.0 / p.cell[1 - axis]
-    ahead = ti.cast(link.ahead, ti.f64) * per_spacing
-    behind = ti.cast(link.behind, ti.f64) * per_spacing
+    ahead = ti.cast(links[b, i, k].ahead, ti.f64) * per_spacing
+    behind = ti.cast(links[b, i, k].behind, ti.f64) * per_spacing
     across_x = ahead * ahead_x + behind * behind_x
     across_y = ahead * ahead_y + behind * behind_y
     gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
@@ -68,35 +67,40 @@ def _link_forces(
         drag_y += reach_y * excess
     shear_x = across_x * shear
     shear_y = across_y * shear
-    there = condition > ABSENT
     force_x = ti.select(there, reach_x * normal + (shear_x + drag_x), 0.0)
     force_y = ti.select(there, reach_y * normal + (shear_y + drag_y), 0.0)
-    sheared = shear_x * along_u + shear_y * along_v
-    damped = drag_x * along_u + drag_y * along_v
-    if ti.static(latching):
+    # what the strip has to know goes to memory: this loop has no registers to spare
+    tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
+    if latching:
+        # columns at the seams of two sweeps are latched by both: twice is the same as once
+        links[b, i, k].worst = ti.select(there, worst, 0.0)
         # the shear strength grows with the stress up to the plateau
-        stress = numerator / divisor
-        fails = foam_law.fails(p.foam, e, stress, tau, worst)
+        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst)
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
-    return (
-        force_x, force_y, ti.select(there, e, 0.0), worst, condition,
-        ti.select(whole, sheared, 0.0), ti.select(whole, damped, 0.0),
-    )  # fmt: skip
+        links[b, i, k].condition = ti.cast(condition, ti.f32)
+        sheared = ti.select(whole, shear_x * along_u + shear_y * along_v, 0.0)
+        damped = ti.select(whole, drag_x * along_u + drag_y * along_v, 0.0)
+        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
+        tally[b, strip].sheared = tally[b, strip].sheared + sheared
+        tally[b, strip].damped = tally[b, strip].damped + damped
+        tally[b, strip].breaks = tally[b, strip].breaks + breaks
+    return force_x, force_y
 
 
 @ti.func
 def face_pack(
-    lattice: ti.template(), motion: ti.template(), latching: ti.template(),
-    b, i, k, strip, sweep, slot, below_x, below_y, p: ti.template(),
+    lattice: ti.template(), latching, b, i, k, strip, sweep, slot, below_x, below_y,
+    p: ti.template(),
 ):  # fmt: skip
     """Forces of the connections to the right of and above each node of a pack, kept in `slot`.
 
     `below` is what crosses the first lane's A below it. What crosses the last lane's A above it
-    comes back for the next pack. The strip's tally gets the least strain, and with `latching` the
-    powers of shear and of dashpots and how many connections break: in memory, since this loop has
-    no registers to spare.
+    comes back for the next pack. The strip's tally gets the least strain, and with `latching`, when
+    the state is an accepted one, the powers of shear and of dashpots and how many connections
+    break; their history is then brought up to date.
     """
+    motion = ti.static(lattice.trial)
     here = motion[b, i, k]
     right = motion[b, i + 1, k]
     left = motion[b, i - 1, k]
@@ -115,52 +119,33 @@ def face_pack(
     beside_x, beside_y = reach_x + (right_up_x - up_x), reach_y + (right_up_y - up_y)
     before_x = (here.x - left.x) + (up_x - left_up_x)
     before_y = (here.y - left.y) + (up_y - left_up_y)
-
-    fx, fy, e, worst, condition, sheared, damped = _link_forces(
-        A, latching, lattice.link_a[b, i, k], reach_x, reach_y, right.u - here.u, right.v - here.v,
-        above_x, above_y, packs.from_below(above_x, below_x), packs.from_below(above_y, below_y), p,
+    force_x, force_y = _link_forces(
+        lattice, A, latching, b, i, k, strip,
+        reach_x, reach_y, right.u - here.u, right.v - here.v, above_x, above_y,
+        packs.from_below(above_x, below_x), packs.from_below(above_y, below_y), p,
     )  # fmt: skip
-    lattice.force[sweep, slot, k].ax = fx
-    lattice.force[sweep, slot, k].ay = fy
-    tally = ti.static(lattice.tally)
-    tally[b, strip].least = elementary.smaller(e, tally[b, strip].least)
-    if ti.static(latching):
-        lattice.link_a[b, i, k].worst = worst
-        lattice.link_a[b, i, k].condition = ti.cast(condition, ti.f32)
-        tally[b, strip].sheared = tally[b, strip].sheared + sheared
-        tally[b, strip].damped = tally[b, strip].damped + damped
-        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
-        tally[b, strip].breaks = tally[b, strip].breaks + breaks
+    lattice.force[sweep, slot, k].ax = force_x
+    lattice.force[sweep, slot, k].ay = force_y
     up_u = packs.from_above(here.u, up.u[0])
     up_v = packs.from_above(here.v, up.v[0])
-    fx, fy, e, worst, condition, sheared, damped = _link_forces(
-        B, latching, lattice.link_b[b, i, k], rise_x, rise_y, up_u - here.u, up_v - here.v,
-        beside_x, beside_y, before_x, before_y, p,
+    force_x, force_y = _link_forces(
+        lattice, B, latching, b, i, k, strip,
+        rise_x, rise_y, up_u - here.u, up_v - here.v, beside_x, beside_y, before_x, before_y, p,
     )  # fmt: skip
-    lattice.force[sweep, slot, k].bx = fx
-    lattice.force[sweep, slot, k].by = fy
-    if ti.static(latching):
-        lattice.link_b[b, i, k].worst = worst
-        lattice.link_b[b, i, k].condition = ti.cast(condition, ti.f32)
-        tally[b, strip].sheared = tally[b, strip].sheared + sheared
-        tally[b, strip].damped = tally[b, strip].damped + damped
-        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
-        tally[b, strip].breaks = tally[b, strip].breaks + breaks
-    tally[b, strip].least = elementary.smaller(e, tally[b, strip].least)
+    lattice.force[sweep, slot, k].bx = force_x
+    lattice.force[sweep, slot, k].by = force_y
     last = ti.static(lattice.lanes - 1)
     return above_x[last], above_y[last]
 
 
 @ti.func
-def densify_pack(
-    lattice: ti.template(), motion: ti.template(), b, i, k, sweep, slot, p: ti.template()
-):
+def densify_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template()):
     """Add densification to a pack's forces; its stiffest connection [N/m] comes back."""
-    here = motion[b, i, k]
-    up = motion[b, i, k + 1]
+    here = lattice.trial[b, i, k]
+    up = lattice.trial[b, i, k + 1]
     fx, fy, stiffest = _densify(
         A, lattice.link_a[b, i, k],
-        motion[b, i + 1, k].x - here.x, motion[b, i + 1, k].y - here.y, p,
+        lattice.trial[b, i + 1, k].x - here.x, lattice.trial[b, i + 1, k].y - here.y, p,
     )  # fmt: skip
     lattice.force[sweep, slot, k].ax = lattice.force[sweep, slot, k].ax + fx
     lattice.force[sweep, slot, k].ay = lattice.force[sweep, slot, k].ay + fy
@@ -186,10 +171,7 @@ def _densify(axis: ti.template(), link: ti.template(), reach_x, reach_y, p: ti.t
 
 
 @ti.func
-def face_column(
-    lattice: ti.template(), motion: ti.template(), latching: ti.template(),
-    b, i, strip, sweep, slot, p: ti.template(),
-):  # fmt: skip
+def face_column(lattice: ti.template(), latching, b, i, strip, sweep, slot, p: ti.template()):
     """Forces of column `i`'s connections, kept in `slot`, and what a step has to know of them.
 
     What crosses an A above it crosses the next A below it, and is carried on. Densification has
@@ -199,23 +181,23 @@ def face_column(
     below_x, below_y = 0.0, 0.0
     for k in range(lattice.packs):
         below_x, below_y = face_pack(
-            lattice, motion, latching, b, i, k, strip, sweep, slot, below_x, below_y, p
+            lattice, latching, b, i, k, strip, sweep, slot, below_x, below_y, p
         )
     stiffest = 0.0
     if lattice.tally[b, strip].least.min() < p.foam.densification_strain:
         for k in range(lattice.packs):
-            stiff = densify_pack(lattice, motion, b, i, k, sweep, slot, p)
+            stiff = densify_pack(lattice, b, i, k, sweep, slot, p)
             stiffest = ti.max(stiffest, stiff)
     lattice.strip_stiffest[b, strip] = stiffest
-    if ti.static(latching):
+    if latching:
         lattice.column_breaks[b, i] = ti.i32(lattice.tally[b, strip].breaks.sum())
 
 
 @ti.func
-def clear_faces(lattice: ti.template(), latching: ti.template(), b, strip):
+def clear_faces(lattice: ti.template(), latching, b, strip):
     """Start the tally of a strip's faces."""
     lattice.tally[b, strip].least = packs.zeros(lattice)
-    if ti.static(latching):
+    if latching:
         lattice.tally[b, strip].sheared = packs.zeros(lattice)
         lattice.tally[b, strip].damped = packs.zeros(lattice)
         lattice.tally[b, strip].breaks = packs.zeros(lattice)

@@ -21,14 +21,14 @@ ASTRAY = 1e5
 
 @ti.func
 def node_pack(
-    lattice: ti.template(), motion: ti.template(), first: ti.template(),
-    b, i, k, strip, stage, sweep, slot, left_slot, below_x, below_y, p: ti.template(),
+    lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot, below_x, below_y,
+    p: ti.template(),
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
     `slot` and `left_slot` hold the forces of this column's connections and of those to its left;
-    `below` is the force of the connection below the first lane. `motion` is the stage's: accepted
-    for the first, whose code is its own, else trial. After the last stage the step is accepted.
+    `below` is the force of the connection below the first lane. After the last stage the step is
+    accepted.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
     numbers. The powers [W] that the nodes give to the faces are added to the strip's tally, and
@@ -36,7 +36,7 @@ def node_pack(
     """
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)
-    now = motion[b, i, k]
+    now = lattice.trial[b, i, k]
     own = lattice.force[sweep, slot, k]
     left = lattice.force[sweep, left_slot, k]
     force_x = (own.ax - left.ax) + (own.bx - packs.from_below(own.bx, below_x))
@@ -49,7 +49,7 @@ def node_pack(
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
-                contact.touch_bodies(lattice, motion, b, i, j, strip, stage, weight, p)
+                contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
         force_x += lattice.tally[b, strip].reaction_x
         force_y += lattice.tally[b, strip].reaction_y
     if p.self_contact and lattice.column_touchers[b, i] > 0:
@@ -74,7 +74,7 @@ def node_pack(
             for lane in ti.static(range(spare, lattice.lanes)):
                 a_y[lane] = 0.0
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
-    if ti.static(not first):
+    if stage > 0:
         before = lattice.rate[b, i, k]
         rate_x, rate_y = before.x + rate_x, before.y + rate_y
         rate_u, rate_v = before.u + rate_u, before.v + rate_v
@@ -83,17 +83,21 @@ def node_pack(
     lattice.rate[b, i, k].u = rate_u
     lattice.rate[b, i, k].v = rate_v
     start = lattice.state[b, i, k]
+    next_x, next_y = start.x + rate_x, start.y + rate_y
+    next_u, next_v = start.u + rate_u, start.v + rate_v
     if stage < LAST_STAGE:
         ahead = stage_ahead(stage, step)
-        lattice.trial[b, i, k].x = start.x + ahead * now.u
-        lattice.trial[b, i, k].y = start.y + ahead * now.v
-        lattice.trial[b, i, k].u = start.u + ahead * a_x
-        lattice.trial[b, i, k].v = start.v + ahead * a_y
+        next_x, next_y = start.x + ahead * now.u, start.y + ahead * now.v
+        next_u, next_v = start.u + ahead * a_x, start.v + ahead * a_y
     else:
-        lattice.state[b, i, k].x = start.x + rate_x
-        lattice.state[b, i, k].y = start.y + rate_y
-        lattice.state[b, i, k].u = start.u + rate_u
-        lattice.state[b, i, k].v = start.v + rate_v
+        lattice.state[b, i, k].x = next_x
+        lattice.state[b, i, k].y = next_y
+        lattice.state[b, i, k].u = next_u
+        lattice.state[b, i, k].v = next_v
+    lattice.trial[b, i, k].x = next_x
+    lattice.trial[b, i, k].y = next_y
+    lattice.trial[b, i, k].u = next_u
+    lattice.trial[b, i, k].v = next_v
 
 
 @ti.func
@@ -109,24 +113,19 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
 
 
 @ti.func
-def node_column(
-    lattice: ti.template(), motion: ti.template(), first: ti.template(),
-    b, i, stage, sweep, slot, left_slot, p: ti.template(),
-):  # fmt: skip
+def node_column(lattice: ti.template(), b, i, stage, sweep, slot, left_slot, p: ti.template()):
     """A stage for one column of nodes."""
     clear_nodes(lattice, b, i, stage)
     below_x, below_y = 0.0, 0.0
     last = ti.static(lattice.lanes - 1)
     for k in range(lattice.packs):
-        node_pack(
-            lattice, motion, first, b, i, k, i, stage, sweep, slot, left_slot, below_x, below_y, p
-        )
+        node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, below_x, below_y, p)
         below_x = lattice.force[sweep, slot, k].bx[last]
         below_y = lattice.force[sweep, slot, k].by[last]
     if stage == LAST_STAGE:
         for k in range(lattice.packs):
             inspect_pack(lattice, b, i, k, i)
-    close_nodes(lattice, first, b, i, stage)
+    close_nodes(lattice, b, i, stage)
 
 
 @ti.func
@@ -140,7 +139,7 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
 
 
 @ti.func
-def close_nodes(lattice: ti.template(), first: ti.template(), b, strip, stage):
+def close_nodes(lattice: ti.template(), b, strip, stage):
     """Add a stage's tally to the strip's work.
 
     The ledger: what the faces take up is the power of their forces on the nodes, in the same
@@ -150,7 +149,7 @@ def close_nodes(lattice: ti.template(), first: ti.template(), b, strip, stage):
     """
     weight = stage_weight(stage, lattice.clock[b].step)
     _add_work(lattice, b, strip, FACES, weight * lattice.tally[b, strip].by_faces.sum())
-    if ti.static(first):
+    if stage == 0:
         step = lattice.clock[b].step
         _add_work(lattice, b, strip, SHEAR, step * lattice.tally[b, strip].sheared.sum())
         _add_work(lattice, b, strip, DASHPOTS, step * lattice.tally[b, strip].damped.sum())

@@ -109,9 +109,8 @@ def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def _sweep(
-    lattice: ti.template(), motion: ti.template(), first: ti.template(),
-    b, stage, sweep, start, end, known_before, known_from, p: ti.template(),
-):  # fmt: skip
+    lattice: ti.template(), b, stage, sweep, start, end, known_before, known_from, p: ti.template()
+):
     """A stage of the columns `start` to `end`.
 
     The forces of columns before `known_before` and from `known_from` on are there already.
@@ -119,11 +118,11 @@ def _sweep(
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
             slot = faces.slot_of(lattice, i, end - 1)
-            faces.face_column(lattice, motion, first, b, i, i, sweep, slot, p)
+            faces.face_column(lattice, stage == 0, b, i, i, sweep, slot, p)
         if i > start:
             slot = faces.slot_of(lattice, i - 1, end - 1)
             left_slot = faces.slot_of(lattice, i - 2, end - 1)
-            nodes.node_column(lattice, motion, first, b, i - 1, stage, sweep, slot, left_slot, p)
+            nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, p)
 
 
 @ti.func
@@ -166,15 +165,13 @@ def _break(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
-def _stage(
-    lattice: ti.template(), motion: ti.template(), first: ti.template(), b, stage, p: ti.template()
-):
+def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     """One stage of a whole lattice on one thread."""
     if p.self_contact:
-        contact.push_pieces(lattice, motion, b, p)
+        contact.push_pieces(lattice, b, p)
     sweep = b * lattice.sweeps
     columns = lattice.columns
-    _sweep(lattice, motion, first, b, stage, sweep, 0, columns, 0, columns, p)
+    _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
     nodes.body_stage(lattice, b, stage, p)
 
 
@@ -188,9 +185,8 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _close_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
-        _stage(lattice, lattice.state, True, b, 0, p)
-        for stage in range(1, nodes.LAST_STAGE + 1):
-            _stage(lattice, lattice.trial, False, b, stage, p)
+        for stage in range(nodes.LAST_STAGE + 1):
+            _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
 
 
@@ -204,7 +200,7 @@ def prepare(lattice: ti.template(), b: ti.i32):
                 faces.update_halves(lattice, b, i, j)
         for i in range(lattice.columns):
             sweep = b * lattice.sweeps
-            faces.face_column(lattice, lattice.state, True, b, i, i, sweep, 0, p)
+            faces.face_column(lattice, True, b, i, i, sweep, 0, p)
 
 
 @ti.kernel
@@ -254,13 +250,11 @@ def _begin_staged(lattice: ti.template()):
             _find_neighbours(lattice, b, p)
             lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
             if p.self_contact:
-                contact.push_pieces(lattice, lattice.state, b, p)
+                contact.push_pieces(lattice, b, p)
 
 
 @ti.kernel
-def _stage_staged(
-    lattice: ti.template(), motion: ti.template(), first: ti.template(), stage: ti.i32
-):
+def _stage_staged(lattice: ti.template(), stage: ti.i32):
     """One Runge-Kutta stage, its columns dealt out to sweeps.
 
     Sweeps move nodes as they go. So the forces at their seams, which depend on nodes of both
@@ -279,7 +273,7 @@ def _stage_staged(
                     if i >= 0:
                         slot = faces.slot_of(lattice, i, end - 1)
                         strip = ti.select(n == 0, lattice.strips + sweep % lattice.sweeps, i)
-                        faces.face_column(lattice, motion, first, b, i, strip, sweep, slot, p)
+                        faces.face_column(lattice, stage == 0, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
@@ -288,7 +282,7 @@ def _stage_staged(
                 p = lattice.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
-                _sweep(lattice, motion, first, b, stage, sweep, start, end, start + 1, end - 1, p)
+                _sweep(lattice, b, stage, sweep, start, end, start + 1, end - 1, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
@@ -296,16 +290,15 @@ def _stage_staged(
             if stage == nodes.LAST_STAGE:
                 _end_step(lattice, b, p)
             elif p.self_contact:
-                contact.push_pieces(lattice, lattice.trial, b, p)
+                contact.push_pieces(lattice, b, p)
 
 
 def advance_staged(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each spread over the threads."""
     for _ in range(most_steps):
         _begin_staged(lattice)
-        _stage_staged(lattice, lattice.state, True, 0)
-        for stage in range(1, nodes.LAST_STAGE + 1):
-            _stage_staged(lattice, lattice.trial, False, stage)
+        for stage in range(nodes.LAST_STAGE + 1):
+            _stage_staged(lattice, stage)
 
 
 def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:

@@ -132,7 +132,8 @@ def stored_energy(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f6
     energy = 0.0
     if e > permanent:
         if not broken:
-            energy = 0.5 * (e - permanent) * normal_stress(foam, e, e_min, broken)
+            numerator, divisor = yielding_fraction(foam, e, e_min, broken)
+            energy = 0.5 * (e - permanent) * numerator / divisor
     elif not (broken and foam.broken_contact == JUMP):
         energy = 0.5 * foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain) ** 2
         if e < foam.densification_strain:
