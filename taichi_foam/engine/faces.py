@@ -6,7 +6,7 @@ Everything is done a pack of connections at a time, without branches on values: 
 import taichi as ti
 
 from taichi_foam.engine import packs
-from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, RING
+from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING
 from taichi_foam.laws import elementary, kinematics
 from taichi_foam.laws import foam as foam_law
 
@@ -29,13 +29,17 @@ def slot_of(lattice: ti.template(), i, last):
 
 @ti.func
 def _link_forces(
-    lattice: ti.template(), axis: ti.template(), latching, b, i, k, strip,
+    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip,
     reach_x, reach_y, along_u, along_v, ahead_x, ahead_y, behind_x, behind_y, p: ti.template(),
 ):  # fmt: skip
     """Force [N] of a pack of connections on their first nodes, short of densification.
 
     `reach` and `along` are the differences of position and velocity between the two nodes, `ahead`
     and `behind` what crosses the connection on its two sides.
+
+    The first stage, whose state is the accepted one, brings the worst strain up to date. The last
+    one, which looks at the step's end, finds what breaks there. Both sample the powers of shear and
+    of the dashpots.
     """
     links = ti.static(lattice.links[axis])
     tally = ti.static(lattice.tally)
@@ -71,34 +75,35 @@ def _link_forces(
     force_y = ti.select(there, reach_y * normal + (shear_y + drag_y), 0.0)
     # what the strip has to know goes to memory: this loop has no registers to spare
     tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
-    if latching:
-        # columns at the seams of two sweeps are latched by both: twice is the same as once
+    # columns at the seams of two sweeps are looked at by both: twice is the same as once
+    if stage == 0:
         links[b, i, k].worst = ti.select(there, worst, 0.0)
+    if stage == LAST_STAGE:
         # the shear strength grows with the stress up to the plateau
         fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst)
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         links[b, i, k].condition = ti.cast(condition, ti.f32)
+        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
+        tally[b, strip].breaks = tally[b, strip].breaks + breaks
+    if stage == 0 or stage == LAST_STAGE:
         sheared = ti.select(whole, shear_x * along_u + shear_y * along_v, 0.0)
         damped = ti.select(whole, drag_x * along_u + drag_y * along_v, 0.0)
-        breaks = ti.select(condition == BREAKING, 1.0, 0.0)
         tally[b, strip].sheared = tally[b, strip].sheared + sheared
         tally[b, strip].damped = tally[b, strip].damped + damped
-        tally[b, strip].breaks = tally[b, strip].breaks + breaks
     return force_x, force_y
 
 
 @ti.func
 def face_pack(
-    lattice: ti.template(), latching, b, i, k, strip, sweep, slot, below_x, below_y,
+    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, below_x, below_y,
     p: ti.template(),
 ):  # fmt: skip
     """Forces of the connections to the right of and above each node of a pack, kept in `slot`.
 
     `below` is what crosses the first lane's A below it. What crosses the last lane's A above it
-    comes back for the next pack. The strip's tally gets the least strain, and with `latching`, when
-    the state is an accepted one, the powers of shear and of dashpots and how many connections
-    break; their history is then brought up to date.
+    comes back for the next pack. The strip's tally gets the least strain, at the first and the last
+    stage the powers of shear and of dashpots, and at the last how many connections break.
     """
     motion = ti.static(lattice.trial)
     here = motion[b, i, k]
@@ -120,7 +125,7 @@ def face_pack(
     before_x = (here.x - left.x) + (up_x - left_up_x)
     before_y = (here.y - left.y) + (up_y - left_up_y)
     force_x, force_y = _link_forces(
-        lattice, A, latching, b, i, k, strip,
+        lattice, A, stage, b, i, k, strip,
         reach_x, reach_y, right.u - here.u, right.v - here.v, above_x, above_y,
         packs.from_below(above_x, below_x), packs.from_below(above_y, below_y), p,
     )  # fmt: skip
@@ -129,7 +134,7 @@ def face_pack(
     up_u = packs.from_above(here.u, up.u[0])
     up_v = packs.from_above(here.v, up.v[0])
     force_x, force_y = _link_forces(
-        lattice, B, latching, b, i, k, strip,
+        lattice, B, stage, b, i, k, strip,
         rise_x, rise_y, up_u - here.u, up_v - here.v, beside_x, beside_y, before_x, before_y, p,
     )  # fmt: skip
     lattice.force[sweep, slot, k].bx = force_x
@@ -171,17 +176,17 @@ def _densify(axis: ti.template(), link: ti.template(), reach_x, reach_y, p: ti.t
 
 
 @ti.func
-def face_column(lattice: ti.template(), latching, b, i, strip, sweep, slot, p: ti.template()):
+def face_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
     """Forces of column `i`'s connections, kept in `slot`, and what a step has to know of them.
 
     What crosses an A above it crosses the next A below it, and is carried on. Densification has
     a loop of its own: few columns have any, and it would cost every other face its registers.
     """
-    clear_faces(lattice, latching, b, strip)
+    clear_faces(lattice, b, strip)
     below_x, below_y = 0.0, 0.0
     for k in range(lattice.packs):
         below_x, below_y = face_pack(
-            lattice, latching, b, i, k, strip, sweep, slot, below_x, below_y, p
+            lattice, stage, b, i, k, strip, sweep, slot, below_x, below_y, p
         )
     stiffest = 0.0
     if lattice.tally[b, strip].least.min() < p.foam.densification_strain:
@@ -189,18 +194,17 @@ def face_column(lattice: ti.template(), latching, b, i, strip, sweep, slot, p: t
             stiff = densify_pack(lattice, b, i, k, sweep, slot, p)
             stiffest = ti.max(stiffest, stiff)
     lattice.strip_stiffest[b, strip] = stiffest
-    if latching:
+    if stage == LAST_STAGE:
         lattice.column_breaks[b, i] = ti.i32(lattice.tally[b, strip].breaks.sum())
 
 
 @ti.func
-def clear_faces(lattice: ti.template(), latching, b, strip):
+def clear_faces(lattice: ti.template(), b, strip):
     """Start the tally of a strip's faces."""
     lattice.tally[b, strip].least = packs.zeros(lattice)
-    if latching:
-        lattice.tally[b, strip].sheared = packs.zeros(lattice)
-        lattice.tally[b, strip].damped = packs.zeros(lattice)
-        lattice.tally[b, strip].breaks = packs.zeros(lattice)
+    lattice.tally[b, strip].sheared = packs.zeros(lattice)
+    lattice.tally[b, strip].damped = packs.zeros(lattice)
+    lattice.tally[b, strip].breaks = packs.zeros(lattice)
 
 
 @ti.func

@@ -49,6 +49,8 @@ FRICTION = 5
 BASE = 6
 SELF_CONTACT = 7
 
+LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
+
 # Columns of forces that a sweep keeps: those left of, at and right of a node, the last one of the
 # sweep, and zeros for what is left of the lattice.
 RING = 3
@@ -167,7 +169,7 @@ class Lattice:
         # what a strip of nodes adds up; a sum over strips has one order on any machine
         self.tally = ti.types.struct(
             least=pack,  # strain
-            sheared=pack,  # power of shear at the step's start [W]
+            sheared=pack,  # power of shear [W]
             damped=pack,  # and of the dashpots
             breaks=pack,  # connections that break in this step
             by_faces=pack,  # power of all connections at the stage [W]

@@ -7,12 +7,10 @@ strips. On a CPU a strip is a column.
 import taichi as ti
 
 from taichi_foam.engine import contact, packs
-from taichi_foam.engine.lattice import DASHPOTS, DRAG, FACES, SELF_CONTACT, SHEAR
+from taichi_foam.engine.lattice import DASHPOTS, DRAG, FACES, LAST_STAGE, SELF_CONTACT, SHEAR
 from taichi_foam.engine.parameters import NO_IMPACTOR
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
-
-LAST_STAGE = 3
 
 # A node this far away [m] or this fast [m/s] belongs to a run that has blown up: the foam's waves
 # travel at hundreds of metres a second. Breaking may keep such a run finite for ever.
@@ -144,13 +142,13 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
 
     The ledger: what the faces take up is the power of their forces on the nodes, in the same
     Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
-    integrator's order. How it splits into normal stress, shear and dashpots is sampled once a
-    step, with the latch: that moves work between columns, never out of the sum.
+    integrator's order. How it splits into normal stress, shear and dashpots is sampled at both ends
+    of the step: the trapezium rule moves work between columns, never out of the sum.
     """
     weight = stage_weight(stage, lattice.clock[b].step)
     _add_work(lattice, b, strip, FACES, weight * lattice.tally[b, strip].by_faces.sum())
-    if stage == 0:
-        step = lattice.clock[b].step
+    if stage == 0 or stage == LAST_STAGE:
+        step = 0.5 * lattice.clock[b].step
         _add_work(lattice, b, strip, SHEAR, step * lattice.tally[b, strip].sheared.sum())
         _add_work(lattice, b, strip, DASHPOTS, step * lattice.tally[b, strip].damped.sum())
 

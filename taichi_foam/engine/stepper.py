@@ -18,6 +18,7 @@ from taichi_foam.engine.lattice import (
     AT_END_TIME,
     AT_REBOUND,
     HISTORY_ROWS,
+    LAST_STAGE,
     NEVER,
     NOT_FINITE,
     RUNNING,
@@ -118,7 +119,7 @@ def _sweep(
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
             slot = faces.slot_of(lattice, i, end - 1)
-            faces.face_column(lattice, stage == 0, b, i, i, sweep, slot, p)
+            faces.face_column(lattice, stage, b, i, i, sweep, slot, p)
         if i > start:
             slot = faces.slot_of(lattice, i - 1, end - 1)
             left_slot = faces.slot_of(lattice, i - 2, end - 1)
@@ -185,7 +186,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _close_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
-        for stage in range(nodes.LAST_STAGE + 1):
+        for stage in range(LAST_STAGE + 1):
             _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
 
@@ -200,7 +201,7 @@ def prepare(lattice: ti.template(), b: ti.i32):
                 faces.update_halves(lattice, b, i, j)
         for i in range(lattice.columns):
             sweep = b * lattice.sweeps
-            faces.face_column(lattice, True, b, i, i, sweep, 0, p)
+            faces.face_column(lattice, 0, b, i, i, sweep, 0, p)
 
 
 @ti.kernel
@@ -273,7 +274,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
                     if i >= 0:
                         slot = faces.slot_of(lattice, i, end - 1)
                         strip = ti.select(n == 0, lattice.strips + sweep % lattice.sweeps, i)
-                        faces.face_column(lattice, stage == 0, b, i, strip, sweep, slot, p)
+                        faces.face_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
@@ -287,7 +288,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             nodes.body_stage(lattice, b, stage, p)
-            if stage == nodes.LAST_STAGE:
+            if stage == LAST_STAGE:
                 _end_step(lattice, b, p)
             elif p.self_contact:
                 contact.push_pieces(lattice, b, p)
@@ -297,7 +298,7 @@ def advance_staged(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each spread over the threads."""
     for _ in range(most_steps):
         _begin_staged(lattice)
-        for stage in range(nodes.LAST_STAGE + 1):
+        for stage in range(LAST_STAGE + 1):
             _stage_staged(lattice, stage)
 
 
