@@ -167,10 +167,21 @@ def place_of(lattice: ti.template(), node) -> vec3i:
 
 
 @ti.func
-def _at(motion: ti.template(), b, place: vec3i) -> vec2:
+def node_at(motion: ti.template(), b, place: vec3i) -> vec2:
     return vec2(
         motion[b, place[0], place[1]].x[place[2]], motion[b, place[0], place[1]].y[place[2]]
     )
+
+
+@ti.func
+def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
+    """Whether the pushes on a pack may be other than zero."""
+    may_be = 0
+    if ti.static(lattice.on_gpu):
+        may_be = ti.i32(lattice.partner_count[b, i * lattice.rows + k] > 0)
+    else:
+        may_be = ti.i32(lattice.column_touchers[b, i] > 0)
+    return may_be
 
 
 @ti.func
@@ -182,7 +193,7 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
     a lattice's pushes, so there are no atomics; and no branches, since who touches is a toss-up.
     """
     for n in range(lattice.clock[b].touchers):
-        now = _at(lattice.trial, b, place_of(lattice, lattice.toucher_node[b, n]))
+        now = node_at(lattice.trial, b, place_of(lattice, lattice.toucher_node[b, n]))
         lattice.touchers[b, n].x = now.x
         lattice.touchers[b, n].y = now.y
         lattice.toucher_push[b, n] = vec2(0.0)
@@ -216,7 +227,7 @@ def refresh_radii(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
-def _bin(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vector(2, ti.i32):
+def bin_of(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vector(2, ti.i32):
     """Cell of the search grid; what has flown off the grid counts to its rim.
 
     Clamping brings no two points further apart, so no neighbour is missed.
@@ -250,7 +261,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             if lattice.surface[b, i, k][lane] == INSIDE and faces.is_surface(lattice, b, i, j):
                 lattice.surface[b, i, k][lane] = NEW
             node = i * lattice.rows + j
-            cell = _bin(lattice, packs.position(lattice, lattice.state, b, i, j), p)
+            cell = bin_of(lattice, packs.position(lattice, lattice.state, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
             lattice.next_in_bin[b, node] = lattice.bin_head[b, head]
             lattice.bin_head[b, head] = node
@@ -281,8 +292,8 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     """
     node = i * lattice.rows + j
     here = place_of(lattice, node)
-    point = _at(lattice.state, b, here)
-    home = _bin(lattice, point, p)
+    point = node_at(lattice.state, b, here)
+    home = bin_of(lattice, point, p)
     reach = lattice.radius[b, here[0], here[1]][here[2]] + p.skin
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
@@ -294,7 +305,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                 steps = ti.abs(there[0] - i) + ti.abs(ti.raw_mod(other, lattice.rows) - j)
                 if not listed and steps > 1:
                     limit = reach + lattice.radius[b, there[0], there[1]][there[2]]
-                    if (_at(lattice.state, b, there) - point).norm_sqr() < limit * limit:
+                    if (node_at(lattice.state, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
                             lattice.pairs[b, count] = ti.Vector([node, other])
                         count += 1
@@ -316,7 +327,7 @@ def _make_room(lattice: ti.template(), b, pair):
     state_one = lattice.surface[b, one[0], one[1]][one[2]]
     state_two = lattice.surface[b, two[0], two[1]][two[2]]
     if state_one == NEW or state_two == NEW:
-        distance = (_at(lattice.state, b, two) - _at(lattice.state, b, one)).norm()
+        distance = (node_at(lattice.state, b, two) - node_at(lattice.state, b, one)).norm()
         share = distance / (radius_one + radius_two)
         room_one = lattice.room[b, one[0], one[1]][one[2]]
         room_two = lattice.room[b, two[0], two[1]][two[2]]

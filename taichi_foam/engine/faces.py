@@ -243,18 +243,28 @@ def break_connections(lattice: ti.template(), b, i, p: ti.template()):
     time = ti.cast(lattice.clock[b].time, ti.f32)
     lost = 0.0
     for j in range(lattice.rows):
-        k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
-        for axis in range(2):
-            condition, worst, strain = look_at(lattice, axis, b, i, j, p)
-            if condition == BREAKING:
-                lost += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
-                if axis == A:
-                    lattice.link_a[b, i, k].condition[lane] = BROKEN
-                    lattice.link_a[b, i, k].break_time[lane] = time
-                else:
-                    lattice.link_b[b, i, k].condition[lane] = BROKEN
-                    lattice.link_b[b, i, k].break_time[lane] = time
+        lost = break_at(lattice, b, i, j, time, lost, p)
     lattice.strip_fracture[b, i] = lattice.strip_fracture[b, i] + lost
+
+
+@ti.func
+def break_at(
+    lattice: ti.template(), b, i, j, time: ti.f32, lost: ti.f64, p: ti.template()
+) -> ti.f64:
+    """Break a node's failed connections; what they lose is added to `lost`, and comes back."""
+    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+    total = lost
+    for axis in range(2):
+        condition, worst, strain = look_at(lattice, axis, b, i, j, p)
+        if condition == BREAKING:
+            total += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
+            if axis == A:
+                lattice.link_a[b, i, k].condition[lane] = BROKEN
+                lattice.link_a[b, i, k].break_time[lane] = time
+            else:
+                lattice.link_b[b, i, k].condition[lane] = BROKEN
+                lattice.link_b[b, i, k].break_time[lane] = time
+    return total
 
 
 @ti.func

@@ -56,6 +56,26 @@ LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 RING = 3
 SWEEP_SLOTS = RING + 2
 
+# Threads of a GPU's block. More would leave each too few registers for 64-bit numbers.
+THREADS = 256
+# Up to so many nodes one block steps a lattice by itself. It takes them in turns of THREADS, some
+# 10 us of a step each; the kernels of a step that is spread over blocks take 100 us to start.
+# Estimates: benchmarks/gpu.py measures them.
+BLOCK_NODES = 4_096
+# Blocks that a bigger lattice is spread over at most: as many as a large GPU runs at a time.
+MOST_BLOCKS = 512
+
+# Members of a GPU's sums over a lattice.
+LIFT = 0  # on the impactor [N]
+MOVED = 1  # furthest squared in this step [m2]
+STIFFEST = 2  # densified connection [N/m]
+OVERLAP = 3  # deepest so far in the impactor [m]
+ASTRAY = 4  # less the lowest number of a node that is not finite
+BREAKS = 5  # connections that break in this step
+ENERGIES = 6  # kinetic, stored, potential [J]; lost by breaking; works
+ENERGY_SUMS = 12
+SUMS = ENERGIES + ENERGY_SUMS
+
 
 @ti.dataclass
 class Body:
@@ -100,7 +120,7 @@ class Clock:
     bad_node: ti.i32
     stale: ti.i32  # the neighbour list is to be built again
     touchers: ti.i32  # nodes that have a pair in the neighbour list
-    pairs: ti.i32
+    pairs: ti.i32  # in the list; a GPU counts each from both sides
     active: ti.i32  # takes part in the current step (staged stepping)
     spare: ti.i32  # an even number of them keeps Vulkan's records aligned, see Lattice
 
@@ -115,14 +135,23 @@ class Lattice:
 
     def __init__(self, batch: int, columns: int, rows: int) -> None:
         runtime.start()
-        on_cpu = runtime.settings()["arch"] == "cpu"
+        self.on_gpu = runtime.settings()["arch"] != "cpu"
         self.batch, self.columns, self.rows = batch, columns, rows
         self.nodes = columns * rows
-        self.lanes = CPU_LANES if on_cpu else 1
+        self.lanes = 1 if self.on_gpu else CPU_LANES
         self.packs = -(-rows // self.lanes)
-        self.strips = columns  # groups of nodes that one thread takes at a time
-        # sweeps that the columns of one big lattice are dealt out in
+        # strips: groups of nodes that one thread takes at a time; on a CPU they are columns, and
+        # sweeps are what the columns of one big lattice are dealt out in
+        self.strips = columns
         self.sweeps = max(1, min(columns // 5, 4 * int(runtime.settings()["threads"])))
+        self.slots = SWEEP_SLOTS
+        if self.on_gpu:
+            # blocks that one lattice is spread over; each thread takes every `strips`-th node
+            spread = min(-(-self.nodes // THREADS), MOST_BLOCKS)
+            self.blocks = 1 if self.nodes <= BLOCK_NODES else spread
+            self.strips = self.blocks * THREADS
+            self.sweeps = 1
+            self.slots = columns + 1  # all columns at once, and zeros left of the lattice
         size = "small" if self.nodes < SMALL_BLOCK else "big"
         self.most_pairs = int(PAIRS[size] * self.nodes)
         self.most_touchers = int(TOUCHERS[size] * self.nodes)
@@ -155,15 +184,10 @@ class Lattice:
         self.radius = pack.field()  # [m]
         self.room = pack.field()  # that the radius had when the node could first touch [m]
         self.surface = ti.types.vector(self.lanes, ti.i32).field()  # contact.INSIDE and so on
-        self.toucher_node = ti.field(ti.i32)
-        self.touchers = Toucher.field()
-        # apart from what is read: a wide load behind a narrow store would wait for it
-        self.toucher_push = vec2.field()  # [N]
-        self.pairs = ti.types.vector(2, ti.i32).field()  # nodes, then touchers, that may touch
         self.bin_head = ti.field(ti.i32)
         self.next_in_bin = ti.field(ti.i32)
 
-        # forces of the connections [N], of the few columns that a sweep needs at a time
+        # forces of the connections [N]; on a CPU of the few columns that a sweep needs at a time
         self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
 
         # what a strip of nodes adds up; a sum over strips has one order on any machine
@@ -201,15 +225,24 @@ class Lattice:
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         sweeps = batch * self.sweeps
-        builder.dense(ti.ijk, (sweeps, SWEEP_SLOTS, self.packs)).place(self.force)
+        builder.dense(ti.ijk, (sweeps, self.slots, self.packs)).place(self.force)
         for field in (
             self.tally, self.strip_stiffest, self.strip_lift, self.strip_overlap,
             self.strip_work, self.strip_fracture, self.strip_energy,
         ):  # fmt: skip
             # the columns at the seams of sweeps are looked at by two, but count once
             builder.dense(ti.ij, (batch, self.strips + self.sweeps)).place(field)
-        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.touchers)
-        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_push)
+        if self.on_gpu:
+            self.sums = ti.field(ti.f64)  # of each block's strips
+            builder.dense(ti.ijk, (batch, self.blocks, SUMS)).place(self.sums)
+            self.totals = ti.field(ti.f64)  # of the lattice
+            builder.dense(ti.ijk, (batch, 1, SUMS)).place(self.totals)
+        else:
+            self.touchers = Toucher.field()
+            builder.dense(ti.ij, (batch, self.most_touchers)).place(self.touchers)
+            # apart from what is read: a wide load behind a narrow store would wait for it
+            self.toucher_push = vec2.field()  # [N]
+            builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_push)
         for field in (self.parameters, self.body, self.clock):
             builder.dense(ti.i, batch).place(field)
         builder.dense(ti.ij, (batch, MAX_EDGES)).place(self.edges)
@@ -223,8 +256,20 @@ class Lattice:
             builder.dense(ti.ij, (batch, columns)).place(field)
         builder.dense(ti.ij, (batch, self.nodes)).place(self.next_in_bin)
         builder.dense(ti.ij, (batch, self.bins_x * self.bins_y)).place(self.bin_head)
-        builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_node)
-        builder.dense(ti.ij, (batch, self.most_pairs)).place(self.pairs)
+        if self.on_gpu:
+            # of each node: its bin, where the partners are listed that it may touch, and how many
+            self.bin_of_node = ti.field(ti.i32)
+            self.partner_start, self.partner_count = ti.field(ti.i32), ti.field(ti.i32)
+            for field in (self.bin_of_node, self.partner_start, self.partner_count):
+                builder.dense(ti.ij, (batch, self.nodes)).place(field)
+            self.partners = ti.field(ti.i32)
+            builder.dense(ti.ij, (batch, 2 * self.most_pairs)).place(self.partners)
+        else:
+            self.toucher_node = ti.field(ti.i32)
+            builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_node)
+            # nodes, then touchers, that may touch
+            self.pairs = ti.types.vector(2, ti.i32).field()
+            builder.dense(ti.ij, (batch, self.most_pairs)).place(self.pairs)
         builder.finalize()
         self.clock.get_member_field("status").fill(EMPTY)
         self.members = list(_members(self.parameters))

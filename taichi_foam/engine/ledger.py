@@ -7,6 +7,7 @@ from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
 from taichi_foam.laws import foam as foam_law
 
 vec3 = ti.types.vector(3, ti.f64)
+vec8 = ti.types.vector(8, ti.f64)
 
 # What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
 # [N], the broken connections, and energies [J]: of the nodes, then the works of lattice.py.
@@ -33,29 +34,42 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
     """Add up the energies of one column of nodes and its connections."""
     energy = vec3(0.0)
     for j in range(lattice.rows):
-        stored = 0.0
-        for axis in range(2):  # not unrolled: the law is long, and compiles once so
-            stored += _stored(lattice, axis, b, i, j, p)
-        energy += vec3(
-            0.5 * p.node_mass * packs.velocity(lattice, lattice.state, b, i, j).norm_sqr(),
-            stored,
-            p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
-        )
+        energy += energy_at(lattice, b, i, j, p)
     lattice.strip_energy[b, i] = energy
 
 
 @ti.func
-def write_row(lattice: ti.template(), b):
-    """Append a row to the lattice's history, from its strips' sums."""
-    clock = lattice.clock[b]
-    row = clock.rows
+def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec3:
+    """Kinetic, stored and potential energy [J] of a node and its two connections."""
+    stored = 0.0
+    for axis in range(2):  # not unrolled: the law is long, and compiles once so
+        stored += _stored(lattice, axis, b, i, j, p)
+    return vec3(
+        0.5 * p.node_mass * packs.velocity(lattice, lattice.state, b, i, j).norm_sqr(),
+        stored,
+        p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
+    )
+
+
+@ti.func
+def add_strips(lattice: ti.template(), b):
+    """Energies, what breaking lost, and works of a lattice [J], from its strips."""
     energy = vec3(0.0)
     fracture = 0.0
-    works = ti.Vector.zero(ti.f64, 8)
+    works = vec8(0.0)
     for strip in range(lattice.strips):
         energy += lattice.strip_energy[b, strip]
         fracture += lattice.strip_fracture[b, strip]
         works += lattice.strip_work[b, strip]
+    return energy, fracture, works
+
+
+@ti.func
+def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_nodes: vec8):
+    """Append a row to the lattice's history; `by_nodes` are the works that its nodes did."""
+    clock = lattice.clock[b]
+    row = clock.rows
+    works = by_nodes
     works[BASE] += lattice.body[b].support_work
     lattice.history[b, row, 0] = clock.time
     lattice.history[b, row, 1] = clock.step

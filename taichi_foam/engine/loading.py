@@ -12,8 +12,10 @@ from taichi_foam.engine.lattice import (
     EMPTY,
     HISTORY_ROWS,
     NEVER,
+    OVERLAP,
     ROW_VALUES,
     RUNNING,
+    SUMS,
     WHOLE,
     Body,
     Lattice,
@@ -150,6 +152,11 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
     for i in range(lattice.columns):
         lattice.column_breaks[b, i] = 0
         lattice.column_touchers[b, i] = 0
+    if ti.static(lattice.on_gpu):
+        for n in range(SUMS):
+            lattice.totals[b, 0, n] = 0.0
+        for node in range(lattice.nodes):
+            lattice.partner_count[b, node] = 0
     for strip in range(lattice.strips):
         lattice.strip_stiffest[b, strip] = 0.0
         lattice.strip_overlap[b, strip] = 0.0
@@ -199,8 +206,11 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
     for b in range(lattice.batch):
         clock = lattice.clock[b]
         overlap = 0.0
-        for strip in range(lattice.strips):
-            overlap = ti.max(overlap, lattice.strip_overlap[b, strip])
+        if ti.static(lattice.on_gpu):
+            overlap = lattice.totals[b, 0, OVERLAP]
+        else:
+            for strip in range(lattice.strips):
+                overlap = ti.max(overlap, lattice.strip_overlap[b, strip])
         report[b, 0] = clock.status
         report[b, 1] = clock.time
         report[b, 2] = clock.rows

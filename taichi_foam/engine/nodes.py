@@ -50,7 +50,7 @@ def node_pack(
                 contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
         force_x += lattice.tally[b, strip].reaction_x
         force_y += lattice.tally[b, strip].reaction_y
-    if p.self_contact and lattice.column_touchers[b, i] > 0:
+    if p.self_contact and contact.is_pushed(lattice, b, i, k):
         push = lattice.push[b, i, k]
         by_pieces = -(push.x * now.u + push.y * now.v).sum()
         _add_work(lattice, b, strip, SELF_CONTACT, weight * by_pieces)
@@ -173,13 +173,20 @@ def _add_work(lattice: ti.template(), b, strip, member: ti.template(), work):
 
 
 @ti.func
-def body_stage(lattice: ti.template(), b, stage, p: ti.template()):
-    """The same stage for the impactor, once all strips have given their lift."""
+def lift_of_strips(lattice: ti.template(), b) -> ti.f64:
+    """The nodes' force on the impactor [N]."""
+    lift = 0.0
+    for strip in range(lattice.strips):
+        lift += lattice.strip_lift[b, strip]
+    return lift
+
+
+@ti.func
+def body_stage(lattice: ti.template(), b, stage, lift, p: ti.template()):
+    """The same stage for the impactor, once all strips have given their lift [N]."""
     step = lattice.clock[b].step
     weight = stage_weight(stage, step)
-    force = 0.0
-    for strip in range(lattice.strips):
-        force += lattice.strip_lift[b, strip]
+    force = lift
     body = lattice.body[b]
     if p.impactor_kind != NO_IMPACTOR:
         # the support stops the impactor too, once it has gone right through the block

@@ -10,27 +10,29 @@ import os
 
 import taichi as ti
 
+from taichi_foam.engine.device import Device, device_of
 from taichi_foam.errors import UserError
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal")
 
 _started: tuple[str, int] | None = None
+_device: Device | None = None
 
 
 def start(arch: str | None = None, threads: int | None = None) -> None:
     """Start Taichi on `arch` with `threads` CPU threads.
 
-    None takes what already runs, else the CPU with all its cores.
+    None takes what already runs, else the CPU with all its cores: a GPU is never guessed.
 
     Asking again for the same is free. Floats are 64-bit, and fast maths is off: it would
     reorder sums and fuse products, and the mirror symmetry and the independence of batch and
     thread count hold to the last bit only without it.
 
     Raises:
-        UserError: unknown or absent architecture, bad thread count, or other settings than those
-            that the process already runs with.
+        UserError: unknown or absent architecture, a device without 64-bit floats, bad thread
+            count, or other settings than those that the process already runs with.
     """
-    global _started
+    global _started, _device
     cores = os.cpu_count() or 1
     if arch is None:
         arch = _started[0] if _started else "cpu"
@@ -52,6 +54,12 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             f"arch = {arch!r}: this machine offers no {arch} device that Taichi can use; "
             "use --arch cpu, or install the device's driver"
         )
+    _device = device_of(arch)
+    if _device is not None and not _device.has_float64:
+        raise UserError(
+            f"arch = {arch!r}: {_device.name} has no 64-bit floats; use --arch cpu, or a device "
+            "that has them"
+        )
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, arch),
@@ -72,7 +80,10 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
 def settings() -> dict[str, str | int]:
     """What the runtime was started with, for a result's record."""
     assert _started is not None
-    return {"arch": _started[0], "threads": _started[1]}
+    told: dict[str, str | int] = {"arch": _started[0], "threads": _started[1]}
+    if _device is not None:
+        told["device"] = _device.name + (" (software)" if _device.is_software else "")
+    return told
 
 
 def _is_present(arch: str) -> bool:

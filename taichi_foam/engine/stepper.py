@@ -13,18 +13,8 @@ from collections.abc import Callable
 
 import taichi as ti
 
-from taichi_foam.engine import contact, faces, ledger, nodes
-from taichi_foam.engine.lattice import (
-    AT_END_TIME,
-    AT_REBOUND,
-    HISTORY_ROWS,
-    LAST_STAGE,
-    NEVER,
-    NOT_FINITE,
-    RUNNING,
-    Lattice,
-)
-from taichi_foam.engine.parameters import NO_IMPACTOR, stable_step
+from taichi_foam.engine import blocks, clock, contact, faces, ledger, nodes
+from taichi_foam.engine.lattice import BLOCK_NODES, LAST_STAGE, RUNNING, Lattice
 
 # From this many nodes on, a stage is worth spreading over threads.
 STAGED_NODES = 50_000
@@ -33,69 +23,19 @@ STAGED_NODES = 50_000
 # bodies cost. So a loop over few costly bodies is stretched by as much, and runs one in each.
 GRAIN = 512
 
-# Steps after which the radii in contact are brought up to date with the nodes' crush.
-REFRESH = 4
-
-# After the impactor's reversal a run goes on until contact has been lost for QUIET, or for at most
-# SETTLING: enough to measure the rebound velocity.
-QUIET = 1e-3
-SETTLING = 8e-3
-
-
-@ti.func
-def _goes_on(lattice: ti.template(), b) -> ti.i32:
-    clock = lattice.clock[b]
-    return ti.i32(
-        clock.status == RUNNING and clock.time < clock.pause and clock.rows < HISTORY_ROWS
-    )
-
 
 @ti.func
 def _take_stock(lattice: ti.template(), b, p: ti.template()):
-    """Of an accepted state: step size, an end.
-
-    The stiffness comes from the last stage's forces, which looked at the step's end.
-    """
     densified = 0.0
     for strip in range(lattice.strips):
         densified = ti.max(densified, lattice.strip_stiffest[b, strip])
-    step = p.step
-    if step == 0.0:
-        step = stable_step(p, densified)
-    lattice.clock[b].step = step
-    lattice.clock[b].shortest = ti.min(lattice.clock[b].shortest, step)
-    lattice.clock[b].longest = ti.max(lattice.clock[b].longest, step)
-    _end_when_due(lattice, b, p)
+    clock.take_stock(lattice, b, densified, p)
 
 
 @ti.func
-def _end_when_due(lattice: ti.template(), b, p: ti.template()):
-    """Set the status of a lattice that has come to its end time, or has rebounded."""
-    time = lattice.clock[b].time
-    if lattice.body[b].force != 0.0:
-        lattice.clock[b].last_contact = time
-    moves_up = p.impactor_kind != NO_IMPACTOR and lattice.body[b].v >= 0.0
-    if lattice.clock[b].reversal == NEVER and moves_up:
-        lattice.clock[b].reversal = time
-    since = time - lattice.clock[b].reversal
-    apart = time - lattice.clock[b].last_contact
-    if p.end_at_rebound and ((since > QUIET and apart > QUIET) or since > SETTLING):
-        lattice.clock[b].status = AT_REBOUND
-    elif time >= p.end_time:
-        lattice.clock[b].status = AT_END_TIME
-
-
-@ti.func
-def _row_is_due(lattice: ti.template(), b) -> ti.i32:
-    clock = lattice.clock[b]
-    return ti.i32(clock.time >= clock.next_row or clock.status != RUNNING)
-
-
-@ti.func
-def _close_row(lattice: ti.template(), b, p: ti.template()):
-    ledger.write_row(lattice, b)
-    due = ti.floor(lattice.clock[b].time / p.row_interval + 1e-9) + 1.0
-    lattice.clock[b].next_row = due * p.row_interval
+def _write_row(lattice: ti.template(), b, p: ti.template()):
+    energy, fracture, works = ledger.add_strips(lattice, b)
+    clock.close_row(lattice, b, energy, fracture, works, p)
 
 
 @ti.func
@@ -104,7 +44,7 @@ def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
     if p.self_contact:
         if lattice.clock[b].stale:
             contact.list_neighbours(lattice, b, p)
-        elif lattice.clock[b].steps % REFRESH == 0:
+        elif lattice.clock[b].steps % clock.REFRESH == 0:
             contact.refresh_radii(lattice, b, p)
 
 
@@ -129,8 +69,6 @@ def _sweep(
 @ti.func
 def _end_step(lattice: ti.template(), b, p: ti.template()):
     """Move the clock, break what has failed, and stop a lattice that has gone astray."""
-    lattice.clock[b].time += lattice.clock[b].step
-    lattice.clock[b].steps += 1
     moved = 0.0
     breaks = 0
     astray = 0.0
@@ -139,15 +77,11 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
         astray += lattice.tally[b, strip].astray.sum()
     for i in range(lattice.columns):
         breaks += lattice.column_breaks[b, i]
+    bad_node = lattice.nodes
     if astray > 0.0:
-        lattice.clock[b].status = NOT_FINITE
-        lattice.clock[b].bad_node = nodes.first_astray(lattice, b)
-    lattice.clock[b].drift += ti.sqrt(moved)
-    if 2.0 * lattice.clock[b].drift > p.skin:
-        lattice.clock[b].stale = 1
+        bad_node = nodes.first_astray(lattice, b)
+    clock.close_step(lattice, b, moved, breaks, bad_node, p)
     if breaks > 0:
-        lattice.clock[b].broken += breaks
-        lattice.clock[b].stale = 1
         _break(lattice, b, p)
 
 
@@ -173,17 +107,17 @@ def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     sweep = b * lattice.sweeps
     columns = lattice.columns
     _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
-    nodes.body_stage(lattice, b, stage, p)
+    nodes.body_stage(lattice, b, stage, nodes.lift_of_strips(lattice, b), p)
 
 
 @ti.func
 def _take_step(lattice: ti.template(), b, p: ti.template()):
     """One step of one lattice on one thread."""
     _take_stock(lattice, b, p)
-    if _row_is_due(lattice, b):
+    if clock.row_is_due(lattice, b):
         for i in range(lattice.columns):
             ledger.energy_column(lattice, b, i, p)
-        _close_row(lattice, b, p)
+        _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
         for stage in range(LAST_STAGE + 1):
@@ -191,9 +125,16 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _end_step(lattice, b, p)
 
 
-@ti.kernel
-def prepare(lattice: ti.template(), b: ti.i32):
+def prepare(lattice: Lattice, b: int) -> None:
     """Before a lattice's first step: the halves of its gradients, its history, its stiffness."""
+    if lattice.on_gpu:
+        blocks.prepare(lattice, b)
+    else:
+        _prepare(lattice, b)
+
+
+@ti.kernel
+def _prepare(lattice: ti.template(), b: ti.i32):
     for _ in range(1):
         p = lattice.parameters[b]
         for i in range(lattice.columns):
@@ -212,7 +153,7 @@ def advance_fused(lattice: ti.template(), most_steps: ti.i32):
             b = q // GRAIN
             p = lattice.parameters[b]
             taken = 0
-            while taken < most_steps and _goes_on(lattice, b):
+            while taken < most_steps and clock.goes_on(lattice, b):
                 _take_step(lattice, b, p)
                 taken += 1
 
@@ -231,7 +172,7 @@ def _end_column(lattice: ti.template(), sweep) -> ti.i32:
 def _begin_staged(lattice: ti.template()):
     """What a step begins with."""
     for b in range(lattice.batch):
-        lattice.clock[b].active = _goes_on(lattice, b)
+        lattice.clock[b].active = clock.goes_on(lattice, b)
         if lattice.clock[b].active:
             p = lattice.parameters[b]
             _take_stock(lattice, b, p)
@@ -239,15 +180,15 @@ def _begin_staged(lattice: ti.template()):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.clock[b].active and _row_is_due(lattice, b):
+            if lattice.clock[b].active and clock.row_is_due(lattice, b):
                 p = lattice.parameters[b]
                 for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                     ledger.energy_column(lattice, b, i, p)
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
-            if _row_is_due(lattice, b):
-                _close_row(lattice, b, p)
+            if clock.row_is_due(lattice, b):
+                _write_row(lattice, b, p)
             _find_neighbours(lattice, b, p)
             lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
             if p.self_contact:
@@ -287,7 +228,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
     for b in range(lattice.batch):
         if lattice.clock[b].active:
             p = lattice.parameters[b]
-            nodes.body_stage(lattice, b, stage, p)
+            nodes.body_stage(lattice, b, stage, nodes.lift_of_strips(lattice, b), p)
             if stage == LAST_STAGE:
                 _end_step(lattice, b, p)
             elif p.self_contact:
@@ -304,4 +245,6 @@ def advance_staged(lattice: Lattice, most_steps: int) -> None:
 
 def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
     """The faster way to step `lattice`."""
+    if lattice.on_gpu:
+        return blocks.advance_blocks if lattice.nodes <= BLOCK_NODES else blocks.advance_wide
     return advance_staged if lattice.nodes >= STAGED_NODES else advance_fused

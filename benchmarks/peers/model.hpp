@@ -1,0 +1,223 @@
+// What the C++ peers share: constants, the foam's law, contact, step size. SI units, tension
+// positive; docs/model.md has the equations. Of a pair, [0] belongs to the connections along x (A),
+// [1] to those along y (B).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#ifndef REAL
+#define REAL double  // flops.cpp puts a number here that counts its operations
+#endif
+
+namespace peer {
+
+using Real = REAL;
+using std::abs;
+using std::exp;
+using std::max;
+using std::min;
+using std::pow;
+using std::sqrt;
+
+constexpr int A = 0, B = 1, LAST_STAGE = 3;
+constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole connections, and of none
+constexpr double BREAKING = -2.0;  // whole until the end of this step
+constexpr double GUARD = 0.05;       // part of the way to locking where densification goes straight
+constexpr double PACKED = 4.0;       // slope of packed foam against the floor, in Young's moduli
+constexpr double RK4_RADIUS = 2.61;  // |h lambda| of the classical Runge-Kutta method
+constexpr double ASTRAY = 1e5;       // [m, m/s]: a node beyond has blown up
+
+struct Vec {
+    Real x, y;
+};
+
+inline Real dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y; }
+inline Real clamp(Real value, Real low, Real high) { return min(max(value, low), high); }
+
+// In the order of constants.py, which fills it from a flat array.
+struct Constants {
+    Real youngs_modulus, shear_modulus, yield_strain, tensile_strain;
+    Real shear_strength, pressure_coefficient;
+    Real densification_strain, locking_strain, densification_a, densification_b;
+    Real crushed_strain, crushed_stress;  // where crushed foam breaks in tension
+    Real cell[2], per_length[2], area[2], dashpot[2];
+    Real node_mass, gravity, hold_x, hold_y, floor_friction;
+    Real contact_stiffness, support_stiffness;
+    Real impactor_x, impactor_half_width, impactor_mass, impactor_friction;
+    Real step, largest_step, safety;  // step 0: automatic
+};
+
+inline Constants constants_from(const double* values) {
+    Constants c;
+    Real* members = reinterpret_cast<Real*>(&c);
+    for (unsigned k = 0; k < sizeof(Constants) / sizeof(Real); ++k) members[k] = values[k];
+    return c;
+}
+
+// An outward half-plane of the impactor's outline: a point p is behind it where n . p < offset.
+struct Edge {
+    Real nx, ny, offset;
+};
+
+struct Body {
+    Real y, v, trial_y, trial_v, rate_y, rate_v;
+};
+
+// ---- the foam ----
+
+inline Real permanent_strain(const Constants& c, Real worst) {
+    return clamp(worst, c.densification_strain, c.yield_strain) - c.yield_strain;
+}
+
+inline Real yielding_stress(const Constants& c, Real e, Real worst, bool broken) {
+    const Real permanent = permanent_strain(c, worst);
+    const Real stress = c.youngs_modulus * max(e - permanent, c.yield_strain);
+    if (stress <= 0.0) return stress;
+    if (broken) return 0.0;
+    if (worst >= c.yield_strain) return stress;
+    return c.crushed_stress / (c.crushed_strain - permanent) * (e - permanent);
+}
+
+struct Dense {
+    Real stress, slope;
+};
+
+// What densification adds to the plateau, e < e_d, and the whole slope.
+inline Dense densification(const Constants& c, Real e) {
+    const Real guard = c.locking_strain + GUARD * (c.densification_strain - c.locking_strain);
+    const Real inside = max(e, guard);
+    const Real room = inside - c.locking_strain;
+    const Real power = c.densification_b == 1.0 ? room : pow(room, c.densification_b);
+    const Real steepness = c.densification_a / power;
+    const Real exponent = steepness * (c.densification_strain - inside);
+    const Real plateau = c.youngs_modulus * c.yield_strain;
+    const Real stress = plateau * exp(exponent);
+    const Real slope = -stress * (steepness + c.densification_b * exponent / room);
+    return {stress + slope * (e - inside) - plateau, slope};
+}
+
+inline bool fails(const Constants& c, Real e, Real stress, Real tau, Real worst) {
+    const Real limit = worst < c.yield_strain ? c.crushed_strain : c.tensile_strain;
+    Real strength = c.shear_strength;
+    if (e < 0.0) strength += c.pressure_coefficient * abs(stress);
+    return e > limit || abs(tau) > strength;
+}
+
+// Of the two halves that are whole, their factors in the mean gradient across a connection.
+struct Halves {
+    Real ahead, behind;
+};
+
+inline Halves halves(bool ahead, bool behind, Real per_length) {
+    const Real each = 0.5 * per_length / (ahead && behind ? 2.0 : 1.0);
+    return {ahead ? each : Real(0.0), behind ? each : Real(0.0)};
+}
+
+// ---- contact ----
+
+struct Touch {
+    Vec pressing, rubbing;
+    Real distance, stretch;  // of the friction spring
+};
+
+inline Real tangential_force(Real stiffness, Real stretch, Real limit) {
+    return -clamp(stiffness * stretch, -limit, limit);
+}
+
+// The impactor's force on a node at `point` from its lowest point. `path` is how far the node has
+// moved against the impactor since its friction spring was `stretch` long.
+inline Touch impactor_contact(const Constants& c, const Edge* edges, int edge_count, Vec point,
+                              Vec path, Real stretch) {
+    Touch touch = {{0.0, 0.0}, {0.0, 0.0}, 1.0, 0.0};
+    if (!(point.y > 0.0 && abs(point.x) < c.impactor_half_width)) return touch;
+    Vec normal = {0.0, -1.0};
+    touch.distance = -NEVER;
+    for (int k = 0; k < edge_count; ++k) {
+        const Real distance = edges[k].nx * point.x + edges[k].ny * point.y - edges[k].offset;
+        if (distance > touch.distance) {
+            touch.distance = distance;
+            normal = {edges[k].nx, edges[k].ny};
+        }
+    }
+    if (touch.distance >= 0.0) return touch;
+    const Vec tangent = {-normal.y, normal.x};
+    const Real force = -c.contact_stiffness * touch.distance;
+    const Real along = tangential_force(c.contact_stiffness, stretch + dot(path, tangent),
+                                        c.impactor_friction * force);
+    touch.pressing = {force * normal.x, force * normal.y};
+    touch.rubbing = {along * tangent.x, along * tangent.y};
+    touch.stretch = -along / c.contact_stiffness;
+    return touch;
+}
+
+// The floor's force on a node at height `y`: half a cell of foam lies between, or what the worst
+// crush of the node's connections has left of it.
+inline Touch floor_contact(const Constants& c, Real y, Real worst_a, Real worst_b, Real path,
+                           Real stretch) {
+    Touch touch = {{0.0, 0.0}, {0.0, 0.0}, 1.0, 0.0};
+    const Real half = 0.5 * c.cell[1];
+    const Real radius = 0.5 * min(c.cell[0] * (1.0 + worst_a), c.cell[1] * (1.0 + worst_b));
+    if (y >= half) return touch;
+    if (y < radius) {
+        const Real packed = min(y - (1.0 + c.densification_strain) * radius, Real(0.0)) / half;
+        const Real strain = max((y - radius) / half, c.yield_strain);
+        touch.pressing.y = -c.area[1] * c.youngs_modulus * (strain + PACKED * packed);
+    }
+    const Real limit = c.floor_friction * touch.pressing.y;
+    touch.pressing.x = tangential_force(c.contact_stiffness, stretch + path, limit);
+    touch.stretch = -touch.pressing.x / c.contact_stiffness;
+    return touch;
+}
+
+// ---- time ----
+
+// The largest stable step while the stiffest densified connection has `densified` [N/m].
+inline Real stable_step(const Constants& c, Real densified) {
+    const Real aspect = max(c.area[0] * c.per_length[0], c.area[1] * c.per_length[1]);
+    const Real modulus = max(c.youngs_modulus, c.crushed_stress / c.crushed_strain);
+    const Real stiffness = 4.0 * max(modulus * aspect, densified) +
+                           8.0 * c.shear_modulus * aspect + c.contact_stiffness;
+    const Real decay = 4.0 * (c.dashpot[0] + c.dashpot[1]);
+    const Real rate = max(sqrt(stiffness / c.node_mass), decay / c.node_mass);
+    return min(c.safety * RK4_RADIUS / rate, c.largest_step);
+}
+
+// A stage's share of the step in the weighted sum, and how far ahead the next stage looks.
+inline Real stage_weight(int stage, Real step) {
+    return step / (stage == 0 || stage == LAST_STAGE ? 6.0 : 3.0);
+}
+inline Real stage_ahead(int stage, Real step) { return stage < 2 ? 0.5 * step : step; }
+
+// The impactor's stage, given the nodes' force on it.
+inline void body_stage(const Constants& c, Body& body, int stage, Real step, Real lift) {
+    const Real weight = stage_weight(stage, step), ahead = stage_ahead(stage, step);
+    // the support stops the impactor once it has gone right through the block
+    const Real force = lift + c.support_stiffness * max(-body.trial_y, Real(0.0));
+    const Real acceleration = force / c.impactor_mass - c.gravity;
+    const Real rate_y = weight * body.trial_v + (stage > 0 ? body.rate_y : Real(0.0));
+    const Real rate_v = weight * acceleration + (stage > 0 ? body.rate_v : Real(0.0));
+    const Real speed = body.trial_v;
+    if (stage < LAST_STAGE) {
+        body.trial_y = body.y + ahead * speed;
+        body.trial_v = body.v + ahead * acceleration;
+    } else {
+        body.y = body.trial_y = body.y + rate_y;
+        body.v = body.trial_v = body.v + rate_v;
+    }
+    body.rate_y = rate_y;
+    body.rate_v = rate_v;
+}
+
+// Do `part(i)` for all columns, spread over threads.
+template <class Part>
+void over_columns(int columns, int threads, Part part) {
+    if (threads == 1) {
+        for (int i = 0; i < columns; ++i) part(i);
+        return;
+    }
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (int i = 0; i < columns; ++i) part(i);
+}
+
+}  // namespace peer

@@ -1,0 +1,480 @@
+// The same step for a processor's vector units: an array for each quantity, a column's rows one
+// after the other, inner loops without branches. What is rare (densification, contact, the halves
+// after a break) has scalar loops of its own, for the columns that need it.
+//
+// A column is padded to whole vectors. Padded nodes rest on the lattice's grid: lengths there are
+// finite, and `free` keeps them where they are. A stage reads one set of arrays and writes another,
+// so that a column's nodes can follow its faces while these are still in the cache.
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+#include "interface.hpp"
+#include "lanes.hpp"
+#include "model.hpp"
+
+namespace peer {
+
+constexpr int ALIGNMENT = WIDTH * sizeof(double);
+
+class Array {
+  public:
+    explicit Array(int size, double value = 0.0)
+        : data(static_cast<double*>(std::aligned_alloc(ALIGNMENT, size * sizeof(double)))) {
+        std::fill(data.get(), data.get() + size, value);
+    }
+    operator double*() const { return data.get(); }
+
+  private:
+    struct Free {
+        void operator()(double* memory) const { std::free(memory); }
+    };
+    std::unique_ptr<double[], Free> data;
+};
+
+struct Nodes {
+    explicit Nodes(int size) : x(size), y(size), vx(size), vy(size) {}
+    Array x, y, vx, vy;
+};
+
+struct Forces {
+    explicit Forces(int size) : x(size), y(size) {}
+    Array x, y;
+};
+
+struct Links {
+    explicit Links(int size)
+        : ahead(size), behind(size), permanent(size), tension(size), worst(size),
+          break_time(size, NEVER) {}
+    Array ahead, behind;  // factors of the two halves in the gradient across [1/m]
+    Array permanent;      // strain without stress
+    Array tension;        // modulus beyond it [Pa]; 0 tells that a connection is broken
+    Array worst, break_time;
+};
+
+struct Column {
+    double densified, lift, shear_power, dashpot_power, breaks, astray;
+    double work[WORKS];
+    bool slips;  // one of its friction springs may be stretched
+};
+
+class Lattice {
+  public:
+    Lattice(int columns, int rows, const double* constants, int edge_count, const double* edges,
+            const double* start, const double* body)
+        : columns(columns), rows(rows), padded((rows + WIDTH - 1) / WIDTH * WIDTH),
+          stride(padded + WIDTH), c(constants_from(constants)), state(size()), even(size()),
+          odd(size()), rate(size()), links{Links(size()), Links(size())},
+          latched{Forces(size()), Forces(size())}, push(size()), impactor_slip(size()),
+          floor_slip(size()), free_x(stride), free_y(stride), column(columns), body{} {
+        for (int k = 0; k < edge_count; ++k)
+            this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});
+        this->body.y = this->body.trial_y = body[0];
+        this->body.v = this->body.trial_v = body[1];
+        for (int i = -1; i <= columns; ++i)
+            for (int j = 0; j < stride; ++j)
+                for (const Nodes* nodes : {&state, &even, &odd}) {
+                    nodes->x[at(i, j)] = i * c.cell[A];
+                    nodes->y[at(i, j)] = (j + 0.5) * c.cell[B];
+                }
+        for (int i = 0; i < columns; ++i)
+            for (int j = 0; j < rows; ++j) {
+                const int k = at(i, j);
+                const double* from = start + 4 * (i * rows + j);
+                state.x[k] = from[0], state.y[k] = from[1];
+                state.vx[k] = from[2], state.vy[k] = from[3];
+                if (i < columns - 1) links[A].break_time[k] = INTACT;
+                if (j < rows - 1) links[B].break_time[k] = INTACT;
+                for (const Links& axis : links)
+                    axis.tension[k] = axis.break_time[k] == INTACT ? c.youngs_modulus : 0.0;
+            }
+        for (int j = 0; j < rows; ++j) {
+            free_x[j] = j > 0 || c.hold_x == 0.0;
+            free_y[j] = j > 0 || c.hold_y == 0.0;
+        }
+        for (int i = 0; i < columns; ++i) update_halves(i);
+    }
+
+    long advance(long steps, int threads) {
+        while (int(scratch.size()) < threads) scratch.emplace_back(stride);
+        for (long n = 0; n < steps; ++n) {
+            take_stock();
+            over_columns(columns, threads, [this](int i) { latch_column(i); });
+            run_stage<0>(state, even, threads);
+            run_stage<1>(even, odd, threads);
+            run_stage<2>(odd, even, threads);
+            run_stage<LAST_STAGE>(even, state, threads);
+            time += step;
+            break_links();
+            for (const Column& sums : column)
+                if (sums.astray > 0.0) return n;
+        }
+        return steps;
+    }
+
+    void read(double* nodes, double* summary) const {
+        for (int i = 0; i < columns; ++i)
+            for (int j = 0; j < rows; ++j) {
+                const int k = at(i, j);
+                double* to = nodes + 4 * (i * rows + j);
+                to[0] = state.x[k], to[1] = state.y[k], to[2] = state.vx[k], to[3] = state.vy[k];
+            }
+        summary[0] = time;
+        summary[1] = step;
+        summary[2] = body.y;
+        summary[3] = body.v;
+        summary[4] = broken;
+        for (int k = 0; k < WORKS; ++k) {
+            summary[5 + k] = 0.0;
+            for (const Column& sums : column) summary[5 + k] += sums.work[k];
+        }
+    }
+
+  private:
+    struct Scratch {  // forces of two columns' connections, this one's and the one to the left
+        explicit Scratch(int size) : a{Forces(size), Forces(size)}, b(size) {}
+        Forces a[2], b;
+    };
+
+    int columns, rows, padded, stride;
+    Constants c;
+    Nodes state, even, odd, rate;
+    Links links[2];
+    Forces latched[2];  // that the first stage takes from the latch
+    Forces push;        // contact forces in columns that touch something
+    Array impactor_slip, floor_slip;  // stretch of the friction springs [m]
+    Array free_x, free_y;             // by row: 1 where a node may move, else 0
+    std::vector<Column> column;
+    std::vector<Scratch> scratch;  // one for each thread
+    std::vector<Edge> edges;
+    Body body;
+    double time = 0.0, step = 0.0;
+    int broken = 0;
+
+    int size() const { return (columns + 2) * stride; }
+    int at(int i, int j) const { return (i + 1) * stride + j; }
+
+    // Forces of a column's connections along one axis on their first nodes, short of
+    // densification; the column's deepest strain comes back. The first stage brings the worst strain
+    // up to date, the last finds what fails; of a column that another thread records, neither.
+    template <int axis, int stage, bool recording>
+    double face_column(const Nodes& now, int i, double* force_x, double* force_y) {
+        const int first = at(i, 0);
+        const int along = axis == A ? stride : 1, side = axis == A ? 1 : stride;
+        const double *x = now.x + first, *y = now.y + first;
+        const double *vx = now.vx + first, *vy = now.vy + first;
+        const Links& mine = links[axis];
+        double *ahead = mine.ahead + first, *behind = mine.behind + first;
+        double *permanent = mine.permanent + first, *tension = mine.tension + first;
+        double *worst = mine.worst + first, *break_time = mine.break_time + first;
+        const Lanes zero = {}, one = all(1.0), modulus = all(c.youngs_modulus);
+        const Lanes yield = all(c.yield_strain), damping = all(c.dashpot[axis]);
+        const double per_length = c.per_length[axis], area = c.area[axis];
+        const double shear_modulus = c.shear_modulus;
+        Lanes deepest = zero, shear_power = zero, dashpot_power = zero, breaks = zero;
+        for (int j = 0; j < padded; j += WIDTH) {
+            const int end = j + along;
+            const Lanes xj = load(x + j), yj = load(y + j);
+            const Lanes x_end = load(x + end), y_end = load(y + end);
+            const Lanes rx = x_end - xj, ry = y_end - yj;
+            const Lanes length = root(rx * rx + ry * ry);
+            const Lanes e = length * per_length - 1.0;
+            const Lanes elastic = e - load(permanent + j), opening = load(tension + j);
+            const Lanes pressed = least(most(elastic, yield), zero);
+            const Lanes stress = modulus * pressed + opening * most(elastic, zero);
+            const Lanes pull = area * stress / length;
+            const Lanes ahead_x = load(x + j + side) - xj + (load(x + end + side) - x_end);
+            const Lanes ahead_y = load(y + j + side) - yj + (load(y + end + side) - y_end);
+            const Lanes behind_x = xj - load(x + j - side) + (x_end - load(x + end - side));
+            const Lanes behind_y = yj - load(y + j - side) + (y_end - load(y + end - side));
+            const Lanes whole = opening > zero ? one : zero;
+            const Lanes half_ahead = whole * load(ahead + j);
+            const Lanes half_behind = whole * load(behind + j);
+            const Lanes across_x = half_ahead * ahead_x + half_behind * behind_x;
+            const Lanes across_y = half_ahead * ahead_y + half_behind * behind_y;
+            const Lanes tau = shear_modulus * per_length * (rx * across_x + ry * across_y);
+            const Lanes shear = area * tau, drag = whole * damping;
+            const Lanes relative_x = load(vx + end) - load(vx + j);
+            const Lanes relative_y = load(vy + end) - load(vy + j);
+            store(force_x + j, pull * rx + (shear * across_x + drag * relative_x));
+            store(force_y + j, pull * ry + (shear * across_y + drag * relative_y));
+            deepest = least(deepest, e);
+            if (!recording) continue;
+            const Lanes deeper = least(load(worst + j), e);
+            const auto crushed = deeper < yield;
+            if (stage == 0) {
+                const Lanes rest =
+                    least(most(deeper, all(c.densification_strain)), yield) - yield;
+                const Lanes slack = c.crushed_stress / (c.crushed_strain - rest);
+                store(worst + j, deeper);
+                store(permanent + j, rest);
+                store(tension + j, whole * (crushed ? slack : modulus));
+            }
+            if (stage == LAST_STAGE) {
+                const Lanes limit = crushed ? all(c.crushed_strain) : all(c.tensile_strain);
+                const Lanes pressure = e < zero ? magnitude(stress) : zero;
+                const Lanes strength = c.shear_strength + c.pressure_coefficient * pressure;
+                const auto fails = most(e - limit, magnitude(tau) - strength) > zero;
+                const Lanes failed = fails ? whole : zero;
+                store(break_time + j, failed > zero ? all(BREAKING) : load(break_time + j));
+                breaks += failed;
+            }
+            if (stage == 0 || stage == LAST_STAGE) {
+                shear_power += shear * (across_x * relative_x + across_y * relative_y);
+                dashpot_power += drag * (relative_x * relative_x + relative_y * relative_y);
+            }
+        }
+        if (axis == B) force_x[rows - 1] = force_y[rows - 1] = 0.0;
+        if (recording && (stage == 0 || stage == LAST_STAGE)) {
+            column[i].shear_power += sum(shear_power);
+            column[i].dashpot_power += sum(dashpot_power);
+            column[i].breaks += sum(breaks);
+        }
+        return least_of(deepest);
+    }
+
+    // Add densification to the forces of a column's connections; the stiffest [N/m] comes back.
+    template <int axis>
+    double densify(const Nodes& now, int i, double* force_x, double* force_y) {
+        const int first = at(i, 0), along = axis == A ? stride : 1;
+        const double dense_length = c.cell[axis] * (1.0 + c.densification_strain);
+        double stiffest = 0.0;
+        for (int j = 0; j < (axis == A ? rows : rows - 1); ++j) {
+            const int k = first + j, end = k + along;
+            const double rx = now.x[end] - now.x[k], ry = now.y[end] - now.y[k];
+            const double square = rx * rx + ry * ry;
+            if (square >= dense_length * dense_length) continue;
+            const double length = std::sqrt(square);
+            const Dense dense = densification(c, length * c.per_length[axis] - 1.0);
+            const double pull = c.area[axis] * dense.stress / length;
+            force_x[j] += pull * rx;
+            force_y[j] += pull * ry;
+            stiffest = max(stiffest, dense.slope * c.area[axis] * c.per_length[axis]);
+        }
+        return stiffest;
+    }
+
+    template <int axis, int stage, bool recording>
+    void faces_of(const Nodes& now, int i, double* force_x, double* force_y) {
+        if (axis == A && (i < 0 || i == columns - 1)) {
+            std::fill(force_x, force_x + padded, 0.0);
+            std::fill(force_y, force_y + padded, 0.0);
+        } else if (face_column<axis, stage, recording>(now, i, force_x, force_y) < c.densification_strain) {
+            const double stiffest = densify<axis>(now, i, force_x, force_y);
+            if (recording) column[i].densified = max(column[i].densified, stiffest);
+        }
+    }
+
+    void latch_column(int i) {
+        Column& sums = column[i];
+        sums.densified = sums.breaks = sums.shear_power = sums.dashpot_power = 0.0;
+        const int k = at(i, 0);
+        faces_of<A, 0, true>(state, i, latched[A].x + k, latched[A].y + k);
+        faces_of<B, 0, true>(state, i, latched[B].x + k, latched[B].y + k);
+    }
+
+    // The stiffness is that of the last stage's forces, which looked at the step's end.
+    void take_stock() {
+        double densified = 0.0;
+        for (const Column& sums : column) densified = max(densified, sums.densified);
+        step = c.step > 0.0 ? c.step : stable_step(c, densified);
+    }
+
+    // What has failed in a step is broken from its end on.
+    void break_links() {
+        double breaks = 0.0;
+        for (const Column& sums : column) breaks += sums.breaks;
+        if (breaks == 0.0) return;
+        broken += int(breaks);
+        for (const Links& axis : links)
+            for (int k = 0; k < size(); ++k)
+                if (axis.break_time[k] == BREAKING) axis.break_time[k] = time, axis.tension[k] = 0.0;
+        for (int i = 0; i < columns; ++i) update_halves(i);
+    }
+
+    // One stage of all columns, cut into a piece for each thread.
+    template <int stage>
+    void run_stage(const Nodes& now, const Nodes& next, int threads) {
+        constexpr bool has_forces = stage == 0;
+        over_columns(threads, threads, [&](int piece) {
+            const int first = int(long(columns) * piece / threads);
+            const int last = int(long(columns) * (piece + 1) / threads);
+            Scratch& own = scratch[piece];
+            if (!has_forces) faces_of<A, stage, false>(now, first - 1, own.a[1].x, own.a[1].y);
+            for (int i = first; i < last; ++i) {
+                if (has_forces) {
+                    const int k = at(i, 0), left = k - stride;
+                    node_column<stage>(now, next, i,
+                                       {latched[A].x + k, latched[A].y + k, latched[A].x + left,
+                                        latched[A].y + left, latched[B].x + k, latched[B].y + k});
+                    continue;
+                }
+                const Forces &a = own.a[(i - first) % 2], &left = own.a[(i - first + 1) % 2];
+                double *b_x = own.b.x + WIDTH, *b_y = own.b.y + WIDTH;  // none before the first
+                Column& sums = column[i];
+                sums.densified = sums.breaks = sums.shear_power = sums.dashpot_power = 0.0;
+                faces_of<A, stage, true>(now, i, a.x, a.y);
+                faces_of<B, stage, true>(now, i, b_x, b_y);
+                node_column<stage>(now, next, i, {a.x, a.y, left.x, left.y, b_x, b_y});
+            }
+        });
+        double lift = 0.0;
+        for (const Column& sums : column) lift += sums.lift;
+        body_stage(c, body, stage, step, lift);
+    }
+
+    struct Around {  // forces of the connections around a column's nodes
+        const double *right_x, *right_y, *left_x, *left_y, *above_x, *above_y;
+    };
+
+    // Gather the forces on a column's nodes, and take the stage.
+    template <int stage>
+    void node_column(const Nodes& now, const Nodes& next, int i, Around around) {
+        Column& sums = column[i];
+        double power[WORKS] = {};
+        sums.lift = 0.0;
+        sums.astray = 0.0;
+        if (touches(now, i)) {
+            touch_column<stage>(now, i, power);
+            move_column<stage, true>(now, next, i, around, power);
+            sums.slips = true;
+        } else {
+            if (stage == 0 && sums.slips) {
+                std::fill(impactor_slip + at(i, 0), impactor_slip + at(i, rows), 0.0);
+                std::fill(floor_slip + at(i, 0), floor_slip + at(i, rows), 0.0);
+                sums.slips = false;
+            }
+            move_column<stage, false>(now, next, i, around, power);
+        }
+        // sampled at both ends of the step: the trapezium rule
+        power[SHEAR] = 3.0 * sums.shear_power;
+        power[DASHPOTS] = 3.0 * sums.dashpot_power;
+        const double weight = stage_weight(stage, step);
+        for (int k = 0; k < WORKS; ++k) sums.work[k] += weight * power[k];
+    }
+
+    // Whether a column has a node in the impactor's box, or closer to the floor than half a cell.
+    bool touches(const Nodes& now, int i) const {
+        const double *x = now.x + at(i, 0), *y = now.y + at(i, 0), *may = free_y;
+        const Lanes zero = {}, half = all(0.5 * c.cell[B]), half_width = all(c.impactor_half_width);
+        Lanes found = zero;
+        for (int j = 0; j < padded; j += WIDTH) {
+            const Lanes aside = magnitude(load(x + j) - c.impactor_x);
+            const Lanes inside = least(load(y + j) - body.trial_y, half_width - aside);
+            found += most(inside, half - load(y + j)) > zero ? load(may + j) : zero;
+        }
+        return sum(found) > 0.0;
+    }
+
+    // Contact of one column, node by node. The friction springs are latched at the first stage,
+    // whose `rate` still holds the last step's motion.
+    template <int stage>
+    void touch_column(const Nodes& now, int i, double* power) {
+        const double body_path = stage > 0 ? body.trial_y - body.y : body.rate_y;
+        for (int j = 0; j < rows; ++j) {
+            const int k = at(i, j);
+            push.x[k] = push.y[k] = 0.0;
+            if (free_y[j] == 0.0) continue;
+            Vec path = {rate.x[k], rate.y[k]};
+            if (stage > 0) path = {now.x[k] - state.x[k], now.y[k] - state.y[k]};
+            const Touch hit = impactor_contact(
+                c, edges.data(), int(edges.size()),
+                {now.x[k] - c.impactor_x, now.y[k] - body.trial_y}, {path.x, path.y - body_path},
+                impactor_slip[k]);
+            const double worst_above = j < rows - 1 ? links[B].worst[k] : 0.0;
+            const double worst_below = j > 0 ? links[B].worst[k - 1] : 0.0;
+            const Touch floor = floor_contact(
+                c, now.y[k], min(links[A].worst[k], links[A].worst[k - stride]),
+                min(worst_above, worst_below), path.x, floor_slip[k]);
+            if (stage == 0) {
+                impactor_slip[k] = hit.stretch;
+                floor_slip[k] = floor.stretch;
+            }
+            const Vec relative = {now.vx[k], now.vy[k] - body.trial_v};
+            power[IMPACTOR] -= dot(hit.pressing, relative);
+            power[FRICTION] -= dot(hit.rubbing, relative);
+            power[BASE] -= floor.pressing.x * now.vx[k] + floor.pressing.y * now.vy[k];
+            column[i].lift -= hit.pressing.y + hit.rubbing.y;
+            push.x[k] = hit.pressing.x + hit.rubbing.x + floor.pressing.x;
+            push.y[k] = hit.pressing.y + hit.rubbing.y + floor.pressing.y;
+        }
+    }
+
+    template <int stage, bool touched>
+    void move_column(const Nodes& now, const Nodes& next, int i, Around f, double* power) {
+        const int first = at(i, 0);
+        const double *vx = now.vx + first, *vy = now.vy + first;
+        const double *old_x = state.x + first, *old_y = state.y + first;
+        const double *old_vx = state.vx + first, *old_vy = state.vy + first;
+        double *new_x = next.x + first, *new_y = next.y + first;
+        double *new_vx = next.vx + first, *new_vy = next.vy + first;
+        double *rate_x = rate.x + first, *rate_y = rate.y + first;
+        double *rate_vx = rate.vx + first, *rate_vy = rate.vy + first;
+        const double *push_x = push.x + first, *push_y = push.y + first;
+        const double *may_x = free_x, *may_y = free_y;
+        const double weight = stage_weight(stage, step), ahead = stage_ahead(stage, step);
+        const double per_mass = 1.0 / c.node_mass, gravity = c.gravity;
+        Lanes taken = {}, strange = {};
+        for (int j = 0; j < padded; j += WIDTH) {
+            const Lanes vxj = load(vx + j), vyj = load(vy + j);
+            Lanes fx = load(f.right_x + j) - load(f.left_x + j) +
+                       (load(f.above_x + j) - load(f.above_x + j - 1));
+            Lanes fy = load(f.right_y + j) - load(f.left_y + j) +
+                       (load(f.above_y + j) - load(f.above_y + j - 1));
+            taken -= fx * vxj + fy * vyj;
+            if (touched) {
+                fx += load(push_x + j);
+                fy += load(push_y + j);
+            }
+            const Lanes ax = fx * per_mass * load(may_x + j);
+            const Lanes ay = (fy * per_mass - gravity) * load(may_y + j);
+            Lanes sum_x = weight * vxj, sum_y = weight * vyj;
+            Lanes sum_vx = weight * ax, sum_vy = weight * ay;
+            if (stage > 0) {
+                sum_x += load(rate_x + j);
+                sum_y += load(rate_y + j);
+                sum_vx += load(rate_vx + j);
+                sum_vy += load(rate_vy + j);
+            }
+            store(rate_x + j, sum_x);
+            store(rate_y + j, sum_y);
+            store(rate_vx + j, sum_vx);
+            store(rate_vy + j, sum_vy);
+            const bool last = stage == LAST_STAGE;
+            const Lanes px = load(old_x + j) + (last ? sum_x : ahead * vxj);
+            const Lanes py = load(old_y + j) + (last ? sum_y : ahead * vyj);
+            const Lanes qx = load(old_vx + j) + (last ? sum_vx : ahead * ax);
+            const Lanes qy = load(old_vy + j) + (last ? sum_vy : ahead * ay);
+            store(new_x + j, px);
+            store(new_y + j, py);
+            store(new_vx + j, qx);
+            store(new_vy + j, qy);
+            if (last) {
+                const Lanes far = magnitude(px) + magnitude(py) + magnitude(qx) + magnitude(qy);
+                // what is not a number is not below either
+                strange += far < ASTRAY ? Lanes{} : all(1.0);
+            }
+        }
+        power[FACES] += sum(taken);
+        column[i].astray = sum(strange);
+    }
+
+    bool whole(int axis, int k) const { return links[axis].break_time[k] == INTACT; }
+
+    // A half counts while the crossing connections at both of the connection's nodes are whole.
+    void update_halves(int i) {
+        for (int j = 0; j < rows; ++j) {
+            const int k = at(i, j), right = k + stride, up = k + 1;
+            const Halves a = halves(whole(B, k) && whole(B, right),
+                                    whole(B, k - 1) && whole(B, right - 1), c.per_length[B]);
+            const Halves b = halves(whole(A, k) && whole(A, up),
+                                    whole(A, k - stride) && whole(A, up - stride), c.per_length[A]);
+            links[A].ahead[k] = a.ahead, links[A].behind[k] = a.behind;
+            links[B].ahead[k] = b.ahead, links[B].behind[k] = b.behind;
+        }
+    }
+};
+
+}  // namespace peer
+
+PEER_INTERFACE(peer::Lattice)

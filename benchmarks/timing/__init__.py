@@ -1,0 +1,1 @@
+"""What `compare.py` is made of: subjects, the processes that run them, rounds, costs, tables."""

@@ -1,0 +1,96 @@
+"""A peer as a subject, inside a worker process."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from peers import PLASTIC, ROTATIONAL, Lammps, Numba, Plain, Skipped, Vectors
+from peers.lammps_peer import TIME_STEP
+
+from .engine import Measurement, better_steps
+from .subjects import Subject
+
+BLOCK = 50  # steps between two looks at the clock
+# LAMMPS starts anew for every measurement, so that it gets as many steps whatever it takes
+LAMMPS_NODE_STEPS = 1_600_000
+
+LOADERS = {
+    "Plain": Plain.load,
+    "Vectors": Vectors.load,
+    "Numba": Numba.load,
+    "Rotational": lambda: Lammps.load(ROTATIONAL),
+    "Plastic": lambda: Lammps.load(PLASTIC),
+}
+
+
+class AbsentError(Exception):
+    """A peer cannot take part; says why in one line."""
+
+
+class Peers:
+    """The peers of one worker; a lattice of each size, shared by the thread counts."""
+
+    def __init__(self) -> None:
+        self._peers: dict[tuple, Any] = {}
+        self._steps: dict[str, tuple[int, int]] = {}  # before a measurement, and in it
+
+    def _peer(self, subject: Subject) -> Any:
+        key = (subject.peer, subject.counts)
+        if key not in self._peers:
+            peer = LOADERS[subject.peer]()
+            if isinstance(peer, Skipped):
+                raise AbsentError(peer.reason)
+            peer.prepare(subject.scene())
+            self._peers[key] = peer
+        return self._peers[key]
+
+    def prepare(self, subject: Subject) -> None:
+        """Compile, and find how many steps lie before a measurement and in it."""
+        peer = self._peer(subject)
+        if isinstance(peer, Lammps):
+            return
+        peer.advance(1, subject.threads)
+        if subject.span:
+            self._steps[subject.key] = self._count(peer, subject)
+        else:
+            start = time.perf_counter()
+            peer.advance(1, subject.threads)
+            self._steps[subject.key] = (0, better_steps(1, time.perf_counter() - start))
+
+    def _count(self, peer: Any, subject: Subject) -> tuple[int, int]:
+        peer.prepare(subject.scene())
+        counts = []
+        for moment in (subject.start, subject.start + subject.span):
+            steps = 0
+            while peer.state().time < moment:
+                steps += peer.advance(BLOCK, subject.threads)
+            counts.append(steps)
+        return counts[0], counts[1]
+
+    def measure(self, subject: Subject) -> Measurement:
+        """One measurement, over the same span of the impact as the engine's."""
+        peer = self._peer(subject)
+        if isinstance(peer, Lammps):
+            return _lammps(peer, subject)
+        before, steps = self._steps[subject.key]
+        if subject.span:
+            peer.prepare(subject.scene())
+            peer.advance(before, subject.threads)
+        since = peer.state().time if subject.span else 0.0
+        step = peer.state().step if not subject.span else 0.0
+        cpu, wall = time.process_time(), time.perf_counter()
+        taken = peer.advance(steps, subject.threads)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        if not subject.span:
+            self._steps[subject.key] = (0, better_steps(steps, wall))
+        simulated = peer.state().time - since if subject.span else taken * step
+        return Measurement(wall, cpu, 4.0 * subject.nodes * taken, simulated)
+
+
+def _lammps(peer: Lammps, subject: Subject) -> Measurement:
+    """LAMMPS times its own loop, which evaluates forces once a step."""
+    steps = max(10, LAMMPS_NODE_STEPS // subject.nodes)
+    taken = peer.advance(steps)
+    evaluations = float(subject.nodes * taken)
+    return Measurement(1e-9 * peer.nanoseconds * evaluations, None, evaluations, taken * TIME_STEP)

@@ -1,0 +1,217 @@
+"""Which nodes may touch which, found by many threads at once: a GPU's neighbour lists.
+
+The list is the same whatever order the threads come in: each bin of the search grid is a list
+sorted by the nodes' numbers, and each node adds the pushes of its partners in the order of the
+bins. Where a node's partners are kept does depend on the order; no number does.
+
+Threads call each part for their strip, and all have to end one part before any begins the next.
+"""
+
+import taichi as ti
+
+from taichi_foam.engine import contact, faces, packs
+from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
+from taichi_foam.engine.lattice import CROWDED
+from taichi_foam.laws import foam as foam_law
+
+vec2 = ti.types.vector(2, ti.f64)
+
+NOBODY = -1  # ends the list of a bin
+
+
+@ti.func
+def _place(lattice: ti.template(), n):
+    return ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+
+
+@ti.func
+def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
+    i, j = _place(lattice, n)
+    return packs.position(lattice, motion, b, i, j)
+
+
+@ti.func
+def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Part 1: empty bins; each node's bin and radius, and whether it is at a surface now."""
+    n = strip
+    while n < lattice.bins_x * lattice.bins_y:
+        lattice.bin_head[b, n] = NOBODY
+        n += width
+    n = strip
+    while n < lattice.nodes:
+        i, j = _place(lattice, n)
+        lattice.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
+        if lattice.surface[b, i, j][0] == INSIDE and faces.is_surface(lattice, b, i, j):
+            lattice.surface[b, i, j][0] = NEW
+        cell = contact.bin_of(lattice, _point(lattice, lattice.state, b, n), p)
+        lattice.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y
+        lattice.next_in_bin[b, n] = NOBODY
+        n += width
+    if strip == 0:
+        lattice.clock[b].pairs = 0
+
+
+@ti.func
+def fill_own_bins(lattice: ti.template(), b, strip, width):
+    """Part 2: put all nodes of a strip's bins into these, lists with the highest number first.
+
+    Each bin has one strip, the one that emptied it. All strips read all nodes: for few nodes only.
+    """
+    for n in range(lattice.nodes):
+        cell = lattice.bin_of_node[b, n]
+        if ti.raw_mod(cell, width) == strip:
+            lattice.next_in_bin[b, n] = lattice.bin_head[b, cell]
+            lattice.bin_head[b, cell] = n
+
+
+@ti.func
+def fill_bins(lattice: ti.template(), b, strip, width):
+    """Part 2 for many nodes, with the same outcome: put the nodes of a strip into their bins.
+
+    A link is raised to the number that comes to it (an atomic maximum). The smaller of that number
+    and the one that was there goes on to the larger one's link, until a link was free.
+    """
+    n = strip
+    while n < lattice.nodes:
+        carried = n
+        met = ti.atomic_max(lattice.bin_head[b, lattice.bin_of_node[b, n]], carried)
+        while met != NOBODY:
+            larger = ti.max(carried, met)
+            carried = ti.min(carried, met)
+            met = ti.atomic_max(lattice.next_in_bin[b, larger], carried)
+        n += width
+
+
+@ti.func
+def count_partners(lattice: ti.template(), b, strip, width, p: ti.template()) -> ti.i32:
+    """Part 3: how many partners each node of a strip has, and all of them together."""
+    total = 0
+    n = strip
+    while n < lattice.nodes:
+        count = _search(lattice, b, n, False, 0, p)
+        lattice.partner_count[b, n] = count
+        total += count
+        n += width
+    return total
+
+
+@ti.func
+def list_partners(lattice: ti.template(), b, strip, width, start, total, p: ti.template()):
+    """Part 4: list the `total` partners of a strip's nodes from place `start` on."""
+    at = start
+    n = strip
+    while n < lattice.nodes:
+        count = ti.select(start + total > 2 * lattice.most_pairs, 0, lattice.partner_count[b, n])
+        lattice.partner_start[b, n] = at
+        lattice.partner_count[b, n] = count
+        if count > 0:
+            _search(lattice, b, n, True, at, p)
+        else:
+            i, j = _place(lattice, n)
+            lattice.push[b, i, j].x[0] = 0.0
+            lattice.push[b, i, j].y[0] = 0.0
+        at += count
+        n += width
+
+
+@ti.func
+def _search(
+    lattice: ti.template(), b, node, listing: ti.template(), start, p: ti.template()
+) -> ti.i32:
+    """Count a node's partners, and list them from `start` on when `listing`.
+
+    They are near, at least one of the two is at a surface, and they are no neighbours in the
+    lattice.
+    """
+    i, j = _place(lattice, node)
+    point = _point(lattice, lattice.state, b, node)
+    home = contact.bin_of(lattice, point, p)
+    reach = lattice.radius[b, i, j][0] + p.skin
+    inside = lattice.surface[b, i, j][0] == INSIDE
+    count = 0
+    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
+        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
+            other = lattice.bin_head[b, bx * lattice.bins_y + by]
+            while other != NOBODY:
+                oi, oj = _place(lattice, other)
+                both_inside = inside and lattice.surface[b, oi, oj][0] == INSIDE
+                if not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
+                    limit = reach + lattice.radius[b, oi, oj][0]
+                    away = _point(lattice, lattice.state, b, other) - point
+                    if away.norm_sqr() < limit * limit:
+                        if ti.static(listing):
+                            lattice.partners[b, start + count] = other
+                        count += 1
+                other = lattice.next_in_bin[b, other]
+    return count
+
+
+@ti.func
+def make_room(lattice: ti.template(), b, strip, width):
+    """Part 5: let nodes start to touch without overlap, see `contact`."""
+    n = strip
+    while n < lattice.nodes:
+        i, j = _place(lattice, n)
+        point = _point(lattice, lattice.state, b, n)
+        radius = lattice.radius[b, i, j][0]
+        for m in range(lattice.partner_count[b, n]):
+            other = lattice.partners[b, lattice.partner_start[b, n] + m]
+            oi, oj = _place(lattice, other)
+            if lattice.surface[b, i, j][0] == NEW or lattice.surface[b, oi, oj][0] == NEW:
+                distance = (_point(lattice, lattice.state, b, other) - point).norm()
+                share = distance / (radius + lattice.radius[b, oi, oj][0])
+                room = ti.min(lattice.room[b, i, j][0], share * radius)
+                lattice.room[b, i, j][0] = room
+        n += width
+
+
+@ti.func
+def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Part 6: what is new is no longer, and the radii heed their room."""
+    n = strip
+    while n < lattice.nodes:
+        i, j = _place(lattice, n)
+        lattice.surface[b, i, j][0] = ti.min(lattice.surface[b, i, j][0], AT_SURFACE)
+        n += width
+    refresh_radii(lattice, b, strip, width, p)
+
+
+@ti.func
+def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Bring the radii of the nodes that may touch up to date with their crush."""
+    n = strip
+    while n < lattice.nodes:
+        if lattice.partner_count[b, n] > 0:
+            i, j = _place(lattice, n)
+            lattice.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
+        n += width
+
+
+@ti.func
+def close_list(lattice: ti.template(), b):
+    """Part 7, by one thread, after which the list is not stale."""
+    lattice.clock[b].stale = 0
+    lattice.clock[b].drift = 0.0
+    if lattice.clock[b].pairs > 2 * lattice.most_pairs:
+        lattice.clock[b].status = CROWDED
+
+
+@ti.func
+def push(lattice: ti.template(), b, n, p: ti.template()):
+    """The pushes [N] of a node's partners on it; each pair is computed from both its sides."""
+    count = lattice.partner_count[b, n]
+    if count > 0:
+        i, j = _place(lattice, n)
+        point = _point(lattice, lattice.trial, b, n)
+        total = vec2(0.0)
+        for m in range(count):
+            other = lattice.partners[b, lattice.partner_start[b, n] + m]
+            oi, oj = _place(lattice, other)
+            away = point - _point(lattice, lattice.trial, b, other)
+            touch = lattice.radius[b, i, j][0] + lattice.radius[b, oi, oj][0]
+            gap = away.norm()
+            if gap < touch and gap > 0.0:
+                stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
+                total -= away * (p.piece_area * stress / gap)
+        lattice.push[b, i, j].x[0] = total.x
+        lattice.push[b, i, j].y[0] = total.y

@@ -1,0 +1,181 @@
+"""What a GPU's threads do with their nodes, and how their sums come together.
+
+A thread takes a *strip*: every `width`-th node, from the `strip`-th on. It calls the CPU's own
+functions, node by node. All forces of a stage are worked out before any node moves. What strips
+add up is reduced by a tree within each block of threads, always in one order: a run has the same
+numbers to the last bit however the device schedules it, alone or in a batch. They differ from the
+CPU's by rounding.
+
+Barriers have to order the fields' memory too. On CUDA they do. Vulkan promises it for shared memory
+only; drivers order a work group's own memory all the same, and the tests would show it if not.
+"""
+
+import taichi as ti
+
+from taichi_foam.engine import clock, faces, ledger, nodes, packs, partners
+from taichi_foam.engine.lattice import (
+    ASTRAY,
+    BREAKS,
+    ENERGIES,
+    ENERGY_SUMS,
+    LAST_STAGE,
+    LIFT,
+    MOVED,
+    THREADS,
+)
+
+TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
+
+vec3 = ti.types.vector(3, ti.f64)
+vec8 = ti.types.vector(8, ti.f64)
+
+
+@ti.func
+def reduce(
+    shared: ti.template(), values: ti.template(), t, b, block, first: ti.template(),
+    count: ti.template(), adding: ti.template(),
+):  # fmt: skip
+    """Reduce `count` numbers of each of a block's threads to `values` from member `first` on.
+
+    Number `c` of thread `t` is in `shared[c * THREADS + t]`. They are added, or the largest taken.
+    """
+    for half in ti.static(TREE):
+        ti.simt.block.sync()
+        if t < half:
+            for c in range(count):
+                here = c * THREADS + t
+                if ti.static(adding):
+                    shared[here] = shared[here] + shared[here + half]
+                else:
+                    shared[here] = ti.max(shared[here], shared[here + half])
+    ti.simt.block.sync()
+    if t < count:
+        values[b, block, first + t] = shared[t * THREADS]
+    ti.simt.block.sync()
+
+
+@ti.func
+def face_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template()):
+    """Forces of a strip's connections, and the pushes on its pieces."""
+    motion = ti.static(lattice.trial)
+    faces.clear_faces(lattice, b, strip)
+    stiffest = 0.0
+    n = strip
+    while n < lattice.nodes:
+        i = ti.raw_div(n, lattice.rows)
+        k = ti.raw_mod(n, lattice.rows)
+        here, below = motion[b, i, k], motion[b, i, k - 1]
+        right, right_below = motion[b, i + 1, k], motion[b, i + 1, k - 1]
+        below_x = (here.x[0] - below.x[0]) + (right.x[0] - right_below.x[0])
+        below_y = (here.y[0] - below.y[0]) + (right.y[0] - right_below.y[0])
+        lattice.tally[b, strip].least = packs.zeros(lattice)
+        faces.face_pack(lattice, stage, b, i, k, strip, b, i, below_x, below_y, p)
+        if lattice.tally[b, strip].least[0] < p.foam.densification_strain:
+            stiffest = ti.max(stiffest, faces.densify_pack(lattice, b, i, k, b, i, p))
+        if p.self_contact:
+            partners.push(lattice, b, n, p)
+        n += width
+    lattice.strip_stiffest[b, strip] = stiffest
+
+
+@ti.func
+def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template()) -> ti.i32:
+    """A stage of a strip's nodes; the first of them that is astray comes back."""
+    nodes.clear_nodes(lattice, b, strip, stage)
+    astray = lattice.nodes
+    n = strip
+    while n < lattice.nodes:
+        i = ti.raw_div(n, lattice.rows)
+        k = ti.raw_mod(n, lattice.rows)
+        left_slot = ti.select(i > 0, i - 1, lattice.columns)
+        below_x, below_y = 0.0, 0.0
+        if k > 0:
+            below_x = lattice.force[b, i, k - 1].bx[0]
+            below_y = lattice.force[b, i, k - 1].by[0]
+        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, below_x, below_y, p)
+        if stage == LAST_STAGE:
+            nodes.inspect_pack(lattice, b, i, k, strip)
+            if lattice.tally[b, strip].astray[0] > 0.0:
+                astray = ti.min(astray, n)
+        n += width
+    nodes.close_nodes(lattice, b, strip, stage)
+    return astray
+
+
+@ti.func
+def reduce_stage(
+    lattice: ti.template(), shared: ti.template(), values: ti.template(), t, b, block, strip,
+    stage, astray,
+):  # fmt: skip
+    """What a stage has to know of all strips, and after the last one a step."""
+    shared[t] = lattice.strip_lift[b, strip]
+    reduce(shared, values, t, b, block, LIFT, 1, True)
+    if stage == LAST_STAGE:
+        shared[t] = lattice.tally[b, strip].moved[0]
+        shared[THREADS + t] = lattice.strip_stiffest[b, strip]
+        shared[2 * THREADS + t] = lattice.strip_overlap[b, strip]
+        shared[3 * THREADS + t] = -astray
+        reduce(shared, values, t, b, block, MOVED, 4, False)
+        shared[t] = lattice.tally[b, strip].breaks[0]
+        reduce(shared, values, t, b, block, BREAKS, 1, True)
+
+
+@ti.func
+def reduce_energies(
+    lattice: ti.template(), shared: ti.template(), values: ti.template(), t, b, block, strip, width,
+    p: ti.template(),
+):  # fmt: skip
+    """What a row of the history has to know of all strips."""
+    energy = vec3(0.0)
+    n = strip
+    while n < lattice.nodes:
+        energy += ledger.energy_at(
+            lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows), p
+        )
+        n += width
+    works = lattice.strip_work[b, strip]
+    for c in ti.static(range(3)):
+        shared[c * THREADS + t] = energy[c]
+    shared[3 * THREADS + t] = lattice.strip_fracture[b, strip]
+    for c in ti.static(range(8)):
+        shared[(4 + c) * THREADS + t] = works[c]
+    reduce(shared, values, t, b, block, ENERGIES, ENERGY_SUMS, True)
+
+
+@ti.func
+def write_row(lattice: ti.template(), b, p: ti.template()):
+    energy = vec3(0.0)
+    works = vec8(0.0)
+    for c in ti.static(range(3)):
+        energy[c] = lattice.totals[b, 0, ENERGIES + c]
+    for c in ti.static(range(8)):
+        works[c] = lattice.totals[b, 0, ENERGIES + 4 + c]
+    clock.close_row(lattice, b, energy, lattice.totals[b, 0, ENERGIES + 3], works, p)
+
+
+@ti.func
+def close_step(lattice: ti.template(), b, p: ti.template()):
+    breaks = ti.i32(lattice.totals[b, 0, BREAKS])
+    astray = ti.i32(-lattice.totals[b, 0, ASTRAY])
+    clock.close_step(lattice, b, lattice.totals[b, 0, MOVED], breaks, astray, p)
+
+
+@ti.func
+def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Break a strip's failed connections. All have to end this before `update_halves`."""
+    time = ti.cast(lattice.clock[b].time, ti.f32)
+    lost = 0.0
+    n = strip
+    while n < lattice.nodes:
+        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+        lost = faces.break_at(lattice, b, i, k, time, lost, p)
+        n += width
+    lattice.strip_fracture[b, strip] = lattice.strip_fracture[b, strip] + lost
+
+
+@ti.func
+def update_halves(lattice: ti.template(), b, strip, width):
+    n = strip
+    while n < lattice.nodes:
+        faces.update_halves(lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows))
+        n += width

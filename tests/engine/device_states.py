@@ -1,0 +1,183 @@
+"""What `test_vulkan` compares: states and results, computed on the architecture that is asked for.
+
+`python device_states.py ARCH FILE` computes them in a process of its own, as a process has one
+architecture. Every lattice compiles its kernels anew, which takes a software device 10 s: there are
+two here, one that blocks step and one that is too big for that.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from taichi._lib import core
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from bench import bench
+
+from taichi_foam.engine import loading, runtime, stepper
+from taichi_foam.engine.lattice import BLOCK_NODES, THREADS, Lattice, borrowed
+from taichi_foam.paper import paper_scene
+from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
+from taichi_foam.simulation import run_many
+
+# More nodes than a block has threads; and more than one block steps by itself.
+SMALL, BIG = (15, 20), (66, 63)
+LATTICES = 8
+assert THREADS < SMALL[0] * SMALL[1] <= BLOCK_NODES < BIG[0] * BIG[1]
+
+STEPS_BEFORE = 100  # nothing has broken yet
+STEPS_AFTER = 250  # some connections break on the way
+STEPS_BIG = 120
+
+ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shear_J", "damping_J", "fracture_J")
+
+States = dict[str, np.ndarray]
+
+
+def paper_scenes() -> list[Scene]:
+    """Three of the paper's tests on the small lattice, which differ in all that is data."""
+    names = ("paper/rectangular-3.03", "paper/wedge-2.86", "paper/cylinder-3.32")
+    scenes = [paper_scene(name) for name in names]
+    columns, rows = SMALL
+    return [
+        scene.model_copy(
+            update={"block": scene.block.model_copy(update={"columns": columns, "rows": rows})}
+        )
+        for scene in scenes
+    ]
+
+
+def breaking_scenes() -> list[Scene]:
+    """A fast wedge into a small block, at velocities that differ a little."""
+    columns, rows = SMALL
+    return [
+        Scene(
+            block=Block(width=0.005 * columns, height=0.005 * rows, columns=columns, rows=rows),
+            impactor=Wedge(angle_deg=60, shank_width=0.03, mass=0.1, velocity=velocity),
+            numerics=Numerics(end=1.6e-3),
+            output=Output(history_interval=1e-4, snapshot_interval=1e-3),
+        )
+        for velocity in np.linspace(14.0, 15.75, LATTICES)
+    ]
+
+
+def big_scenes() -> list[Scene]:
+    """Impacts so fast that they crush and break a fine lattice in a few dozen steps."""
+    columns, rows = BIG
+    block = Block(width=1e-3 * columns, height=1e-3 * rows, columns=columns, rows=rows)
+    return [
+        Scene(block=block, impactor=impactor, numerics=Numerics(end=1.0))
+        for impactor in (
+            Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=150.0),
+            FlatBlock(width=0.02, mass=0.1, velocity=120.0, rotation_deg=20),
+        )
+    ]
+
+
+def states_of(scenes: list[Scene], steps: int) -> States:
+    """Positions, histories and impactors after some steps, lattice by lattice."""
+    with bench(scenes) as loaded:
+        loaded.step(steps)
+        return _states(loaded.lattice, len(scenes))
+
+
+def alone(scene: Scene, steps: int) -> States:
+    """The same for one scene on a lattice of a batch whose other places stay empty."""
+    with borrowed(LATTICES, *SMALL) as lattice:
+        for b in range(LATTICES):
+            loading.unload(lattice, b)
+        loading.load(lattice, 0, scene)
+        loading.set_pause(lattice, np.full(LATTICES, 1e30))
+        stepper.prepare(lattice, 0)
+        stepper.advance_of(lattice)(lattice, steps)
+        loading.harvest(lattice)
+        return _states(lattice, 1)
+
+
+def _states(lattice: Lattice, count: int) -> States:
+    snapshots = [loading.snapshot(lattice, b) for b in range(count)]
+    return {
+        "position": np.stack([each.position for each in snapshots]),
+        "velocity": np.stack([each.velocity for each in snapshots]),
+        "e_min_a": np.stack([each.e_min_a for each in snapshots]),
+        "impactor_y": np.array([each.impactor_y for each in snapshots]),
+        "time": np.array([each.time for each in snapshots]),
+        "broken": np.array([each.broken_a.sum() + each.broken_b.sum() for each in snapshots]),
+    }
+
+
+def ensemble() -> States:
+    """Of each breaking run: depth, broken connections, energies at the end, and the residual."""
+    histories = [result.history for result in run_many(breaking_scenes())]
+    ends = {name: np.array([history[name][-1] for history in histories]) for name in ENERGIES}
+    return ends | {
+        "depth": np.array([history["displacement_m"].max() for history in histories]),
+        "broken": np.array([history["broken_connections"][-1] for history in histories]),
+        "residual": np.array([np.abs(history["residual_J"]).max() for history in histories]),
+        "impact": np.array([history["impactor_kinetic_J"][0] for history in histories]),
+    }
+
+
+def misplaced() -> np.ndarray:
+    """Fields of 64-bit numbers at addresses that are no multiples of eight.
+
+    Taichi packs Vulkan's fields without padding, and such a number is read from another address.
+    """
+    with borrowed(LATTICES, *SMALL) as lattice:
+        named = [
+            (name, scalar)
+            for name, field in vars(lattice).items()
+            for scalar in _scalars(field)
+            if scalar.dtype == ti.f64
+        ]
+    return np.array([name for name, scalar in named if _is_misplaced(scalar)], dtype=str)
+
+
+def _scalars(field: Any) -> Iterator[Any]:
+    if isinstance(field, ti.StructField):
+        for name in field.keys:
+            yield from _scalars(field.get_member_field(name))
+    elif isinstance(field, ti.MatrixField):
+        yield from (field.get_scalar_field(n) for n in range(field.n))
+    elif isinstance(field, ti.ScalarField):
+        yield field
+
+
+def _is_misplaced(scalar: Any) -> bool:
+    node, distances = scalar.snode, []
+    while node is not None and node.ptr.type != core.SNodeType.root:
+        distances.append(node._offset_bytes_in_parent_cell)
+        if node.ptr.type != core.SNodeType.place:
+            distances.append(node._cell_size_bytes)
+        node = node.parent()
+    return any(distance % 8 for distance in distances)
+
+
+def everything() -> States:
+    """All that is compared, as `part/name`."""
+    paper = paper_scenes()
+    eight = [paper[b % len(paper)] for b in range(LATTICES)]
+    parts = {
+        "before": states_of(eight, STEPS_BEFORE),
+        "after": states_of(breaking_scenes(), STEPS_AFTER),
+        "alone": alone(breaking_scenes()[5], STEPS_AFTER),
+        "ensemble": ensemble(),
+        "big": states_of(big_scenes(), STEPS_BIG),
+    }
+    named = {f"{part}/{name}": x for part, xs in parts.items() for name, x in xs.items()}
+    device = str(runtime.settings().get("device", ""))
+    return named | {"misplaced": misplaced(), "device": np.array(device)}
+
+
+def main() -> None:
+    arch, file = sys.argv[1:]
+    runtime.start(arch)
+    np.savez(file, **everything())
+
+
+if __name__ == "__main__":
+    main()
