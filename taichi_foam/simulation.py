@@ -208,7 +208,7 @@ def _drive_batch(
         advance = stepper.advance_of(lattice)
         slots: list[_Run | None] = [None] * batch
         waiting = waiting[::-1]
-        most_steps = 0  # the first call compiles, and is not counted
+        most_steps = 0  # the first call steps nothing: it compiles, and is not counted
         try:
             while waiting or any(slots):
                 for b in range(batch):
@@ -218,11 +218,12 @@ def _drive_batch(
                         stepper.prepare(lattice, b)
                         first = [loading.snapshot(lattice, b)]
                         slots[b] = _Run(scene, index, replace(wall), batch, snapshots=first)
+                if most_steps == 0:
+                    loading.set_pause(lattice, np.zeros(batch))
+                    advance(lattice, 1)
+                    most_steps = 1
                 pauses = [0.0 if run is None else run.next_snapshot for run in slots]
                 loading.set_pause(lattice, np.array(pauses))
-                if most_steps == 0:
-                    advance(lattice, 0)
-                    most_steps = 1
                 start = time.perf_counter()
                 advance(lattice, most_steps)
                 ti.sync()

@@ -7,7 +7,7 @@ over blocks, and starts a kernel for each part of a step.
 
 import taichi as ti
 
-from taichi_foam.engine import clock, nodes, partners, strips
+from taichi_foam.engine import clock, nodes, partners, runtime, strips
 from taichi_foam.engine.lattice import (
     BREAKS,
     ENERGIES,
@@ -111,8 +111,10 @@ def _advance_blocks(lattice: ti.template(), most_steps: ti.i32):
 
 def advance_blocks(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each in one block of threads."""
-    turns = -(-lattice.nodes // THREADS)
-    most = max(1, MOST_ITERATIONS // (PER_TURN * turns + lattice.nodes + THREADS))
+    most = max(most_steps, 1)
+    if runtime.settings()["arch"] == "vulkan":
+        turns = -(-lattice.nodes // THREADS)
+        most = max(1, MOST_ITERATIONS // (PER_TURN * turns + lattice.nodes + THREADS))
     for taken in range(0, max(most_steps, 1), most):
         _advance_blocks(lattice, min(most, most_steps - taken))
 

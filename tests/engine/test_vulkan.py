@@ -4,8 +4,11 @@ Before failure both compute the same sums in almost the same order, and differ b
 it, broken foam is chaotic: what has to agree are the statistics of an ensemble.
 """
 
+import contextlib
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import device_states
@@ -24,19 +27,33 @@ ROUNDING = 1e3 * 50 * np.finfo(float).eps
 
 @pytest.fixture(scope="module")
 def states(tmp_path_factory: pytest.TempPathFactory) -> tuple[States, States]:
-    """Everything on the CPU, and the same on Vulkan by a process of its own, at the same time."""
+    """Everything on the CPU, and the same on Vulkan by a process of its own, at the same time.
+
+    With pytest-xdist, all workers share the one process.
+    """
     device = device_of("vulkan")
     if device is None or not device.has_float64:
         pytest.skip("no Vulkan device with 64-bit floats; Debian's mesa-vulkan-drivers has one")
-    file = tmp_path_factory.mktemp("vulkan") / "states.npz"
-    process = subprocess.Popen(
-        [sys.executable, HERE / "device_states.py", "vulkan", file],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=HERE.parents[1],
-    )  # fmt: skip
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    process = None
+    with contextlib.suppress(FileExistsError):
+        (folder / "vulkan").mkdir()
+        process = subprocess.Popen(
+            [sys.executable, HERE / "device_states.py", "vulkan", folder / "vulkan.part.npz"],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=HERE.parents[1],
+        )  # fmt: skip
     on_cpu = device_states.everything()
-    out, _ = process.communicate(timeout=600)
-    assert process.returncode == 0, out
-    with np.load(file) as numbers:
+    if process is not None:
+        out, _ = process.communicate(timeout=600)
+        assert process.returncode == 0, out
+        (folder / "vulkan.part.npz").rename(folder / "vulkan.npz")
+    end = time.monotonic() + 600
+    while not (folder / "vulkan.npz").exists():
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    with np.load(folder / "vulkan.npz") as numbers:
         return on_cpu, dict(numbers)
 
 
