@@ -1,9 +1,9 @@
 """The wedge's impact with a hundred times as many mass points: 400 x 200 cells of 0.5 mm.
 
-Physics: the block, the impactor and the foam of `wedge.py`. A cell is now smaller than the foam's
-own pores, so the lattice stands for a continuum: what stays as it was is a property of the model,
-what changes depends on the size of its cells. Damping is there for the lattice's own shortest
-waves, ten times as quick here as with cells of 5 mm, and so its time is a tenth.
+Physics: the block, the impactor and the foam of `wedge.py`, cut into cells of a tenth of the length.
+What stays as it was is a property of the model, what changes depends on the size of its cells.
+Damping is there for the lattice's own shortest waves, ten times as quick here as with cells of
+5 mm, and so its time is a tenth.
 
 Measured (Table 4): duration 49 ms, displacement 75 mm, plateau 66 m/s2. Computed: foam crushes in
 a thin layer along both faces, a crack runs ahead of the tip from 3 ms on, and at 12 ms the block is
