@@ -1,6 +1,6 @@
 """The wedge's impact with a hundred times as many mass points: 400 x 200 cells of 0.5 mm.
 
-Physics: the block, the impactor and the foam of `wedge.py`, cut into cells of a tenth of the length.
+Physics: the block, the impactor and the foam of `wedge.py`, cut into cells of a tenth the length.
 What stays as it was is a property of the model, what changes depends on the size of its cells.
 Damping is there for the lattice's own shortest waves, ten times as quick here as with cells of
 5 mm, and so its time is a tenth.
