@@ -189,9 +189,7 @@ def _run(
         folder = f"runs/{_file_name(scene.name)}" if out is None else out
         # Names and values are right: now what needs Taichi, and costs its import.
         from taichi_foam import films, simulation
-        from taichi_foam.cli import tables
         from taichi_foam.engine import runtime
-        from taichi_foam.measures import summary
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
         runtime.start(arch, threads)
@@ -203,6 +201,10 @@ def _run(
                 if not error.results:
                     raise
                 result, failure = error.results[0], error
+        # measures take a while to load: after the run, not before it
+        from taichi_foam.cli import tables
+        from taichi_foam.measures import summary
+
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
         figures = summary(result)
         console.print(tables.key_figures(figures))

@@ -243,8 +243,8 @@ class Lattice:
             # apart from what is read: a wide load behind a narrow store would wait for it
             self.toucher_push = vec2.field()  # [N]
             builder.dense(ti.ij, (batch, self.most_touchers)).place(self.toucher_push)
-        for field in (self.parameters, self.body, self.clock):
-            builder.dense(ti.i, batch).place(field)
+        # side by side: lattices apart would share cache lines that one thread writes, another reads
+        builder.dense(ti.i, batch).place(self.parameters, self.body, self.clock)
         builder.dense(ti.ij, (batch, MAX_EDGES)).place(self.edges)
         builder.dense(ti.ijk, (batch, HISTORY_ROWS, ROW_VALUES)).place(self.history)
         builder.finalize()

@@ -74,7 +74,29 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose
         )
+    _remember_positions()
     _started = wanted
+
+
+def _remember_positions() -> None:
+    """Format each source position once, not for every time that its line is inlined.
+
+    Taichi writes them for its error messages whether there are any or not, which takes as long as
+    all else that it does with a kernel's source.
+    """
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+    written: dict[tuple, str] = {}
+    write = ASTTransformerContext.get_pos_info
+
+    def get_pos_info(self, node):
+        place = (self.file, self.lineno_offset, self.func.func.__name__, type(node))
+        key = (*place, node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
+        if key not in written:
+            written[key] = write(self, node)
+        return written[key]
+
+    ASTTransformerContext.get_pos_info = get_pos_info
 
 
 def settings() -> dict[str, str | int]:
