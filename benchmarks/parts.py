@@ -13,7 +13,7 @@ import taichi as ti
 from rich.console import Console
 from rich.table import Table
 
-from taichi_foam.engine import contact, faces, ledger, loading, nodes, runtime, stepper
+from taichi_foam.engine import clock, contact, faces, ledger, loading, nodes, runtime, stepper
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
 from taichi_foam.paper import paper_scene
 from taichi_foam.simulation import run
@@ -102,7 +102,7 @@ PARTS = (
     ("nodes, four times a step", node_stage, 1.0, True),
     ("  of these: contact with impactor and floor", bodies, 1.0, False),
     ("pieces: push, four times a step", push, 1.0, True),
-    ("pieces: radii, every fourth step", radii, 0.25 / stepper.REFRESH, True),
+    ("pieces: radii, every fourth step", radii, 0.25 / clock.REFRESH, True),
     (NEIGHBOURS, neighbours, 0.25, True),
     ("energies of a row, every thirtieth step", row, 0.25 / STEPS_PER_ROW, True),
 )
