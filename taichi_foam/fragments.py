@@ -48,12 +48,45 @@ class Crack:
     start_x        m, where its first connection broke
     start_height   m, middle of that vertical edge
     start_time     s, when
+    path           m, middles (x, y) of its vertical edges, downwards: from the start, in each lower
+                   row the one that is nearest sideways to the one before
     """
 
     lowest_height: float
     start_x: float
     start_height: float
     start_time: float
+    path: tuple[tuple[float, float], ...]
+
+    @property
+    def direction_deg(self) -> float:
+        """Lean of the straight line that fits the path best [deg].
+
+        0 is vertical; above 0 the crack runs to the right on its way down, below 0 to the left.
+        """
+        x, y = np.transpose(self.path)
+        from_mean = y - y.mean()
+        return float(np.degrees(np.arctan(-(from_mean @ x) / (from_mean @ from_mean))))
+
+
+def parts(snapshot: Snapshot, bottom_rows: int = 0) -> NDArray[np.int32]:
+    """Number, from 0, of the part that each mass point belongs to: (columns, rows - bottom_rows).
+
+    A part is joined by unbroken connections. The lowest `bottom_rows` rows are left out, with what
+    joins them to the others.
+    """
+    columns, rows = snapshot.position.shape[:2]
+    node = np.arange(columns * (rows - bottom_rows)).reshape(columns, -1)
+    intact_a, intact_b = ~snapshot.broken_a[:, bottom_rows:], ~snapshot.broken_b[:, bottom_rows:]
+    ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
+    others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
+    return _components(ends, others, node.size).reshape(node.shape)
+
+
+def piece_sizes(snapshot: Snapshot) -> NDArray[np.float64]:
+    """Shares of the mass points that the parts have, crumbs too, the largest first."""
+    sizes = np.bincount(parts(snapshot).ravel())
+    return np.sort(sizes)[::-1] / sizes.sum()
 
 
 def pieces(snapshot: Snapshot) -> int:
@@ -61,13 +94,7 @@ def pieces(snapshot: Snapshot) -> int:
 
     Smaller parts are crumbs. The answer is 0 for a block that is all crumbs.
     """
-    columns, rows = snapshot.position.shape[:2]
-    node = np.arange(columns * rows).reshape(columns, rows)
-    intact_a, intact_b = ~snapshot.broken_a, ~snapshot.broken_b
-    ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
-    others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
-    sizes = np.bincount(_components(ends, others, node.size))
-    return int(np.count_nonzero(sizes >= PIECE_FRACTION * node.size))
+    return int(np.count_nonzero(piece_sizes(snapshot) >= PIECE_FRACTION))
 
 
 def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
@@ -153,8 +180,9 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
         lowest = int(np.nonzero(mine)[1].min())
         if at_j[first] - lowest + 1 < length:
             continue
-        start_x, start_height = float(x[at_i[first]]), (at_j[first] + 0.5) * dy
-        found.append(Crack(lowest * dy, start_x, float(start_height), float(times[first])))
+        path = _path(mine, int(at_i[first]), int(at_j[first]))
+        middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
+        found.append(Crack(lowest * dy, *middles[0], float(times[first]), middles))
     return min(found, key=lambda crack: (crack.lowest_height, crack.start_time), default=None)
 
 
@@ -166,7 +194,19 @@ def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None
     seen = [crack for crack in (crack_below_impactor(s, scene) for s in snapshots) if crack]
     if not seen:
         return None
-    return replace(seen[0], lowest_height=min(crack.lowest_height for crack in seen))
+    deepest = min(seen, key=lambda crack: crack.lowest_height)
+    return replace(seen[0], lowest_height=deepest.lowest_height, path=deepest.path)
+
+
+def _path(edges: NDArray[np.bool_], i: int, j: int) -> list[tuple[int, int]]:
+    """Down from edge (i, j): in each row that has edges, the one nearest to that above."""
+    path = [(i, j)]
+    for row in range(j - 1, -1, -1):
+        candidates = np.flatnonzero(edges[:, row])
+        if candidates.size:
+            i = int(candidates[np.argmin(np.abs(candidates - i))])
+            path.append((i, row))
+    return path
 
 
 def _broken_edges(snapshot: Snapshot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from taichi_foam.crush import crushed_cells
 from taichi_foam.fragments import crack_over_time, pieces
+from taichi_foam.pattern import crushed_region
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Result, Snapshot
-    from taichi_foam.scene import Impactor, Scene
+    from taichi_foam.result import Result
+    from taichi_foam.scene import Impactor
 
 FLAT_RISE_S = 3e-3
 """The initial rise of a flat face ends so long after contact ..."""
@@ -60,24 +59,6 @@ class Impact:
     def duration(self) -> float:
         """Impact duration (s), from first contact to zero velocity (paper, section 3.1)."""
         return self.stop - self.contact
-
-
-@dataclass(frozen=True)
-class CrushedRegion:
-    """The largest patch of crushed cells that share sides.
-
-    columns, rows  first and last index
-    width, height  m, extent in the reference configuration
-    height_now     m, what is left of its height: in each of its columns the present heights of the
-                   crushed cells are summed (a cell is half its distances to the nodes above and
-                   below, gaps of cracks not counted); the median over the columns
-    """
-
-    columns: tuple[int, int]
-    rows: tuple[int, int]
-    width: float
-    height: float
-    height_now: float
 
 
 def impact(result: Result) -> Impact | None:
@@ -237,30 +218,6 @@ def energy_residual(result: Result) -> float | None:
     if impact_energy == 0:
         return None
     return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)
-
-
-def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
-    """The largest connected patch of crushed cells; None if there is none."""
-    block = scene.block
-    crushed = crushed_cells(snapshot, scene.foam)
-    patches = np.zeros(crushed.shape, dtype=np.int32)
-    if ndimage.label(crushed, output=patches) == 0:
-        return None
-    patch = patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
-
-    columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
-    links = np.clip(np.diff(snapshot.position[..., 1], axis=1), 0, block.dy)
-    cells = np.empty(crushed.shape)
-    cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
-    cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
-    heights = np.where(patch, cells, 0.0).sum(axis=1)[columns]
-    return CrushedRegion(
-        columns=(int(columns[0]), int(columns[-1])),
-        rows=(int(rows[0]), int(rows[-1])),
-        width=float((columns[-1] - columns[0] + 1) * block.dx),
-        height=float((rows[-1] - rows[0] + 1) * block.dy),
-        height_now=float(np.median(heights)),
-    )
 
 
 def summary(result: Result) -> dict[str, Any]:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 
-from taichi_foam.fragments import crack_below_impactor, cracks, pieces
+from taichi_foam.fragments import (
+    crack_below_impactor,
+    crack_over_time,
+    cracks,
+    parts,
+    piece_sizes,
+    pieces,
+)
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene, Wedge
 
 SMALL = Block(width=0.08, height=0.03, columns=8, rows=6)  # cells of 10 x 5 mm
@@ -58,6 +65,23 @@ def test_powder_has_no_pieces(make_snapshot) -> None:
     block = Block(columns=10, rows=10)
     a, b = product(range(9), range(10)), product(range(10), range(9))
     assert pieces(make_snapshot(block, a=a, b=b)) == 0
+
+
+def test_sizes_are_shares_of_the_mass_points(make_snapshot) -> None:
+    """A corner of two nodes, and a cut between columns 3 and 4 of 8: 24, 22 and 2 of 48."""
+    snapshot = make_snapshot(SMALL, a=[(0, 5), (0, 4), *column(3, range(6))], b=[(0, 3)])
+    assert piece_sizes(snapshot) == pytest.approx([24 / 48, 22 / 48, 2 / 48])
+    assert piece_sizes(make_snapshot(SMALL)) == pytest.approx([1.0])
+
+
+def test_parts_without_the_rows_that_hold_them_together(make_snapshot) -> None:
+    """A crack that leaves the bottom row whole parts what is above it."""
+    snapshot = make_snapshot(SMALL, a=column(3, range(1, 6)))
+    assert np.ptp(parts(snapshot)) == 0
+    above = parts(snapshot, bottom_rows=1)
+    assert above.shape == (8, 5)
+    assert np.ptp(above[:4]) == np.ptp(above[4:]) == 0
+    assert above[0, 0] != above[4, 0]
 
 
 # --- crack polylines --------------------------------------------------------------------------
@@ -247,3 +271,54 @@ def test_a_narrow_impactor_still_has_an_axis(make_snapshot) -> None:
     narrow = Scene(name="narrow", block=PAPER, impactor=FlatBlock(width=0.006))
     snapshot = make_snapshot(PAPER, a=column(AXIS, range(5, 20)), times=downwards)
     assert crack_below_impactor(snapshot, narrow) is not None
+
+
+def stairs(tread: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """A and B of a crack down from the axis that goes a cell to the right every `tread` rows."""
+    a = [(AXIS + (19 - j) // tread, j) for j in range(19, 1, -1)]
+    b = [(i + 1, j - 1) for (i, j), (after, _) in pairwise(a) if after > i]
+    return a, b
+
+
+@pytest.mark.parametrize("tread", [1, 2, 3])
+def test_a_crack_leans_as_it_runs(make_snapshot, tread: int) -> None:
+    a, b = stairs(tread)
+    crack = crack_below_impactor(make_snapshot(PAPER, a=a, b=b, times=downwards), WEDGE)
+    assert crack is not None
+    assert len(crack.path) == 18
+    assert crack.path[0] == pytest.approx((0.0, 0.0975))
+    assert crack.path[-1] == pytest.approx(((17 // tread) * 0.005, 0.0125))
+    lean = np.degrees(np.arctan(1 / tread))
+    assert crack.direction_deg == pytest.approx(lean, abs=1e-9 if tread == 1 else 1.0)
+
+
+def test_a_crack_to_the_left_leans_the_other_way(make_snapshot) -> None:
+    a, b = stairs(1)
+    mirrored = make_snapshot(
+        PAPER, a=[(38 - i, j) for i, j in a], b=[(39 - i, j) for i, j in b], times=downwards
+    )
+    assert crack_below_impactor(mirrored, WEDGE).direction_deg == pytest.approx(-45.0)
+    straight = make_snapshot(PAPER, a=column(AXIS, range(1, 20)), times=downwards)
+    assert crack_below_impactor(straight, WEDGE).direction_deg == pytest.approx(0.0)
+
+
+def test_the_path_keeps_to_its_branch(make_snapshot) -> None:
+    """Two legs that hang from one crossbar: the path goes down the one that it started on."""
+    legs = column(17, range(4, 16)) + column(22, range(4, 15))
+    bar = [(i, 14) for i in range(18, 23)]
+    snapshot = make_snapshot(PAPER, a=legs, b=bar, times=downwards)
+    crack = crack_below_impactor(snapshot, WEDGE)
+    assert [x for x, _ in crack.path] == pytest.approx([-0.010] * 12)
+
+
+def test_over_time_it_keeps_its_start_and_its_deepest_path(make_snapshot) -> None:
+    young = make_snapshot(PAPER, a=column(AXIS, range(12, 20)), times=downwards, time=8e-3)
+    deep = make_snapshot(PAPER, a=column(AXIS, range(4, 16)), times=downwards, time=16e-3)
+    hidden = make_snapshot(PAPER, time=20e-3)
+    crack = crack_over_time([make_snapshot(PAPER), young, deep, hidden], WEDGE)
+    assert crack is not None
+    assert crack.start_height == pytest.approx(0.0975)
+    assert crack.lowest_height == pytest.approx(0.020)
+    assert crack.path[-1] == pytest.approx((0.0, 0.0225))
+    assert crack_over_time([], WEDGE) is None
+    assert crack_over_time([hidden], WEDGE) is None

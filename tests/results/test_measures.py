@@ -239,39 +239,6 @@ def test_energy_residual_without_impactor_and_without_energy(make_result) -> Non
     assert measures.energy_residual(make_result()) is None
 
 
-# --- the crushed region -----------------------------------------------------------------------
-
-
-def test_crushed_rectangle(make_snapshot) -> None:
-    """Ten columns wide, its upper eight rows of links down to 40 % of their length."""
-    block = Block()
-    snapshot = make_snapshot(block)
-    snapshot.e_min_b[15:25, 12:19] = -0.6
-    lower = np.zeros((40, 20))
-    lower[15:25, 13:] = 0.6 * block.dy * np.arange(1, 8)
-    snapshot.position[..., 1] -= lower
-    snapshot.e_min_b[2:4, 3] = -0.9  # a smaller patch elsewhere
-    region = measures.crushed_region(snapshot, scene_with(FlatBlock()))
-    assert region is not None
-    assert region.columns == (15, 24)
-    assert region.rows == (12, 19)
-    assert region.width == pytest.approx(0.05)
-    assert region.height == pytest.approx(0.04)
-    # Seven cells at 40 %, and the lowest half above an intact link.
-    assert region.height_now == pytest.approx((7 * 0.4 + 0.7) * block.dy)
-
-
-@pytest.mark.parametrize(("strain", "counts"), [(-0.42, False), (-0.43, True)])
-def test_crushed_is_halfway_from_yield_to_densification(make_snapshot, strain, counts) -> None:
-    snapshot = make_snapshot(Block())
-    snapshot.e_min_a[10, 7] = strain
-    region = measures.crushed_region(snapshot, scene_with(FlatBlock()))
-    assert (region is not None) == counts
-    if region is not None:
-        assert region.columns == (10, 11)
-        assert region.rows == (7, 7)
-
-
 # --- the summary ------------------------------------------------------------------------------
 
 
