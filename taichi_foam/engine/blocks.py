@@ -85,6 +85,9 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
     if p.self_contact:
         _find_neighbours(lattice, shared, b, t, p)
     if lattice.clock[b].status == RUNNING:
+        if p.foam.rate > 0.0:
+            strips.flow_strip(lattice, b, t, THREADS, p)
+            ti.simt.block.sync()
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, shared, b, t, stage, p)
         if lattice.totals[b, 0, BREAKS] > 0.0:
@@ -225,6 +228,15 @@ def _find_neighbours_wide(lattice: ti.template()):
 
 
 @ti.kernel
+def _flow_wide(lattice: ti.template()):
+    for q in range(lattice.batch * lattice.strips):
+        b = q // lattice.strips
+        if lattice.clock[b].active and lattice.parameters[b].foam.rate > 0.0:
+            p = lattice.parameters[b]
+            strips.flow_strip(lattice, b, q % lattice.strips, lattice.strips, p)
+
+
+@ti.kernel
 def _stage_wide(lattice: ti.template(), stage: ti.i32):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
@@ -278,6 +290,7 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
     for _ in range(most_steps):
         _begin_wide(lattice)
         _find_neighbours_wide(lattice)
+        _flow_wide(lattice)
         for stage in range(LAST_STAGE + 1):
             _stage_wide(lattice, stage)
         _break_wide(lattice)

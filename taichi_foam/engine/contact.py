@@ -144,7 +144,7 @@ def _worst(links: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """Half the cell, shrunk by the worst crush of the node's connections on its thinner axis.
+    """Half the cell, or less, shrunk by the worst crush of the node's links on its thinner axis.
 
     Never more than the room that there was when the node could first touch.
     """
@@ -153,7 +153,8 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     worst_b = ti.min(_worst(link_b, lattice, b, i, j), _worst(link_b, lattice, b, i, j - 1))
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
     return ti.min(
-        0.5 * thinner, lattice.room[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)]
+        0.5 * p.piece_size * thinner,
+        lattice.room[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)],
     )
 
 
@@ -174,6 +175,13 @@ def node_at(motion: ti.template(), b, place: vec3i) -> vec2:
 
 
 @ti.func
+def velocity_at(motion: ti.template(), b, place: vec3i) -> vec2:
+    return vec2(
+        motion[b, place[0], place[1]].u[place[2]], motion[b, place[0], place[1]].v[place[2]]
+    )
+
+
+@ti.func
 def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
     """Whether the pushes on a pack may be other than zero."""
     may_be = 0
@@ -185,28 +193,47 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
 
 
 @ti.func
+def piece_push(away: vec2, closing: vec2, touch: ti.f64, p: ti.template()) -> vec2:
+    """Force [N] on a node whose partner is `away` [m] from it, by their law and by friction.
+
+    `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
+    [m]. There are no branches, since who touches is a toss-up.
+    """
+    gap = away.norm()
+    stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
+    acts = gap < touch and gap > 0.0
+    normal = away * ti.select(acts, 1.0 / gap, 0.0)
+    tangent = vec2(-normal.y, normal.x)
+    rubbing = contact_law.rubbing_force(
+        p.piece_dashpot, -closing.dot(tangent), p.piece_friction, -p.piece_area * stress
+    )
+    return normal * (p.piece_area * stress) + tangent * rubbing
+
+
+@ti.func
 def push_pieces(lattice: ti.template(), b, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
     A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
     those have their connection's own law for compression, broken or not. Only one thread adds to
-    a lattice's pushes, so there are no atomics; and no branches, since who touches is a toss-up.
+    a lattice's pushes, so there are no atomics.
     """
     for n in range(lattice.clock[b].touchers):
-        now = node_at(lattice.trial, b, place_of(lattice, lattice.toucher_node[b, n]))
+        place = place_of(lattice, lattice.toucher_node[b, n])
+        now = node_at(lattice.trial, b, place)
+        speed = velocity_at(lattice.trial, b, place)
         lattice.touchers[b, n].x = now.x
         lattice.touchers[b, n].y = now.y
+        lattice.touchers[b, n].u = speed.x
+        lattice.touchers[b, n].v = speed.y
         lattice.toucher_push[b, n] = vec2(0.0)
     for n in range(lattice.clock[b].pairs):
         pair = lattice.pairs[b, n]
         one = lattice.touchers[b, pair[0]]
         two = lattice.touchers[b, pair[1]]
         away = vec2(one.x - two.x, one.y - two.y)
-        touch = one.radius + two.radius
-        gap = away.norm()
-        stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
-        acts = gap < touch and gap > 0.0
-        push = away * ti.select(acts, p.piece_area * stress / gap, 0.0)
+        closing = vec2(one.u - two.u, one.v - two.v)
+        push = piece_push(away, closing, one.radius + two.radius, p)
         lattice.toucher_push[b, pair[0]] = lattice.toucher_push[b, pair[0]] - push
         lattice.toucher_push[b, pair[1]] = lattice.toucher_push[b, pair[1]] + push
     for n in range(lattice.clock[b].touchers):

@@ -7,10 +7,11 @@ import taichi as ti
 
 from taichi_foam.engine import packs
 from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING
+from taichi_foam.engine.parameters import BOTH, EITHER
 from taichi_foam.laws import elementary, kinematics
 from taichi_foam.laws import foam as foam_law
 
-vec2 = ti.types.vector(2, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 
 # A connection runs along its own axis (A along x, B along y); the other axis lies across it.
 A = 0
@@ -21,21 +22,28 @@ B = 1
 def slot_of(lattice: ti.template(), i, last):
     """Where a sweep that ends with column `last` keeps the forces of column `i`.
 
-    The last column has a place of its own: its forces may be there before the sweep begins. Left
-    of the lattice there are none, for which a place of zeros is kept.
+    The last column and the one beyond it have places of their own: their forces may be there before
+    the sweep begins. Left and right of the lattice there are none, for which a place of zeros is
+    kept.
     """
-    return ti.select(i < 0, RING + 1, ti.select(i == last, RING, ti.raw_mod(i, RING)))
+    outside = i < 0 or i >= lattice.columns
+    within = ti.select(i == last, RING, ti.raw_mod(i, RING))
+    return ti.select(outside, RING + 1, ti.select(i > last, RING + 2, within))
 
 
 @ti.func
 def _link_forces(
     lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip,
-    reach_x, reach_y, along_u, along_v, ahead_x, ahead_y, behind_x, behind_y, p: ti.template(),
+    reach_x, reach_y, along_u, along_v, ahead: ti.template(), behind: ti.template(),
+    p: ti.template(),
 ):  # fmt: skip
     """Force [N] of a pack of connections on their first nodes, short of densification.
 
-    `reach` and `along` are the differences of position and velocity between the two nodes, `ahead`
-    and `behind` what crosses the connection on its two sides.
+    The third number is what the shear stress comes to over the face [N].
+
+    `reach` and `along` are the differences of position and velocity between the two nodes. `ahead`
+    and `behind` are the differences of position (near x, far x, near y, far y) that cross it on its
+    two sides, at its first node and at its second.
 
     The first stage, whose state is the accepted one, brings the worst strain up to date. The last
     one, which looks at the step's end, finds what breaks there. Both sample the powers of shear and
@@ -48,16 +56,25 @@ def _link_forces(
     condition = ti.cast(links[b, i, k].condition, ti.f64)
     there = condition > ABSENT
     whole = condition > BROKEN
-    # the plateau has no memory, so a worst strain met only now gives the same stress
-    worst = elementary.smaller(e, links[b, i, k].worst)
+    worst = links[b, i, k].worst
+    if p.foam.rate == 0.0:
+        # the plateau has no memory, so a worst strain met only now gives the same stress
+        worst = elementary.smaller(e, worst)
     numerator, divisor = foam_law.yielding_fraction(p.foam, e, worst, condition <= BROKEN)
     normal = p.area[axis] * numerator / (divisor * length)
-    # F's column across the connection, from the halves that its broken neighbours leave
+    # F's column across the connection, from the differences that its broken neighbours leave; on
+    # each side they are added first, so that the mirror image gives the same sum
     per_spacing = 1.0 / p.cell[1 - axis]
-    ahead = ti.cast(links[b, i, k].ahead, ti.f64) * per_spacing
-    behind = ti.cast(links[b, i, k].behind, ti.f64) * per_spacing
-    across_x = ahead * ahead_x + behind * behind_x
-    across_y = ahead * ahead_y + behind * behind_y
+    ahead_near = ti.cast(links[b, i, k].ahead_near, ti.f64)
+    ahead_far = ti.cast(links[b, i, k].ahead_far, ti.f64)
+    behind_near = ti.cast(links[b, i, k].behind_near, ti.f64)
+    behind_far = ti.cast(links[b, i, k].behind_far, ti.f64)
+    across_x = ahead_near * ahead[0] + ahead_far * ahead[1]
+    across_y = ahead_near * ahead[2] + ahead_far * ahead[3]
+    across_x += behind_near * behind[0] + behind_far * behind[1]
+    across_y += behind_near * behind[2] + behind_far * behind[3]
+    across_x *= per_spacing
+    across_y *= per_spacing
     gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
     tau = foam_law.shear_stress(p.foam, gamma)
     shear = p.area[axis] * tau
@@ -80,7 +97,12 @@ def _link_forces(
         links[b, i, k].worst = ti.select(there, worst, 0.0)
     if stage == LAST_STAGE:
         # the shear strength grows with the stress up to the plateau
-        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst)
+        size = (1.0 + e) * ti.sqrt(across_x * across_x + across_y * across_y)
+        strength = ti.cast(links[b, i, k].strength, ti.f64)
+        if p.foam.crushed_strength < 1.0:
+            crossing = _crossing_crush(lattice, axis, b, i, k)
+            strength *= foam_law.strength_left(p.foam, crossing)
+        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst, size, strength)
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         links[b, i, k].condition = ti.cast(condition, ti.f32)
@@ -91,19 +113,40 @@ def _link_forces(
         damped = ti.select(whole, drag_x * along_u + drag_y * along_v, 0.0)
         tally[b, strip].sheared = tally[b, strip].sheared + sheared
         tally[b, strip].damped = tally[b, strip].damped + damped
-    return force_x, force_y
+    return force_x, force_y, shear
+
+
+@ti.func
+def _crossing_crush(lattice: ti.template(), axis: ti.template(), b, i, k):
+    """The worst strain of the connections that cross a pack of them at either end."""
+    crossing = ti.static(lattice.links[1 - axis])
+    worst = crossing[b, i, k].worst
+    last = ti.static(lattice.lanes - 1)
+    if ti.static(axis == A):
+        right = crossing[b, i + 1, k].worst
+        below = packs.from_below(worst, crossing[b, i, k - 1].worst[last])
+        right_below = packs.from_below(right, crossing[b, i + 1, k - 1].worst[last])
+        worst = elementary.smaller(
+            elementary.smaller(worst, below), elementary.smaller(right, right_below)
+        )
+    else:
+        worst = elementary.smaller(worst, crossing[b, i - 1, k].worst)
+        above = elementary.smaller(crossing[b, i, k + 1].worst, crossing[b, i - 1, k + 1].worst)
+        worst = elementary.smaller(worst, packs.from_above(worst, above[0]))
+    return worst
 
 
 @ti.func
 def face_pack(
-    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, below_x, below_y,
+    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, below: ti.template(),
     p: ti.template(),
 ):  # fmt: skip
     """Forces of the connections to the right of and above each node of a pack, kept in `slot`.
 
-    `below` is what crosses the first lane's A below it. What crosses the last lane's A above it
-    comes back for the next pack. The strip's tally gets the least strain, at the first and the last
-    stage the powers of shear and of dashpots, and at the last how many connections break.
+    `below` is what crosses the first lane's A below it (near x, far x, near y, far y). What crosses
+    the last lane's A above it comes back for the next pack. The strip's tally gets the least
+    strain, at the first and the last stage the powers of shear and of dashpots, and at the last how
+    many connections break.
     """
     motion = ti.static(lattice.trial)
     here = motion[b, i, k]
@@ -118,29 +161,40 @@ def face_pack(
     left_up_y = packs.from_above(left.y, motion[b, i - 1, k + 1].y[0])
     reach_x, reach_y = right.x - here.x, right.y - here.y
     rise_x, rise_y = up_x - here.x, up_y - here.y
-    # what crosses a connection on one side of it: the differences at its two nodes are added
-    # first, so that the mirror image gives the same sums
-    above_x, above_y = rise_x + (right_up_x - right.x), rise_y + (right_up_y - right.y)
-    beside_x, beside_y = reach_x + (right_up_x - up_x), reach_y + (right_up_y - up_y)
-    before_x = (here.x - left.x) + (up_x - left_up_x)
-    before_y = (here.y - left.y) + (up_y - left_up_y)
-    force_x, force_y = _link_forces(
+    right_rise_x, right_rise_y = right_up_x - right.x, right_up_y - right.y
+    force_x, force_y, shear = _link_forces(
         lattice, A, stage, b, i, k, strip,
-        reach_x, reach_y, right.u - here.u, right.v - here.v, above_x, above_y,
-        packs.from_below(above_x, below_x), packs.from_below(above_y, below_y), p,
+        reach_x, reach_y, right.u - here.u, right.v - here.v,
+        (rise_x, right_rise_x, rise_y, right_rise_y),
+        (
+            packs.from_below(rise_x, below[0]), packs.from_below(right_rise_x, below[1]),
+            packs.from_below(rise_y, below[2]), packs.from_below(right_rise_y, below[3]),
+        ),
+        p,
     )  # fmt: skip
     lattice.force[sweep, slot, k].ax = force_x
     lattice.force[sweep, slot, k].ay = force_y
+    if p.variational:
+        crossing = shear * (1.0 / p.cell.y)
+        lattice.crossing[sweep, slot, k].ax = crossing * reach_x
+        lattice.crossing[sweep, slot, k].ay = crossing * reach_y
     up_u = packs.from_above(here.u, up.u[0])
     up_v = packs.from_above(here.v, up.v[0])
-    force_x, force_y = _link_forces(
+    force_x, force_y, shear = _link_forces(
         lattice, B, stage, b, i, k, strip,
-        rise_x, rise_y, up_u - here.u, up_v - here.v, beside_x, beside_y, before_x, before_y, p,
+        rise_x, rise_y, up_u - here.u, up_v - here.v,
+        (reach_x, right_up_x - up_x, reach_y, right_up_y - up_y),
+        (here.x - left.x, up_x - left_up_x, here.y - left.y, up_y - left_up_y),
+        p,
     )  # fmt: skip
     lattice.force[sweep, slot, k].bx = force_x
     lattice.force[sweep, slot, k].by = force_y
+    if p.variational:
+        crossing = shear * (1.0 / p.cell.x)
+        lattice.crossing[sweep, slot, k].bx = crossing * rise_x
+        lattice.crossing[sweep, slot, k].by = crossing * rise_y
     last = ti.static(lattice.lanes - 1)
-    return above_x[last], above_y[last]
+    return vec4(rise_x[last], right_rise_x[last], rise_y[last], right_rise_y[last])
 
 
 @ti.func
@@ -183,11 +237,9 @@ def face_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
     a loop of its own: few columns have any, and it would cost every other face its registers.
     """
     clear_faces(lattice, b, strip)
-    below_x, below_y = 0.0, 0.0
+    below = vec4(0.0)
     for k in range(lattice.packs):
-        below_x, below_y = face_pack(
-            lattice, stage, b, i, k, strip, sweep, slot, below_x, below_y, p
-        )
+        below = face_pack(lattice, stage, b, i, k, strip, sweep, slot, below, p)
     stiffest = 0.0
     if lattice.tally[b, strip].least.min() < p.foam.densification_strain:
         for k in range(lattice.packs):
@@ -196,6 +248,42 @@ def face_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
     lattice.strip_stiffest[b, strip] = stiffest
     if stage == LAST_STAGE:
         lattice.column_breaks[b, i] = ti.i32(lattice.tally[b, strip].breaks.sum())
+
+
+@ti.func
+def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
+    """Before a step, of rate-sensitive foam: let the worst strains of a pack flow.
+
+    They are frozen during steps. What flows in the time of a step, at the strain now, takes them
+    from the middle of the last step to the middle of the next: an error of second order.
+    """
+    motion = ti.static(lattice.state)
+    here = motion[b, i, k]
+    right = motion[b, i + 1, k]
+    up = motion[b, i, k + 1]
+    _flow(lattice, A, b, i, k, right.x - here.x, right.y - here.y, p)
+    rise_x = packs.from_above(here.x, up.x[0]) - here.x
+    rise_y = packs.from_above(here.y, up.y[0]) - here.y
+    _flow(lattice, B, b, i, k, rise_x, rise_y, p)
+
+
+@ti.func
+def flow_column(lattice: ti.template(), b, i, p: ti.template()):
+    for k in range(lattice.packs):
+        flow_pack(lattice, b, i, k, p)
+
+
+@ti.func
+def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y, p: ti.template()):
+    links = ti.static(lattice.links[axis])
+    length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
+    e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+    worst = links[b, i, k].worst
+    there = links[b, i, k].condition > ABSENT
+    # powers are dear, and few connections flow
+    if packs.any_of(there & (e < worst)):
+        flowed = foam_law.flowed_strain(p.foam, e, worst, lattice.clock[b].step)
+        links[b, i, k].worst = ti.select(there, flowed, 0.0)
 
 
 @ti.func
@@ -276,33 +364,49 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 
 
 @ti.func
-def _weight(counts: ti.i32, halves: ti.i32) -> ti.f32:
-    """Factor of a half in the mean gradient: each is the sum of two differences."""
-    return ti.cast(counts, ti.f32) * 0.5 / ti.cast(ti.max(halves, 1), ti.f32)
+def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
+    """Weights of a connection's four cross differences, from which crossing connections are whole.
+
+    A broken connection has none: the shear vanishes with its column across.
+    """
+    counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
+    halves = lattice.parameters[b].halves
+    if halves == EITHER:
+        ahead, behind = ahead_near * ahead_far, behind_near * behind_far
+        counts = ti.Vector([ahead, ahead, behind, behind])
+    elif halves == BOTH:
+        ahead, behind = ti.max(ahead_near, ahead_far), ti.max(behind_near, behind_far)
+        counts = ti.Vector([ahead, ahead, behind, behind])
+    return ti.cast(holds * counts, ti.f32) / ti.cast(ti.max(counts.sum(), 1), ti.f32)
 
 
 @ti.func
 def update_halves(lattice: ti.template(), b, i, j):
-    """Which halves of the node's two connections still count (Eqs 13, 27, Fig. 20).
-
-    A half counts while the crossing connections at both of the connection's nodes are whole. With
-    none left the connection is a bare fibre: `across` vanishes, and the shear with it. So it does
-    for a broken connection.
-    """
+    """Weights of the differences that cross the node's two connections (Eqs 13, 27, Fig. 20)."""
     k = packs.pack_of(lattice, j)
     lane = packs.lane_of(lattice, j)
     if i < lattice.columns - 1:
-        holds = is_whole(lattice, A, b, i, j)
-        above = holds * is_whole(lattice, B, b, i, j) * is_whole(lattice, B, b, i + 1, j)
-        below = holds * is_whole(lattice, B, b, i, j - 1) * is_whole(lattice, B, b, i + 1, j - 1)
-        lattice.link_a[b, i, k].ahead[lane] = _weight(above, above + below)
-        lattice.link_a[b, i, k].behind[lane] = _weight(below, above + below)
+        weights = _weigh(
+            lattice, b, is_whole(lattice, A, b, i, j),
+            is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
+            is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
+        )  # fmt: skip
+        _set_weights(lattice.link_a, b, i, k, lane, weights)
     if j < lattice.rows - 1:
-        holds = is_whole(lattice, B, b, i, j)
-        right = holds * is_whole(lattice, A, b, i, j) * is_whole(lattice, A, b, i, j + 1)
-        left = holds * is_whole(lattice, A, b, i - 1, j) * is_whole(lattice, A, b, i - 1, j + 1)
-        lattice.link_b[b, i, k].ahead[lane] = _weight(right, right + left)
-        lattice.link_b[b, i, k].behind[lane] = _weight(left, right + left)
+        weights = _weigh(
+            lattice, b, is_whole(lattice, B, b, i, j),
+            is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
+            is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
+        )  # fmt: skip
+        _set_weights(lattice.link_b, b, i, k, lane, weights)
+
+
+@ti.func
+def _set_weights(links: ti.template(), b, i, k, lane, weights):
+    links[b, i, k].ahead_near[lane] = weights[0]
+    links[b, i, k].ahead_far[lane] = weights[1]
+    links[b, i, k].behind_near[lane] = weights[2]
+    links[b, i, k].behind_far[lane] = weights[3]
 
 
 @ti.func

@@ -52,9 +52,9 @@ SELF_CONTACT = 7
 LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 
 # Columns of forces that a sweep keeps: those left of, at and right of a node, the last one of the
-# sweep, and zeros for what is left of the lattice.
+# sweep and the one beyond it, and zeros for what is left and right of the lattice.
 RING = 3
-SWEEP_SLOTS = RING + 2
+SWEEP_SLOTS = RING + 3
 
 # Threads of a GPU's block. More would leave each too few registers for 64-bit numbers.
 THREADS = 256
@@ -97,6 +97,8 @@ class Toucher:
 
     x: ti.f64  # [m]
     y: ti.f64
+    u: ti.f64  # [m/s]
+    v: ti.f64
     radius: ti.f64  # [m]
 
 
@@ -163,12 +165,17 @@ class Lattice:
         pack = ti.types.vector(self.lanes, ti.f64)
         small_pack = ti.types.vector(self.lanes, ti.f32)
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
-        # `ahead` and `behind` weigh the halves of Eq. 13 (above and below an A, right and left of
-        # a B): 0, 1/4 or 1/2, exact in 32 bits as are the conditions
-        link = ti.types.struct(
-            worst=pack, ahead=small_pack, behind=small_pack, condition=small_pack,
-            break_time=small_pack,
-        )  # fmt: skip
+        # `ahead` and `behind` weigh the differences of Eq. 13 (above and below an A, right and left
+        # of a B; at its first node and at its second). 0, 1/4, 1/2 and 1 are exact in 32 bits, as
+        # are the conditions; a third is not, but all its uses have the same one. `strength` is a
+        # connection's own over the mean of all.
+        small = [
+            "ahead_near", "ahead_far", "behind_near", "behind_far", "condition", "break_time",
+            "strength",
+        ]  # fmt: skip
+        if self.on_gpu:
+            small.append("spare")  # an even number of them, see below
+        link = ti.types.struct(worst=pack, **dict.fromkeys(small, small_pack))
 
         self.state = motion.field()  # accepted: position [m], velocity [m/s]
         self.trial = motion.field()  # at the current stage
@@ -189,6 +196,8 @@ class Lattice:
 
         # forces of the connections [N]; on a CPU of the few columns that a sweep needs at a time
         self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
+        # and of a variational shear on the differences that cross them, per unit of their weight
+        self.crossing = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
 
         # what a strip of nodes adds up; a sum over strips has one order on any machine
         self.tally = ti.types.struct(
@@ -225,7 +234,7 @@ class Lattice:
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)
         sweeps = batch * self.sweeps
-        builder.dense(ti.ijk, (sweeps, self.slots, self.packs)).place(self.force)
+        builder.dense(ti.ijk, (sweeps, self.slots, self.packs)).place(self.force, self.crossing)
         for field in (
             self.tally, self.strip_stiffest, self.strip_lift, self.strip_overlap,
             self.strip_work, self.strip_fracture, self.strip_energy,

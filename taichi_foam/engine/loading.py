@@ -9,6 +9,7 @@ import taichi as ti
 from taichi_foam.engine import faces, packs
 from taichi_foam.engine.lattice import (
     ABSENT,
+    BROKEN,
     EMPTY,
     HISTORY_ROWS,
     NEVER,
@@ -26,6 +27,7 @@ from taichi_foam.engine.parameters import (
     impactor_edges,
     parameters_of,
 )
+from taichi_foam.engine.strengths import strengths
 from taichi_foam.result import Snapshot
 from taichi_foam.scene import Scene
 
@@ -48,6 +50,7 @@ def load(lattice: Lattice, b: int, scene: Scene) -> None:
     gradient = np.asarray(scene.start.deformation_gradient, float) - np.eye(2)
     spin = np.asarray(scene.start.velocity_gradient, float)
     _set_start(lattice, b, vec4(*gradient.ravel()), vec4(*spin.ravel()))
+    _set_strengths(lattice, b, strengths(scene))
 
 
 def unload(lattice: Lattice, b: int) -> None:
@@ -138,9 +141,12 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
             no_weight = ti.cast(zeros, ti.f32)
             for links in ti.static(lattice.links):
                 links[b, i, k].worst = zeros
-                links[b, i, k].ahead = no_weight
-                links[b, i, k].behind = no_weight
+                links[b, i, k].ahead_near = no_weight
+                links[b, i, k].ahead_far = no_weight
+                links[b, i, k].behind_near = no_weight
+                links[b, i, k].behind_far = no_weight
                 links[b, i, k].break_time = no_weight
+                links[b, i, k].strength = no_weight
             lattice.rate[b, i, k].x = zeros
             lattice.rate[b, i, k].y = zeros
             lattice.slip[b, i, k].impactor = zeros
@@ -183,6 +189,21 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
         clock.pairs = 0
         clock.active = 0
         lattice.clock[b] = clock
+
+
+@ti.kernel
+def _set_strengths(lattice: ti.template(), b: ti.i32, values: Stack):
+    """How strong connections are; without any strength they are broken from the start."""
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            k = packs.pack_of(lattice, j)
+            lane = packs.lane_of(lattice, j)
+            for axis in ti.static(range(2)):
+                link = ti.static(lattice.links[axis])
+                strength = values[i, j, axis]
+                link[b, i, k].strength[lane] = ti.cast(strength, ti.f32)
+                if strength == 0.0 and link[b, i, k].condition[lane] == WHOLE:
+                    link[b, i, k].condition[lane] = BROKEN
 
 
 @ti.kernel

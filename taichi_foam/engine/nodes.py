@@ -19,14 +19,14 @@ ASTRAY = 1e5
 
 @ti.func
 def node_pack(
-    lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot, below_x, below_y,
-    p: ti.template(),
+    lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot, right_slot,
+    below_x, below_y, p: ti.template(),
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
-    `slot` and `left_slot` hold the forces of this column's connections and of those to its left;
-    `below` is the force of the connection below the first lane. After the last stage the step is
-    accepted.
+    `slot`, `left_slot` and `right_slot` hold the forces of the connections of this column and of
+    its neighbours; `below` is the force of the connection below the first lane. After the last
+    stage the step is accepted.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
     numbers. The powers [W] that the nodes give to the faces are added to the strip's tally, and
@@ -39,6 +39,13 @@ def node_pack(
     left = lattice.force[sweep, left_slot, k]
     force_x = (own.ax - left.ax) + (own.bx - packs.from_below(own.bx, below_x))
     force_y = (own.ay - left.ay) + (own.by - packs.from_below(own.by, below_y))
+    if p.variational:
+        cross_x, cross_y = _crossing_forces(lattice, b, i, k, sweep, slot, left_slot, right_slot)
+        force_x += cross_x
+        force_y += cross_y
+        if stage == 0 or stage == LAST_STAGE:
+            sheared = cross_x * now.u + cross_y * now.v
+            lattice.tally[b, strip].sheared = lattice.tally[b, strip].sheared - sheared
     by_faces = force_x * now.u + force_y * now.v
     lattice.tally[b, strip].by_faces = lattice.tally[b, strip].by_faces - by_faces
     if contact.may_touch_bodies(lattice, b, now.x, now.y, p):
@@ -99,6 +106,69 @@ def node_pack(
 
 
 @ti.func
+def _crossing_forces(lattice: ti.template(), b, i, k, sweep, slot, left_slot, right_slot):
+    """Forces [N] on a pack of nodes by the shear stresses of connections that theirs cross.
+
+    The shear strain of a connection is u . w, and w a weighted sum of differences between nodes
+    beside it. The gradient of its energy pulls at these nodes too: a connection acts as if it
+    carried, besides its own force, that of each connection it crosses by its weight there.
+    """
+    last = ti.static(lattice.lanes - 1)
+    low_x, low_y, high_x, high_y, near_x, near_y, far_x, far_y = _crossed(
+        lattice, b, i, k, sweep, slot, left_slot, right_slot
+    )
+    low_below_x, low_below_y, far_below_x, far_below_y = 0.0, 0.0, 0.0, 0.0
+    if k > 0:
+        lx, ly, _hx, _hy, _nx, _ny, fx, fy = _crossed(
+            lattice, b, i, k - 1, sweep, slot, left_slot, right_slot
+        )
+        low_below_x, low_below_y = lx[last], ly[last]
+        far_below_x, far_below_y = fx[last], fy[last]
+    high_above_x, high_above_y = 0.0, 0.0
+    if k < lattice.packs - 1:
+        _lx, _ly, hx, hy, _nx, _ny, _fx, _fy = _crossed(
+            lattice, b, i, k + 1, sweep, slot, left_slot, right_slot
+        )
+        high_above_x, high_above_y = hx[0], hy[0]
+    x = low_x - packs.from_below(low_x, low_below_x)
+    x += packs.from_above(high_x, high_above_x) - high_x
+    x += near_x + packs.from_below(far_x, far_below_x)
+    y = low_y - packs.from_below(low_y, low_below_y)
+    y += packs.from_above(high_y, high_above_y) - high_y
+    y += near_y + packs.from_below(far_y, far_below_y)
+    return x, y
+
+
+@ti.func
+def _crossed(lattice: ti.template(), b, i, k, sweep, slot, left_slot, right_slot):
+    """What a pack's connections carry for those that they cross, see `_crossing_forces`.
+
+    `low` and `high` are what the B above and the one below a node carry for the A's at the node's
+    sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
+    what the one to the left does, and `far` the same of the A's of the node above.
+    """
+    own, left = lattice.link_a[b, i, k], lattice.link_a[b, i - 1, k]
+    here = lattice.crossing[sweep, slot, k]
+    before = lattice.crossing[sweep, left_slot, k]
+    after = lattice.crossing[sweep, right_slot, k]
+    low_x = own.ahead_near * here.ax + left.ahead_far * before.ax
+    low_y = own.ahead_near * here.ay + left.ahead_far * before.ay
+    high_x = own.behind_near * here.ax + left.behind_far * before.ax
+    high_y = own.behind_near * here.ay + left.behind_far * before.ay
+    rise, left_rise = lattice.link_b[b, i, k], lattice.link_b[b, i - 1, k]
+    right_rise = lattice.link_b[b, i + 1, k]
+    near_x = rise.ahead_near * here.bx + right_rise.behind_near * after.bx
+    near_y = rise.ahead_near * here.by + right_rise.behind_near * after.by
+    near_x -= left_rise.ahead_near * before.bx + rise.behind_near * here.bx
+    near_y -= left_rise.ahead_near * before.by + rise.behind_near * here.by
+    far_x = rise.ahead_far * here.bx + right_rise.behind_far * after.bx
+    far_y = rise.ahead_far * here.by + right_rise.behind_far * after.by
+    far_x -= left_rise.ahead_far * before.bx + rise.behind_far * here.bx
+    far_y -= left_rise.ahead_far * before.by + rise.behind_far * here.by
+    return low_x, low_y, high_x, high_y, near_x, near_y, far_x, far_y
+
+
+@ti.func
 def inspect_pack(lattice: ti.template(), b, i, k, strip):
     """After the last stage: how far the nodes have moved in the step, and whether any is astray."""
     now = lattice.state[b, i, k]
@@ -111,13 +181,17 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
 
 
 @ti.func
-def node_column(lattice: ti.template(), b, i, stage, sweep, slot, left_slot, p: ti.template()):
+def node_column(
+    lattice: ti.template(), b, i, stage, sweep, slot, left_slot, right_slot, p: ti.template()
+):
     """A stage for one column of nodes."""
     clear_nodes(lattice, b, i, stage)
     below_x, below_y = 0.0, 0.0
     last = ti.static(lattice.lanes - 1)
     for k in range(lattice.packs):
-        node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, below_x, below_y, p)
+        node_pack(
+            lattice, b, i, k, i, stage, sweep, slot, left_slot, right_slot, below_x, below_y, p
+        )
         below_x = lattice.force[sweep, slot, k].bx[last]
         below_y = lattice.force[sweep, slot, k].by[last]
     if stage == LAST_STAGE:

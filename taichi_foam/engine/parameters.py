@@ -14,6 +14,11 @@ from taichi_foam.scene import Cylinder, Scene
 
 MAX_EDGES = 16
 
+# When cross differences are left out (Model.broken_halves).
+EITHER = 0
+BOTH = 1
+EACH = 2
+
 NO_IMPACTOR = 0
 CIRCLE = 1
 POLYGON = 2
@@ -37,6 +42,8 @@ class Parameters:
     cell: vec2  # (dx, dy), also the connections' lengths
     area: vec2  # of the connections' faces
     node_mass: ti.f64
+    variational: ti.i32  # shear forces on all six nodes
+    halves: ti.i32  # which of them Eq. 27 leaves out
     cross_dashpot: vec2  # on the relative velocity of a connection's nodes [N s/m]
     excess_dashpot: vec2  # on its part along the connection, beyond that
     drag: ti.f64  # on a node's own velocity [N s/m]
@@ -56,6 +63,9 @@ class Parameters:
     self_contact: ti.i32
     piece_area: ti.f64  # of the contact of node with node [m2]
     piece_length: ti.f64
+    piece_size: ti.f64  # radius of a node in contact over half its cell
+    piece_friction: ti.f64
+    piece_dashpot: ti.f64  # between pieces that rub, up to what friction holds [N s/m]
     skin: ti.f64  # how far beyond touch the neighbour list looks [m]
     step: ti.f64  # given step size [s], or 0: automatic
     largest_step: ti.f64
@@ -82,6 +92,8 @@ def parameters_of(scene: Scene) -> dict:
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": block.node_mass,
+        "variational": int(model.shear == "variational"),
+        "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
         "cross_dashpot": (across * per_length).tolist(),
         "excess_dashpot": ((along - across) * per_length).tolist(),
         "drag": drag if model.damping == "absolute" else 0.0,
@@ -101,6 +113,9 @@ def parameters_of(scene: Scene) -> dict:
         "self_contact": int(model.self_contact),
         "piece_area": math.sqrt(area_a * area_b),
         "piece_length": math.sqrt(block.dx * block.dy),
+        "piece_size": model.piece_size,
+        "piece_friction": model.piece_friction,
+        "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
@@ -120,7 +135,11 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_edges": 0 if is_circle else len(impactor.outline()),
             "impactor_mass": impactor.mass,
             "impactor_friction": impactor.friction,
-            "support_stiffness": contact * impactor.mass / block.node_mass / SLOWNESS**2,
+            "support_stiffness": (
+                contact * impactor.mass / block.node_mass / SLOWNESS**2
+                if base.stops_impactor
+                else 0.0
+            ),
         }
     return values
 
@@ -154,13 +173,17 @@ def _foam(scene: Scene) -> dict:
         "crushed_tensile_stress": (
             foam.youngs_modulus * crushed_strain if crushed_stress is None else crushed_stress
         ),
+        "crushed_strength": foam.crushed_strength,
         "broken_contact": {"reload": foam_law.RELOAD, "jump": foam_law.JUMP}[model.broken_contact],
         "shear_failure": {
             "tension-only": foam_law.TENSION_ONLY,
             "always": foam_law.ALWAYS,
             "pressure-dependent": foam_law.PRESSURE_DEPENDENT,
+            "angle": foam_law.ANGLE,
         }[model.shear_failure],
         "shear_pressure_coefficient": model.shear_pressure_coefficient,
+        "rate": foam.rate or 0.0,
+        "rate_exponent": foam.rate_exponent,
     }
 
 
@@ -189,16 +212,19 @@ def stable_step(p: Parameters, densified: ti.f64) -> ti.f64:
     """Step size [s] for a lattice whose stiffest densified connection has `densified` [N/m].
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear connections, 8 k of packed pieces and once the contact with a body (normal and
-    friction act across each other); dashpots decay at no more than 8 c / m, a drag at C / m.
+    of its shear connections (20 k_s by the variational form), 8 k of packed pieces and once the
+    contact with a body (normal and friction act across each other); dashpots decay at no more than
+    8 c / m, with eight more of pieces that rub, a drag at C / m.
     """
     per_length = p.area / p.cell
     elastic = foam_law.elastic_modulus(p.foam) * per_length.max()
-    stiffness = 4.0 * ti.max(elastic, densified) + 8.0 * p.foam.shear_modulus * per_length.max()
-    stiffness += p.contact_stiffness
+    sheared = ti.select(p.variational, 20.0, 8.0) * p.foam.shear_modulus * per_length.max()
+    stiffness = 4.0 * ti.max(elastic, densified) + sheared + p.contact_stiffness
     if p.self_contact:
         stiffness += 8.0 * foam_law.PACKED * p.foam.youngs_modulus * per_length.max()
     dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
     decay = 4.0 * dashpots.sum() + p.drag
+    if p.self_contact and p.piece_friction > 0.0:
+        decay += 8.0 * p.piece_dashpot
     rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
     return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

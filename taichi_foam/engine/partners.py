@@ -12,7 +12,6 @@ import taichi as ti
 from taichi_foam.engine import contact, faces, packs
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
 from taichi_foam.engine.lattice import CROWDED
-from taichi_foam.laws import foam as foam_law
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -203,15 +202,14 @@ def push(lattice: ti.template(), b, n, p: ti.template()):
     if count > 0:
         i, j = _place(lattice, n)
         point = _point(lattice, lattice.trial, b, n)
+        speed = packs.velocity(lattice, lattice.trial, b, i, j)
         total = vec2(0.0)
         for m in range(count):
             other = lattice.partners[b, lattice.partner_start[b, n] + m]
             oi, oj = _place(lattice, other)
             away = point - _point(lattice, lattice.trial, b, other)
+            closing = speed - packs.velocity(lattice, lattice.trial, b, oi, oj)
             touch = lattice.radius[b, i, j][0] + lattice.radius[b, oi, oj][0]
-            gap = away.norm()
-            if gap < touch and gap > 0.0:
-                stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
-                total -= away * (p.piece_area * stress / gap)
+            total -= contact.piece_push(away, closing, touch, p)
         lattice.push[b, i, j].x[0] = total.x
         lattice.push[b, i, j].y[0] = total.y

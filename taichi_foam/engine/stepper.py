@@ -63,7 +63,8 @@ def _sweep(
         if i > start:
             slot = faces.slot_of(lattice, i - 1, end - 1)
             left_slot = faces.slot_of(lattice, i - 2, end - 1)
-            nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, p)
+            right_slot = faces.slot_of(lattice, i, end - 1)
+            nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, right_slot, p)
 
 
 @ti.func
@@ -120,6 +121,9 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.clock[b].status == RUNNING:
+        if p.foam.rate > 0.0:
+            for i in range(lattice.columns):
+                faces.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
@@ -193,6 +197,14 @@ def _begin_staged(lattice: ti.template()):
             lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
             if p.self_contact:
                 contact.push_pieces(lattice, b, p)
+    for q in range(lattice.batch * lattice.sweeps * GRAIN):
+        if q % GRAIN == 0:
+            sweep = q // GRAIN
+            b = sweep // lattice.sweeps
+            if lattice.clock[b].active and lattice.parameters[b].foam.rate > 0.0:
+                p = lattice.parameters[b]
+                for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
+                    faces.flow_column(lattice, b, i, p)
 
 
 @ti.kernel
@@ -210,11 +222,12 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
                 p = lattice.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
-                for n in range(3):
-                    i = ti.select(n == 2, end - 1, start - 1 + n)
-                    if i >= 0:
+                for n in range(4):
+                    i = ti.select(n < 2, start - 1 + n, end - 3 + n)
+                    if i >= 0 and i < lattice.columns:
                         slot = faces.slot_of(lattice, i, end - 1)
-                        strip = ti.select(n == 0, lattice.strips + sweep % lattice.sweeps, i)
+                        own = start <= i and i < end
+                        strip = ti.select(own, i, lattice.strips + sweep % lattice.sweeps)
                         faces.face_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:

@@ -27,6 +27,7 @@ from taichi_foam.engine.lattice import (
 TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
 
 vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 vec8 = ti.types.vector(8, ti.f64)
 
 
@@ -66,16 +67,27 @@ def face_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
         k = ti.raw_mod(n, lattice.rows)
         here, below = motion[b, i, k], motion[b, i, k - 1]
         right, right_below = motion[b, i + 1, k], motion[b, i + 1, k - 1]
-        below_x = (here.x[0] - below.x[0]) + (right.x[0] - right_below.x[0])
-        below_y = (here.y[0] - below.y[0]) + (right.y[0] - right_below.y[0])
+        rises = vec4(
+            here.x[0] - below.x[0], right.x[0] - right_below.x[0],
+            here.y[0] - below.y[0], right.y[0] - right_below.y[0],
+        )  # fmt: skip
         lattice.tally[b, strip].least = packs.zeros(lattice)
-        faces.face_pack(lattice, stage, b, i, k, strip, b, i, below_x, below_y, p)
+        faces.face_pack(lattice, stage, b, i, k, strip, b, i, rises, p)
         if lattice.tally[b, strip].least[0] < p.foam.densification_strain:
             stiffest = ti.max(stiffest, faces.densify_pack(lattice, b, i, k, b, i, p))
         if p.self_contact:
             partners.push(lattice, b, n, p)
         n += width
     lattice.strip_stiffest[b, strip] = stiffest
+
+
+@ti.func
+def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
+    n = strip
+    while n < lattice.nodes:
+        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+        faces.flow_pack(lattice, b, i, k, p)
+        n += width
 
 
 @ti.func
@@ -87,12 +99,12 @@ def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template())
     while n < lattice.nodes:
         i = ti.raw_div(n, lattice.rows)
         k = ti.raw_mod(n, lattice.rows)
-        left_slot = ti.select(i > 0, i - 1, lattice.columns)
+        left_slot = ti.select(i > 0, i - 1, lattice.columns)  # a place of zeros, as on the right
         below_x, below_y = 0.0, 0.0
         if k > 0:
             below_x = lattice.force[b, i, k - 1].bx[0]
             below_y = lattice.force[b, i, k - 1].by[0]
-        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, below_x, below_y, p)
+        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, i + 1, below_x, below_y, p)
         if stage == LAST_STAGE:
             nodes.inspect_pack(lattice, b, i, k, strip)
             if lattice.tally[b, strip].astray[0] > 0.0:

@@ -34,3 +34,10 @@ def tangential_force(
     """Force [N] along the tangent against the tangential stretch [m]: spring up to mu N."""
     limit = friction * normal
     return -ti.math.clamp(stiffness * stretch, -limit, limit)
+
+
+@ti.func
+def rubbing_force(dashpot: ti.f64, speed: ti.f64, friction: ti.f64, normal: ti.f64) -> ti.f64:
+    """Force [N] along the tangent against the tangential speed [m/s]: dashpot up to mu N."""
+    limit = friction * normal
+    return -ti.math.clamp(dashpot * speed, -limit, limit)

@@ -1,7 +1,8 @@
 """The foam: loading curve, unloading, weak re-tension, shear, and failure (Eq. 26, Figs 19-20).
 
 A connection remembers one number, e_min, the most compressive strain that it has met, and whether
-it is broken. Every function takes that history as frozen.
+it is broken. Every function takes that history as frozen. Foam that heeds the rate lags behind: its
+e_min follows the strain by a flow rule, and how far it lags is the stress beyond the static one.
 
 What a stage of the Runge-Kutta method needs has no branches on values: strains, histories and what
 is broken may be numbers or vectors of them, one for each of several connections.
@@ -21,6 +22,7 @@ JUMP = 1
 TENSION_ONLY = 0
 ALWAYS = 1
 PRESSURE_DEPENDENT = 2
+ANGLE = 3
 
 # The densification law is singular at the locking strain. Within this part of the way from
 # locking back to densification it goes on as its tangent, so that a trial stage that oversteps
@@ -47,9 +49,12 @@ class Foam:
     densification_b: ti.f64
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
+    crushed_strength: ti.f64  # in tension and shear when crushed across, over that of whole foam
     broken_contact: ti.i32
     shear_failure: ti.i32
     shear_pressure_coefficient: ti.f64
+    rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: the foam does not heed the rate
+    rate_exponent: ti.f64
 
 
 @ti.func
@@ -84,6 +89,41 @@ def permanent_strain(foam: Foam, e_min):
 
 
 @ti.func
+def flowed_strain(foam: Foam, e, e_min, time):
+    """The e_min of rate-sensitive foam that has been at strain `e` for `time` [s].
+
+    In flow at the rate r the plateau's stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds 1957,
+    as Perzyna's overstress): while e_min is short of e by y, its rate is D (y / |e_y|)^q. At a
+    constant strain that has a closed form, whatever the time.
+    """
+    elastic = elementary.larger(e, foam.yield_strain)
+    start = elementary.smaller(elastic, e_min)
+    short = elementary.larger(start - e, 0.0)
+    times = foam.rate * time / -foam.yield_strain
+    left = short * elementary.exp(-times)
+    if foam.rate_exponent > 1.0:
+        power = foam.rate_exponent - 1.0
+        # a power's base must be above 0, and what is so little short does not flow in any time
+        share = elementary.larger(short / -foam.yield_strain, 1e-30)
+        slowed = 1.0 + power * times * elementary.power(share, power)
+        left = short * elementary.power(slowed, -1.0 / power)
+    return start - (short - left)
+
+
+@ti.func
+def elastic_strain(foam: Foam, e, e_min):
+    """What of a compressive strain unloading gives back, as if the plateau went on for ever.
+
+    At most the yield strain, but for what e_min is short of e: rate-sensitive foam only.
+    """
+    strain = elementary.larger(e - permanent_strain(foam, e_min), foam.yield_strain)
+    if foam.rate > 0.0:
+        flows_from = elementary.smaller(e_min, foam.yield_strain)
+        strain += elementary.smaller(e - flows_from, 0.0)
+    return strain
+
+
+@ti.func
 def yielding_fraction(foam: Foam, e, e_min, broken):
     """The stress of `normal_stress`, were the plateau to go on for ever, as (numerator, divisor).
 
@@ -91,7 +131,7 @@ def yielding_fraction(foam: Foam, e, e_min, broken):
     """
     permanent = permanent_strain(foam, e_min)
     stretch = e - permanent
-    elastic = foam.youngs_modulus * elementary.larger(stretch, foam.yield_strain)
+    elastic = foam.youngs_modulus * elastic_strain(foam, e, e_min)
     crushed = e_min < foam.yield_strain
     weak = ti.select(crushed, foam.crushed_tensile_stress * stretch, elastic)
     reach = ti.select(crushed, foam.crushed_tensile_strain - permanent, 1.0)
@@ -135,9 +175,13 @@ def stored_energy(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f6
             numerator, divisor = yielding_fraction(foam, e, e_min, broken)
             energy = 0.5 * (e - permanent) * numerator / divisor
     elif not (broken and foam.broken_contact == JUMP):
-        energy = 0.5 * foam.youngs_modulus * ti.max(e - permanent, foam.yield_strain) ** 2
+        energy = 0.5 * foam.youngs_modulus * elastic_strain(foam, e, e_min) ** 2
         if e < foam.densification_strain:
             energy += _densified_energy(foam, e)
+            if foam.rate > 0.0:
+                # over what e_min is short of e here, the overstress's part holds the plateau too
+                short = ti.max(ti.min(e_min, foam.densification_strain) - e, 0.0)
+                energy += foam.youngs_modulus * foam.yield_strain * short
     return energy
 
 
@@ -201,24 +245,45 @@ def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
 
 
 @ti.func
+def strength_left(foam: Foam, e_min):
+    """Strength of foam that has been crushed across to `e_min`, over that of whole foam.
+
+    It falls in proportion to the crush, from yield to densification, where the foam is powder.
+    """
+    crush = (e_min - foam.yield_strain) / (foam.densification_strain - foam.yield_strain)
+    crush = elementary.smaller(elementary.larger(crush, 0.0), 1.0)
+    return 1.0 - (1.0 - foam.crushed_strength) * crush
+
+
+@ti.func
 def tensile_limit(foam: Foam, e_min):
     """Strain at which a connection breaks in tension: less for crushed foam (Section 4.5)."""
     return ti.select(e_min < foam.yield_strain, foam.crushed_tensile_strain, foam.tensile_strain)
 
 
 @ti.func
-def shear_strength(foam: Foam, e, sigma_e):
-    """Shear stress at which a connection breaks [Pa], by the chosen reading of compression."""
+def shear_strength(foam: Foam, e, sigma_e, size):
+    """Shear stress at which a connection breaks [Pa], by the chosen reading of compression.
+
+    `size` is the product of the lengths of F's two columns at the connection: the shear strain is
+    this times the sine of the angle through which its foam has sheared.
+    """
     pulled = foam.shear_modulus * foam.shear_failure_strain
     pressed = pulled + 0.0 * sigma_e
     if foam.shear_failure == TENSION_ONLY:
         pressed += ti.math.inf
     elif foam.shear_failure == PRESSURE_DEPENDENT:
         pressed += foam.shear_pressure_coefficient * ti.abs(sigma_e)
+    elif foam.shear_failure == ANGLE:
+        pressed *= size
     return ti.select(e < 0.0, pressed, pulled)
 
 
 @ti.func
-def fails(foam: Foam, e, sigma_e, tau, e_min):
-    """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6)."""
-    return (e > tensile_limit(foam, e_min)) | (ti.abs(tau) > shear_strength(foam, e, sigma_e))
+def fails(foam: Foam, e, sigma_e, tau, e_min, size, strength):
+    """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6).
+
+    `strength` is the connection's own over the mean of all; `size` as in `shear_strength`.
+    """
+    in_tension = e > strength * tensile_limit(foam, e_min)
+    return in_tension | (ti.abs(tau) > strength * shear_strength(foam, e, sigma_e, size))

@@ -130,6 +130,44 @@ class Foam(Part):
         "youngs_modulus * crushed_tensile_fraction * tensile_strain",
         allowed="none, or at least 0 and at most 1e9 Pa",
     )
+    crushed_strength: float = quantity(
+        1.0,
+        "-",
+        "strength in tension and shear of a connection whose cells have been crushed across it, "
+        "over that of whole foam; 1: only crush along a connection weakens it",
+        at_least=0,
+        at_most=1,
+    )
+    rate: Annotated[float, Field(ge=1, le=1e9)] | None = quantity(
+        None,
+        "1/s",
+        "strain rate D at which the plateau's stress is twice its static one (Cowper & Symonds); "
+        "none: the foam does not heed the rate",
+        allowed="none, or at least 1 and at most 1e9 1/s",
+    )
+    rate_exponent: float = quantity(
+        4.0,
+        "-",
+        "exponent q: the plateau's stress grows by the part (rate / D)^(1/q)",
+        at_least=1,
+        at_most=20,
+    )
+    strength_scatter: float = quantity(
+        0.0,
+        "-",
+        "scatter of the connections' strength in tension and shear, Weibull: standard deviation "
+        "over mean; 0: all are equally strong",
+        at_least=0,
+        at_most=0.5,
+    )
+    strength_seed: int = quantity(
+        0,
+        "count",
+        "which strengths the scatter draws",
+        at_least=0,
+        at_most=2**32 - 1,
+        fix="any other whole number draws others",
+    )
 
     @model_validator(mode="after")
     def _check_order(self) -> Foam:

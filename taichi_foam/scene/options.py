@@ -13,6 +13,7 @@ from taichi_foam.scene.fields import Part, choice, quantity
 _Component = Annotated[float, Field(ge=-10, le=10)]
 _Row = Annotated[tuple[_Component, _Component], Field(strict=False)]
 _Rate = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Cut = Annotated[tuple[_Component, _Component, _Component, _Component], Field(strict=False)]
 _RateRow = Annotated[tuple[_Rate, _Rate], Field(strict=False)]
 
 
@@ -27,6 +28,9 @@ class Base(Part):
     friction: float = quantity(
         0.5, "-", "friction coefficient between block and floor (floor only)", at_least=0, at_most=5
     )
+    stops_impactor: bool = choice(
+        True, "an impactor that has gone through the block is stopped at its bottom"
+    )
 
 
 class Model(Part):
@@ -38,10 +42,16 @@ class Model(Part):
         "stiffness: the same along it, but after G instead of K across it; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
     )
-    shear_failure: Literal["tension-only", "always", "pressure-dependent"] = choice(
+    shear: Literal["face", "variational"] = choice(
+        "face",
+        "face: a connection's shear force acts on its own two mass points (Eqs 10-11); "
+        "variational: on all six that its strain depends on, as the gradient of an energy",
+    )
+    shear_failure: Literal["tension-only", "always", "pressure-dependent", "angle"] = choice(
         "pressure-dependent",
         "tension-only: a connection in compression does not fail in shear; always: it does; "
-        "pressure-dependent: its shear strength grows with the compression",
+        "pressure-dependent: its shear strength grows with the compression; "
+        "angle: it does, by the angle that its foam has sheared through, however short it is",
     )
     shear_pressure_coefficient: float = quantity(
         18.0,
@@ -50,12 +60,28 @@ class Model(Part):
         at_least=0,
         at_most=100,
     )
+    broken_halves: Literal["either", "both", "each"] = choice(
+        "either",
+        "what Eq. 27 leaves out of Eq. 13's mean next to broken connections: either: a half of it, "
+        "when one of the half's two connections is broken; both: when both are; "
+        "each: the broken connection's own difference only",
+    )
     broken_contact: Literal["reload", "jump"] = choice(
         "reload",
         "faces of a broken connection that meet again: reload: elastically from the strain of "
         "zero stress; jump: on to the loading curve at the worst strain so far",
     )
     self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
+    piece_size: float = quantity(
+        1.0,
+        "-",
+        "radius of a mass point in contact with others, over half its cell",
+        at_least=0.1,
+        at_most=1,
+    )
+    piece_friction: float = quantity(
+        0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5
+    )
 
 
 class Numerics(Part):
@@ -107,7 +133,7 @@ class Numerics(Part):
 
 
 class Start(Part):
-    """A homogeneous deformation and motion that the block starts with, about the base's middle.
+    """What the block starts with: cuts, and a homogeneous deformation and motion.
 
     A mass point with reference position X starts at x = b + F (X - b) with velocity L (X - b),
     b = (0, dy/2) being the middle of the bottom row.
@@ -127,6 +153,13 @@ class Start(Part):
         allowed="two rows of two numbers from -1e6 to 1e6 1/s",
         fix="rest is [[0, 0], [0, 0]]",
     )
+    cuts: Annotated[tuple[_Cut, ...], Field(strict=False, max_length=1000)] = quantity(
+        (),
+        "m",
+        "saw cuts: straight lines [x0, y0, x1, y1] in the undeformed block; connections whose line "
+        "between their two mass points crosses one are broken from the start",
+        allowed="up to 1000 lines of four numbers from -10 to 10 m",
+    )
 
     @field_validator("deformation_gradient")
     @classmethod
@@ -143,7 +176,11 @@ class Start(Part):
     @property
     def is_at_rest(self) -> bool:
         """Whether the block starts undeformed and still."""
-        return self == Start()
+        start = Start()
+        return (
+            self.deformation_gradient == start.deformation_gradient
+            and self.velocity_gradient == start.velocity_gradient
+        )
 
     @property
     def strains(self) -> tuple[float, float]:

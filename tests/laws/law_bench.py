@@ -34,6 +34,12 @@ def _stored(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array)
 
 
 @ti.kernel
+def _flowed(foam: law.Foam, e: Array, e_min: ti.f64, time: ti.f64, out: Array):
+    for k in range(e.shape[0]):
+        out[k] = law.flowed_strain(foam, e[k], e_min, time)
+
+
+@ti.kernel
 def _densified(foam: law.Foam, e: Array, out: Array):
     for k in range(e.shape[0]):
         out[k] = law.densification(foam, e[k], 0.0, 0)[1]
@@ -57,8 +63,11 @@ def _shear(foam: law.Foam, gamma: Array, out: Array):
 
 
 @ti.kernel
-def _fails(foam: law.Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64) -> ti.i32:
-    return law.fails(foam, e, sigma_e, tau, e_min)
+def _fails(
+    foam: law.Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64, size: ti.f64,
+    strength: ti.f64,
+) -> ti.i32:  # fmt: skip
+    return law.fails(foam, e, sigma_e, tau, e_min, size, strength)
 
 
 def loading(foam: law.Foam, e: np.ndarray) -> np.ndarray:
@@ -77,6 +86,13 @@ def stored(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) ->
     """Stored energy [J/m3] at strains `e` with a history."""
     e, out = _arrays(e)
     _stored(foam, e, e_min, int(broken), out)
+    return out
+
+
+def flowed(foam: law.Foam, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
+    """What `e_min` becomes at strains `e` in a time [s]."""
+    e, out = _arrays(e)
+    _flowed(foam, e, e_min, time, out)
     return out
 
 
@@ -107,10 +123,16 @@ def shear(foam: law.Foam, gamma: np.ndarray) -> np.ndarray:
 
 
 def fails(
-    foam: law.Foam, e: float, sigma_e: float = 0.0, tau: float = 0.0, e_min: float = 0.0
+    foam: law.Foam,
+    e: float,
+    sigma_e: float = 0.0,
+    tau: float = 0.0,
+    e_min: float = 0.0,
+    size: float = 1.0,
+    strength: float = 1.0,
 ) -> bool:
     """Whether an intact connection breaks."""
-    return bool(_fails(foam, e, sigma_e, tau, e_min))
+    return bool(_fails(foam, e, sigma_e, tau, e_min, size, strength))
 
 
 def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +141,7 @@ def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Reference:
-    """Eq. 26 and Fig. 19, branch by branch."""
+    """Eq. 26 and Fig. 19, branch by branch; and foam that heeds the rate of its strain."""
 
     def __init__(self, foam: Foam) -> None:
         self.foam = foam
@@ -146,8 +168,23 @@ class Reference:
             return 0.0
         return max(e_min, f.densification_strain) - f.yield_strain
 
+    def behind(self, e: float, e_min: float) -> float:
+        """By how much e_min is short of a strain beyond it: the elastic part of the overstress."""
+        if self.foam.rate is None:
+            return 0.0
+        return max(min(e_min, self.foam.yield_strain) - e, 0.0)
+
+    def flow(self, e: float, e_min: float) -> float:
+        """Rate [1/s] of e_min: Cowper & Symonds' law, solved for the rate."""
+        f = self.foam
+        return -f.rate * (self.behind(e, e_min) / -f.yield_strain) ** f.rate_exponent
+
     def normal(self, e: float, e_min: float) -> float:
         """Stress of an intact connection."""
+        return self.static(e, e_min) - self.foam.youngs_modulus * self.behind(e, e_min)
+
+    def static(self, e: float, e_min: float) -> float:
+        """The same of foam that does not heed the rate."""
         f = self.foam
         if e_min >= f.yield_strain or e <= max(e_min, f.densification_strain):
             return self.loading(e)

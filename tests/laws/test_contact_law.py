@@ -26,6 +26,11 @@ def tangential(stiffness: ti.f64, stretch: ti.f64, friction: ti.f64, force: ti.f
     return law.tangential_force(stiffness, stretch, friction, force)
 
 
+@ti.kernel
+def rubbing(dashpot: ti.f64, speed: ti.f64, friction: ti.f64, force: ti.f64) -> ti.f64:
+    return law.rubbing_force(dashpot, speed, friction, force)
+
+
 @pytest.mark.parametrize("angle", np.linspace(0.0, 2 * math.pi, 9))
 @pytest.mark.parametrize("depth", [-0.004, 0.0, 0.01])
 def test_a_circle_rests_on_the_origin(angle: float, depth: float) -> None:
@@ -58,3 +63,13 @@ def test_the_slider_sticks_up_to_mu_n_and_then_gives_exactly_that() -> None:
         assert tangential(1e6, sign * 1.0, 0.3, 10.0) == pytest.approx(-sign * 3.0, rel=1e-15)
     assert tangential(1e6, 1.0, 0.0, 10.0) == 0.0
     assert tangential(1e6, 1.0, 0.3, 0.0) == 0.0
+
+
+def test_what_rubs_is_dragged_by_a_dashpot_and_by_mu_n_at_most() -> None:
+    """Dashpot 2 N s/m, limit 0.3 * 10 N = 3 N: it is reached at 1.5 m/s, against the speed."""
+    for sign in (-1, 1):
+        assert rubbing(2.0, sign * 1.4, 0.3, 10.0) == pytest.approx(-sign * 2.8, rel=1e-15)
+        assert rubbing(2.0, sign * 1.6, 0.3, 10.0) == pytest.approx(-sign * 3.0, rel=1e-15)
+        assert rubbing(2.0, sign * 50.0, 0.3, 10.0) == pytest.approx(-sign * 3.0, rel=1e-15)
+    assert rubbing(2.0, 1.0, 0.0, 10.0) == 0.0
+    assert rubbing(2.0, 1.0, 0.3, 0.0) == 0.0

@@ -1,0 +1,72 @@
+"""How strong each connection of a block is: scatter, and saw cuts."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from taichi_foam.scene import Block, Foam, Scene
+
+
+def strengths(scene: Scene) -> NDArray[np.float64]:
+    """Strength of every connection over the mean of all, (columns, rows, 2); 0 where it is cut.
+
+    [i, j, 0] is that of connection A(i, j), [i, j, 1] that of B(i, j).
+    """
+    found = _scattered(scene.block, scene.foam)
+    for cut in scene.start.cuts:
+        found[_crossed(scene.block, *cut)] = 0.0
+    return found
+
+
+def _scattered(block: Block, foam: Foam) -> NDArray[np.float64]:
+    """Weibull's distribution with a mean of 1 and the foam's scatter (Weibull 1951)."""
+    shape = (block.columns, block.rows, 2)
+    if foam.strength_scatter == 0:
+        return np.ones(shape)
+    modulus = weibull_modulus(foam.strength_scatter)
+    drawn = np.random.default_rng(foam.strength_seed).weibull(modulus, shape)
+    return drawn / math.gamma(1 + 1 / modulus)
+
+
+def weibull_modulus(scatter: float) -> float:
+    """The modulus of the Weibull distribution with this standard deviation over its mean."""
+    if scatter < 1e-4:
+        # what follows would drown in rounding; here log(strength) times the modulus is Gumbel's
+        return math.pi / math.sqrt(6.0) / scatter
+
+    def excess(modulus: float) -> float:
+        log_ratio = math.lgamma(1 + 2 / modulus) - 2 * math.lgamma(1 + 1 / modulus)
+        return math.expm1(log_ratio) - scatter**2
+
+    # the scatter falls with the modulus, nearly as 1.2 over it
+    return float(brentq(excess, 0.5 / scatter, 2.0 / scatter))
+
+
+def _crossed(
+    block: Block, x0: float, y0: float, x1: float, y1: float
+) -> tuple[NDArray[np.intp], ...]:
+    """Indices of the connections whose line from node to node a straight cut crosses.
+
+    A node that lies on the cut belongs to its left, seen from the cut's start.
+    """
+    x = (np.arange(block.columns) - (block.columns - 1) / 2) * block.dx
+    y = (np.arange(block.rows) + 0.5) * block.dy
+    node = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    start, end = np.array([x0, y0]), np.array([x1, y1])
+    left = _cross(end - start, node - start) >= 0
+    crossed = np.zeros((*left.shape, 2), dtype=bool)
+    for axis in range(2):
+        near = node[:-1] if axis == 0 else node[:, :-1]
+        far = node[1:] if axis == 0 else node[:, 1:]
+        sides = left[:-1] != left[1:] if axis == 0 else left[:, :-1] != left[:, 1:]
+        # both of the cut's ends are not on one side of the connection
+        across = (_cross(far - near, start - near) >= 0) != (_cross(far - near, end - near) >= 0)
+        crossed[: sides.shape[0], : sides.shape[1], axis] = sides & across
+    return np.nonzero(crossed)
+
+
+def _cross(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

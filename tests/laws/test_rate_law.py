@@ -1,0 +1,115 @@
+"""Foam that heeds the rate of its strain: how it flows, and its stress on the way."""
+
+import math
+
+import numpy as np
+import pytest
+from law_bench import Reference, constants, flowed, normal, stored
+from scipy.integrate import solve_ivp
+
+from taichi_foam.scene import Foam
+
+pytestmark = pytest.mark.usefixtures("taichi_runtime")
+
+K, E_Y = 2.78e6, -0.05
+D = 80.0  # 1/s
+EXPONENTS = pytest.mark.parametrize("q", [1.0, 2.0, 4.0])
+
+
+def sensitive(q: float) -> Foam:
+    return Foam(rate=D, rate_exponent=q)
+
+
+@EXPONENTS
+@pytest.mark.parametrize("e_min", [0.0, -0.03, -0.05, -0.3, -0.85])
+def test_at_a_constant_strain_it_flows_as_scipy_integrates(q: float, e_min: float) -> None:
+    """From where elastic loading has brought it. DOP853 to 1e-12 of the yield strain."""
+    reference = Reference(sensitive(q))
+    start = min(e_min, E_Y)
+    for ahead in (1e-4, 0.01, 0.06):
+        e = start - ahead
+        for time in (1e-6, 1e-4, 3e-3):
+            exact = solve_ivp(
+                lambda _, x, e=e: [reference.flow(e, x[0])],
+                (0.0, time), [start], method="DOP853", rtol=1e-12, atol=1e-12 * -E_Y,
+            )  # fmt: skip
+            found = flowed(constants(sensitive(q)), np.array([e]), e_min, time)[0]
+            assert found == pytest.approx(exact.y[0, -1], rel=0, abs=1e-11 * -E_Y)
+            assert e < found < start
+
+
+@EXPONENTS
+def test_two_times_one_after_the_other_are_as_good_as_their_sum(q: float) -> None:
+    foam, e = constants(sensitive(q)), np.array([-0.4])
+    half_way = flowed(foam, e, -0.3, 2e-4)[0]
+    at_once = flowed(foam, e, -0.3, 5e-4)[0]
+    assert flowed(foam, e, half_way, 3e-4)[0] == pytest.approx(at_once, rel=1e-13)
+
+
+@EXPONENTS
+def test_what_is_not_beyond_its_worst_does_not_flow(q: float) -> None:
+    """e_min stays to the last bit; and before yield it is the strain itself, as without a rate."""
+    foam = constants(sensitive(q))
+    for e_min in (-0.06, -0.4, -0.9):
+        unloaded = np.linspace(e_min, 0.05, 40)
+        np.testing.assert_array_equal(flowed(foam, unloaded, e_min, 1.0), e_min)
+    elastic = np.linspace(-0.05, 0.05, 41)
+    for e_min in (0.0, -0.02):
+        expected = np.minimum(elastic, e_min)
+        np.testing.assert_array_equal(flowed(foam, elastic, e_min, 1.0), expected)
+
+
+@EXPONENTS
+@pytest.mark.parametrize("rate", [0.5, 80.0, 400.0])
+def test_steady_flow_has_the_stress_of_cowper_and_symonds(q: float, rate: float) -> None:
+    """K e_y (1 + (r / D)^(1/q)), in steps as the engine takes them.
+
+    The history flows at a step's first strain, and is then held: the stress at the step's middle
+    counts. Where the plateau's overstress is y, a step errs by parts of (r h / y)^2, so that half
+    of it leaves a quarter of the error.
+    """
+    foam = constants(sensitive(q))
+    overstress = (rate / D) ** (1.0 / q)
+    # long enough to forget the start by exp(-30): the flow's own time is e_y / (D q share^(q-1))
+    memory = -E_Y / (D * q * overstress ** (q - 1.0))
+    errors = []
+    for steps in (600, 1200, 2400):
+        step = 30.0 * memory / steps
+        e, e_min = E_Y, E_Y
+        for _ in range(steps):
+            e_min = flowed(foam, np.array([e]), e_min, step)[0]
+            e -= rate * step
+        # far below densification only the distance to e_min counts
+        behind = (e + 0.5 * rate * step) - e_min
+        stress = normal(foam, np.array([-0.4 + behind]), -0.4)[0]
+        errors.append(stress / (K * E_Y * (1.0 + overstress)) - 1.0)
+    assert abs(errors[-1]) < 1e-3
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert math.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("e_min", [0.0, -0.03, -0.05, -0.3, -0.79, -0.85])
+def test_the_overstress_is_elastic_in_what_the_history_is_short_of(e_min: float) -> None:
+    foam = sensitive(4.0)
+    e = np.linspace(-0.93, 0.03, 500)
+    expected = [Reference(foam).normal(x, e_min) for x in e]
+    np.testing.assert_allclose(
+        normal(constants(foam), e, e_min), expected, rtol=1e-12, atol=1e-12 * K
+    )
+
+
+@pytest.mark.parametrize("e_min", [0.0, -0.03, -0.3, -0.85])
+@pytest.mark.parametrize("broken", [False, True])
+def test_to_the_last_bit_only_loading_beyond_the_worst_heeds_the_rate(
+    e_min: float, broken: bool
+) -> None:
+    """And foam without a rate does not heed the exponent."""
+    e = np.linspace(min(e_min, E_Y), 0.05, 300)
+    for other in (Foam(rate=D), Foam(rate_exponent=7.0)):
+        for law in (normal, stored):
+            static = law(constants(), e, e_min, broken)
+            np.testing.assert_array_equal(law(constants(other), e, e_min, broken), static)
+    deep = np.linspace(-0.93, e_min, 100)
+    for law in (normal, stored):
+        static = law(constants(), deep, e_min)
+        np.testing.assert_array_equal(law(constants(Foam(rate_exponent=7.0)), deep, e_min), static)
