@@ -15,7 +15,6 @@ import typer
 from ensembles import (
     ORDER,
     Figures,
-    factors,
     figures_of,
     full_names,
     median_and_range,
@@ -37,6 +36,7 @@ from taichi_foam.study.compare import (
     Quantity,
     relative_error,
 )
+from taichi_foam.study.ensemble import factors
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -120,7 +120,7 @@ def _chance(ensemble: Mapping[str, Sequence[Figures]]) -> str:
         cells = [short(name)]
         for quantity in ORDER:
             errors = median_and_range([error(name, run[quantity.key], quantity) for run in runs])
-            middle, least, largest = map(percent, errors)
+            least, middle, largest = map(percent, errors)
             cells.append(f"{middle} ({least} to {largest})")
         cells.append(", ".join(str(run["pieces"]) for run in runs))
         cells.append(", ".join(_crack(run) for run in runs))
@@ -140,7 +140,7 @@ def _readme(single: Mapping[str, Figures], ensemble: Mapping[str, Sequence[Figur
         cells = [short(name)]
         for place, (quantity, _, digits, known) in enumerate(README_ORDER):
             measured = asdict(MEASURED[name])[quantity.key]
-            middle = median_and_range([run[quantity.key] for run in runs])[0]
+            middle = median_and_range([run[quantity.key] for run in runs]).median
             text = f"{quantity.factor * middle:.{digits}f} ({quantity.factor * measured:.{known}f})"
             near = abs(middle / measured - 1.0) <= TOLERANCE
             lone = relative_error(single[name][quantity.key], measured)

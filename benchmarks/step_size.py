@@ -19,9 +19,7 @@ import numpy as np
 import typer
 from ensembles import (
     ORDER,
-    WITHIN,
     Figures,
-    factors,
     figures_of,
     full_names,
     median_and_range,
@@ -37,6 +35,7 @@ from taichi_foam.progress import Bars
 from taichi_foam.result import Result
 from taichi_foam.simulation import run
 from taichi_foam.study.compare import Quantity
+from taichi_foam.study.ensemble import WITHIN, factors
 from taichi_foam.study.machine import machine, versions
 
 RESULTS = Path(__file__).parent / "results"
@@ -182,8 +181,9 @@ def _figures(tests: list[Test], quantity: Quantity) -> str:
 def _spread_text(values: list[float | None], quantity: Quantity) -> str:
     if not values:
         return ""
-    texts = [quantity.text(x if math.isfinite(x) else None) for x in median_and_range(values)]
-    return f"{texts[0]} ({texts[1]} to {texts[2]})"
+    found = median_and_range(values)
+    least, middle, largest = (quantity.text(x if math.isfinite(x) else None) for x in found)
+    return f"{middle} ({least} to {largest})"
 
 
 def _chance(one: list[float | None], other: list[float | None]) -> str:

@@ -1,10 +1,11 @@
 """Sections 4.1-4.5 of the paper in NumPy, tensor by tensor: what the program must agree with.
 
 Nothing is shared with the program: strains come from the Green-Lagrange tensor (Eq. 12), forces
-from F S N (Eqs 10-11), and it loops over connections one by one.
+from F S N (Eqs 10-11), and it loops over connections one by one. Shear forces of the variational
+form are differences of the shear energy.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,9 +40,10 @@ class ReferenceLattice:
     def gradient(self, axis: int, i: int, j: int) -> np.ndarray | None:
         """F with the columns along x and y (Eq. 13, 27); None for the second where none is left.
 
-        The cross column is the mean of all one-sided differences at the two end nodes over the
-        halves whose two crossing connections are both whole.
+        The cross column is the mean of the one-sided differences at the two end nodes, on each side
+        one for each, that the chosen reading of Eq. 27 keeps.
         """
+        keeps = {"either": all, "both": any}.get(self.scene.model.broken_halves)
         x, (dx, dy) = self.position, self.cell
         ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
         length, beside = (dx, dy) if axis == 0 else (dy, dx)
@@ -49,9 +51,19 @@ class ReferenceLattice:
         step = np.array([0, 1]) if axis == 0 else np.array([1, 0])
         differences = []
         for side in (0, -1):  # the crossing connection that starts at the node, or ends there
-            crossing = [tuple(np.array(end) + side * step) for end in ends]
-            if all(self.whole(1 - axis, *c) for c in crossing):
-                differences += [x[tuple(np.array(c) + step)] - x[c] for c in crossing]
+            crossing = [
+                (end[0] + side * int(step[0]), end[1] + side * int(step[1])) for end in ends
+            ]
+            whole = [self.whole(1 - axis, *c) for c in crossing]
+            if keeps:
+                # a half without a pair of nodes at its ends is no half
+                there = all(self.exists(1 - axis, *c) for c in crossing)
+                whole = [there and keeps(whole)] * 2
+            differences += [
+                x[c[0] + step[0], c[1] + step[1]] - x[c]
+                for c, counts in zip(crossing, whole, strict=True)
+                if counts
+            ]
         across = np.mean(differences, axis=0) / beside if differences else np.zeros(2)
         columns = [along, across] if axis == 0 else [across, along]
         return np.stack(columns, axis=1)
@@ -67,10 +79,12 @@ class ReferenceLattice:
         return float(np.sqrt(1 + 2 * E[axis, axis]) - 1), float(2 * E[0, 1])
 
     def stress(self, e: float, e_min: float, broken: bool) -> float:
-        """Fig. 19 with the broken pair's law of continuous reloading."""
+        """Fig. 19 with the broken pair's law of continuous reloading, and the rate's overstress."""
         f = self.scene.foam
         K = f.youngs_modulus
-        e_min = min(e, e_min)
+        behind = max(min(e_min, f.yield_strain) - e, 0.0) if f.rate else 0.0
+        if not f.rate:
+            e_min = min(e, e_min)
         e_p = max(e_min, f.densification_strain) - f.yield_strain if e_min < f.yield_strain else 0.0
         if e < f.densification_strain:
             room = (e - f.locking_strain) ** f.densification_b
@@ -82,7 +96,45 @@ class ReferenceLattice:
             sigma = K * e_c * (e - e_p) / (e_c - e_p)
         else:
             sigma = max(K * (e - e_p), -f.plateau_stress)
+        sigma -= K * behind
         return min(sigma, 0.0) if broken else sigma
+
+    def sheared_volume(self, axis: int, i: int, j: int) -> float:
+        """Reference volume [m3] of a connection that carries shear: whole and no bare fibre."""
+        bare = not self.gradient(axis, i, j)[:, 1 - axis].any()
+        volume = self.cell[0] * self.cell[1] * self.scene.block.thickness
+        return 0.0 if bare or not self.whole(axis, i, j) else volume
+
+    def shear_energies(self) -> np.ndarray:
+        """G gamma^2 / 2 times its volume [J] of every connection, (2, I, J)."""
+        found = np.zeros((2, self.I, self.J))
+        for axis, i, j in self.connections():
+            if volume := self.sheared_volume(axis, i, j):
+                _, gamma = self.strains(axis, i, j)
+                found[axis, i, j] = 0.5 * self.scene.foam.shear_modulus * gamma**2 * volume
+        return found
+
+    def shear_forces(self) -> np.ndarray:
+        """Less the gradient of the shear energy [N], (I, J, 2), by central differences.
+
+        In one coordinate the energy is a polynomial of degree four (gamma is at most quadratic), so
+        that the difference over five points is exact, and its step may be long: rounding is small.
+        A node's energy is that of the connections near it, so every third node is moved at once.
+        """
+        step = 0.1 * min(self.cell)
+        forces = np.zeros_like(self.position)
+        for first_i, first_j, component in np.ndindex(3, 3, 2):
+            way = np.zeros_like(self.position)
+            way[first_i::3, first_j::3, component] = step
+            slope = np.zeros((self.I, self.J))
+            for ahead, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
+                moved = replace(self, position=self.position + ahead * way).shear_energies()
+                slope += weight * moved.sum(axis=0) / (12.0 * step)
+            for i in range(first_i, self.I, 3):
+                for j in range(first_j, self.J, 3):
+                    near = slope[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+                    forces[i, j, component] = -near.sum()
+        return forces
 
     def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
         """Force [N] of the face on the connection's first node: T = F S N A0, and its dashpot."""
@@ -90,13 +142,13 @@ class ReferenceLattice:
         dx, dy = self.cell
         area = (dy if axis == 0 else dx) * block.thickness
         broken = not self.whole(axis, i, j)
+        sheared = self.scene.model.shear == "face" and self.sheared_volume(axis, i, j)
         worst = (self.worst_a, self.worst_b)[axis]
         F = self.gradient(axis, i, j)
         e, gamma = self.strains(axis, i, j)
         S = np.zeros((2, 2))
         S[axis, axis] = self.stress(e, 0.0 if worst is None else worst[i, j], broken) / (1 + e)
-        bare = not F[:, 1 - axis].any()
-        if not broken and not bare:
+        if sheared:
             S[0, 1] = S[1, 0] = f.shear_modulus * gamma
         force = F @ S @ np.eye(2)[axis] * area
         if self.velocity is not None and not broken:
@@ -112,7 +164,8 @@ class ReferenceLattice:
 
     def node_forces(self) -> np.ndarray:
         """Sum of the faces' forces on every node [N], (I, J, 2)."""
-        total = np.zeros((self.I, self.J, 2))
+        variational = self.scene.model.shear == "variational"
+        total = self.shear_forces() if variational else np.zeros((self.I, self.J, 2))
         for axis, i, j in self.connections():
             force = self.face_force(axis, i, j)
             total[i, j] += force

@@ -131,6 +131,14 @@ def reproduce_command(
     cases: Annotated[
         str | None, typer.Option(metavar="NAME,...", help="Some of the nine tests; default: all.")
     ] = None,
+    ensemble: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Run each test N times with velocities within 0.5 %, and report medians and "
+            "5-95 % bands; 16 is a good number. Default: each test once.",
+        ),
+    ] = None,
     choices: Choices = "calibrated",
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -146,6 +154,7 @@ def reproduce_command(
         content = reproduce(
             out,
             None if cases is None else cases.split(","),
+            ensemble=ensemble,
             choices=choices or "calibrated",
             arch=arch,
             threads=threads,
@@ -154,11 +163,13 @@ def reproduce_command(
             bars=Bars(errors),
         )
         console.print(tables.study(content))
+        if content["ensemble"]:
+            console.print(tables.scores(content))
         _say_where(console, out)
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
-            errors.print(f"interrupted: the finished cases are kept; {left}")
+            errors.print(f"interrupted: what has finished is kept; {left}")
             raise typer.Exit(INTERRUPTED)
 
 

@@ -45,10 +45,14 @@ def key_figures(summary: Mapping[str, Any]) -> Table:
 
 
 def study(content: Mapping[str, Any]) -> Table:
-    """The judged figures of all cases of a study, each with its error; fits 80 columns."""
-    cases: Sequence[Mapping[str, Any]] = content["cases"]
+    """The judged figures of all cases of a study, each with its error; fits 80 columns.
+
+    Of ensembles the medians, and below them their bands and what was measured.
+    """
     tolerance = f"{100 * content['tolerance']:.0f} %"
-    table = _table(f"simulated, and its error ({content['choices']})")
+    ensemble = content["ensemble"]
+    what = "simulated" if ensemble is None else f"median of {_runs(content['cases'])}"
+    table = _table(f"{what}, and its error ({content['choices']})")
     table.caption = f"* a miss: further than {tolerance} from the measured figure"
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
@@ -57,19 +61,53 @@ def study(content: Mapping[str, Any]) -> Table:
         name = quantity.label.removeprefix("maximum ").removeprefix("impact ")
         head = f"{name.replace(' per ', '/').split()[0]}\n{quantity.unit}"
         table.add_column(head, justify="right", no_wrap=True)
-    for case in cases:
-        row: list[str | Text] = [case["name"].removeprefix("paper/")]
-        for quantity in JUDGED:
-            error = case["error"][quantity.key]
-            miss = is_miss(case, quantity.key)
-            shown = "no answer" if error is None else f"{100 * error:+4.0f} %"
-            shown, style = (shown + "*", "bold") if miss else (shown + " ", "")
-            row.append(Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style))
-        table.add_row(*row)
+    for case in content["cases"]:
+        cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
+        table.add_row(case["name"].removeprefix("paper/"), *cells)
+        if ensemble is not None:
+            bands = [q.span(case["low"][q.key], case["high"][q.key]) for q in JUDGED]
+            measured = [q.text(case["measured"][q.key]) for q in JUDGED]
+            table.add_row("  5 to 95 %", *(f"{text} " for text in bands), style="dim")
+            table.add_row("  measured", *(f"{text} " for text in measured), style="dim")
     hits = [content["within_tolerance"][quantity.key] for quantity in JUDGED]
     table.add_section()
     table.add_row(f"within {tolerance}", *(f"{hit['within']} of {hit['of']} " for hit in hits))
     return table
+
+
+def scores(content: Mapping[str, Any]) -> Table:
+    """What an ensemble comes to: duration, displacement and plateau together, and criteria."""
+    ensemble, tolerance = content["ensemble"], f"{100 * content['tolerance']:.0f} %"
+    table = _table("durations, displacements, plateaus")
+    table.add_column("", no_wrap=True)
+    table.add_column(f"within {tolerance}", justify="right", no_wrap=True)
+    table.add_column("median absolute error", justify="right", no_wrap=True)
+    for key, title in (("all", "all tests"), ("fitted", "fitted"), ("held_out", "held out")):
+        found = ensemble[key]
+        error = found["median_absolute_error"]
+        shown = "no answer" if error is None else f"{100 * error:.1f} %"
+        if found["of"]:
+            table.add_row(title, f"{found['within']} of {found['of']}", shown)
+    if ensemble["criteria"]:
+        met = sum(criterion["holds"] for criterion in ensemble["criteria"])
+        table.add_row("criteria of pictures met", f"{met} of {len(ensemble['criteria'])}", "")
+    return table
+
+
+def _runs(cases: Sequence[Mapping[str, Any]]) -> str:
+    """How many runs have finished of each case: all alike, unless Ctrl-C came."""
+    counts = sorted({case["runs"] for case in cases})
+    span = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
+    return f"{span} run{'' if span == '1' else 's'}"
+
+
+def _judged(case: Mapping[str, Any], quantity: Quantity, tolerance: float) -> Text:
+    """A figure and its error; a miss has an asterisk."""
+    error = case["error"][quantity.key]
+    shown = "no answer" if error is None else f"{100 * error:+4.0f} %"
+    miss = is_miss(case, quantity.key, tolerance)
+    shown, style = (shown + "*", "bold") if miss else (shown + " ", "")
+    return Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style)
 
 
 def _table(title: str) -> Table:

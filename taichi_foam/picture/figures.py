@@ -1,60 +1,42 @@
 """Figures in the manner of the paper's, with Matplotlib's object interface (no global state).
 
-Every function takes plain arrays in SI units and returns a `Figure`; `save` writes it. Curves are
-labelled where they are, in colours that colour-blind readers can tell apart (Okabe and Ito).
+Every function takes plain arrays in SI units and returns a `Figure`; `style.save` writes it. Curves
+are labelled where they are, in colours that colour-blind readers can tell apart (Okabe and Ito).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture.labels import beside, spread
+from taichi_foam.picture.style import (
+    BLUE,
+    CYCLE,
+    GREEN,
+    INK,
+    LEGEND,
+    ORANGE,
+    PURPLE,
+    SKY,
+    STYLE,
+    VERMILION,
+    YELLOW,
+    blank,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from taichi_foam.paper import Measured
-
 Array = NDArray[np.float64]
 History = Mapping[str, Array]
-
-BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, YELLOW, GREY = (
-    "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#F0E442", "#8C8C8C",
-)  # fmt: skip
-CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
-INK = "#202124"
-
-_STYLE: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 13,
-    "axes.labelsize": 13,
-    "axes.titlesize": 14,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 1.0,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#E3E3E0",
-    "grid.linewidth": 0.8,
-    "lines.linewidth": 2.0,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "taichi-foam",  # the same figure gives the same file
-    "figure.dpi": 100,
-}
-
-_LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": "linecolor"}
 
 #: Parts of the ledger, bottom to top: history columns, label, colour.
 LEDGER = (
@@ -71,50 +53,12 @@ LEDGER = (
 
 
 @dataclass(frozen=True)
-class Deceleration:
-    """One impact's deceleration with what was measured in it.
-
-    velocity [m/s] and time [s], deceleration [m/s2] arrays (n,), from first contact; measured
-    and plateau_start [s] (end of the initial rise) as the measured plateau is drawn from there.
-    """
-
-    velocity: float
-    time: Array
-    deceleration: Array
-    measured: Measured | None = None
-    plateau_start: float = 3e-3
-
-
-@dataclass(frozen=True)
 class Absorption:
     """Energy absorbed [J] against volume crushed [m3], arrays (n,), of one impact."""
 
     velocity: float
     volume: Array
     energy: Array
-
-
-def save(figure: Figure, path: str | Path, *, svg: bool = False) -> list[Path]:
-    """Write the figure as PNG, and as SVG beside it where asked for; return the paths.
-
-    Raises:
-        UserError: another ending, or a file that cannot be written.
-    """
-    png = Path(path)
-    if png.suffix.lower() != ".png":
-        raise UserError(f"figure {png}: the name must end in .png")
-    written = [png, png.with_suffix(".svg")] if svg else [png]
-    try:
-        with mpl.rc_context(_STYLE):
-            for target in written:
-                dateless = {"Date": None} if target.suffix == ".svg" else None
-                figure.savefig(target, dpi=120, facecolor="white", metadata=dateless)
-    except OSError as error:
-        raise UserError(
-            f"figure {error.filename or png}: it could not be written ({error.strerror}); "
-            "check the folder, its permissions and the free space"
-        ) from error
-    return written
 
 
 def impact_histories(histories: Mapping[float, History]) -> Figure:
@@ -129,8 +73,8 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
         ("velocity_m_s", 1.0, "velocity (m/s)"),
         ("displacement_m", 1e2, "displacement (cm)"),
     )
-    with mpl.rc_context(_STYLE):
-        figure = _figure(8.0, 10.5)
+    with mpl.rc_context(STYLE):
+        figure = blank(8.0, 10.5)
         axes = figure.subplots(3, 1, sharex=True)
         ends = []
         for axis, (column, factor, label), mark in zip(axes, panels, "abc", strict=True):
@@ -148,40 +92,10 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
             beside(axes[-1], x, height, name, colour, (7, 0), "center")
         axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
         handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), **_LEGEND)
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), **LEGEND)
         axes[-1].set_xlabel("time (ms)")
         latest = max(float(history["time_s"][-1]) for history in histories.values())
         axes[-1].set_xlim(0, 1e3 * latest * 1.18)
-    return figure
-
-
-def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
-    """Computed decelerations with the measured figures marked on them (Figs 21, 23, 25).
-
-    One panel an impact. Of the tests only tabled figures are known, not the curves: the plateau
-    is a band of +-5 % about the measured mean, the impact duration a dashed line, and the initial
-    peak, where there is one, a ring.
-    """
-    with mpl.rc_context(_STYLE):
-        figure = _figure(4.6 * max(1, len(impacts)), 4.7)
-        axes = figure.subplots(1, len(impacts), sharey=True, squeeze=False)[0]
-        if title:
-            figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-        top = _top(impacts)
-        last = max(_latest(impact) for impact in impacts)
-        for k, (axis, impact) in enumerate(zip(axes, impacts, strict=True)):
-            time = 1e3 * impact.time
-            axis.plot(time, impact.deceleration, color=BLUE, linewidth=1.8, label="computed")
-            if impact.measured is not None:
-                _mark_measured(axis, impact, impact.measured, top)
-            axis.set_title(f"({'abcdefghi'[k]}) {impact.velocity:.2f} m/s")
-            axis.set_xlabel("time (ms)")
-            axis.set_xlim(0, 1e3 * last * 1.06)
-            axis.set_ylim(0, top)
-            _mark_what_is_off(axis, impact, top)
-        axes[0].set_ylabel("deceleration (m/s²)")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
     return figure
 
 
@@ -197,8 +111,8 @@ def energy_against_volume(
             as a wedge from the smallest to the largest.
     """
     slopes = measured_slopes or {}
-    with mpl.rc_context(_STYLE):
-        figure = _figure(4.6 * max(1, len(groups)), 4.9)
+    with mpl.rc_context(STYLE):
+        figure = blank(4.6 * max(1, len(groups)), 4.9)
         axes = figure.subplots(1, len(groups), sharex=True, sharey=True, squeeze=False)[0]
         widest = max(float(a.volume.max()) for group in groups.values() for a in group)
         tallest = max(float(a.energy.max()) for group in groups.values() for a in group)
@@ -227,8 +141,8 @@ def stress_strain(branches: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure
         branches: by name, engineering strain and stress [Pa] along the branch (n,), tension
             positive; drawn with compression to the right and upwards, as crush curves are.
     """
-    with mpl.rc_context(_STYLE):
-        figure = _figure(8.0, 5.4)
+    with mpl.rc_context(STYLE):
+        figure = blank(8.0, 5.4)
         axis = figure.subplots()
         for colour, (name, (strain, stress)) in zip(CYCLE, branches.items(), strict=False):
             x, y = -100 * np.asarray(strain), -1e-6 * np.asarray(stress)
@@ -241,7 +155,7 @@ def stress_strain(branches: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure
         axis.axvline(0, color=INK, linewidth=0.9)
         axis.set_xlabel("compressive engineering strain (%)")
         axis.set_ylabel("compressive engineering stress (MPa)")
-        axis.legend(loc="lower right", **_LEGEND)
+        axis.legend(loc="lower right", **LEGEND)
     return figure
 
 
@@ -262,8 +176,8 @@ def energy_ledger(history: History) -> Figure:
             tones.append(colour)
     if not parts:
         raise UserError("energy ledger: the history holds no energy to show")
-    with mpl.rc_context(_STYLE):
-        figure = _figure(9.0, 5.2)
+    with mpl.rc_context(STYLE):
+        figure = blank(9.0, 5.2)
         axis = figure.subplots()
         # A part may dip below zero by rounding; a stack of areas has no place for that.
         layers = [np.maximum(part, 0.0) for part in parts]
@@ -297,74 +211,6 @@ def energy_ledger(history: History) -> Figure:
                 },
             )
     return figure
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _top(impacts: Sequence[Deceleration]) -> float:
-    """Top of the scale: a blow on the support must not flatten everything that was measured."""
-    tallest = max(float(np.nanmax(impact.deceleration)) for impact in impacts)
-    measured = [impact.measured for impact in impacts if impact.measured]
-    if not measured:
-        return 1.25 * tallest
-    known = max(max(m.initial_peak_m_s2 or 0.0, m.plateau_deceleration_m_s2) for m in measured)
-    return 1.25 * min(max(tallest, known), 2.0 * known)
-
-
-def _mark_what_is_off(axis: Axes, impact: Deceleration, top: float) -> None:
-    """Say how high a curve goes that leaves the scale."""
-    peak = int(np.nanargmax(impact.deceleration))
-    height = float(impact.deceleration[peak])
-    if height <= top:
-        return
-    time = 1e3 * float(impact.time[peak])
-    axis.annotate(
-        f"to {height:.0f} m/s²",
-        (time, 0.62 * top),
-        xytext=(-4, 0),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=BLUE,
-    )
-
-
-def _latest(impact: Deceleration) -> float:
-    duration = impact.measured.impact_duration_s if impact.measured else 0.0
-    return max(float(impact.time[-1]), duration)
-
-
-def _mark_measured(axis: Axes, impact: Deceleration, measured: Measured, top: float) -> None:
-    duration, level = 1e3 * measured.impact_duration_s, measured.plateau_deceleration_m_s2
-    span = [1e3 * impact.plateau_start, 0.85 * duration]
-    axis.fill_between(span, 0.95 * level, 1.05 * level, color=ORANGE, alpha=0.35, linewidth=0)
-    axis.plot(span, [level, level], color=VERMILION, linewidth=2.4, label="measured plateau ± 5 %")
-    # The figure stands towards the end, since the initial peak has its figure near the start,
-    # and on that side of the band where less of the curve is in its way.
-    at = span[0] + 0.7 * (span[1] - span[0])
-    beyond = impact.deceleration[np.abs(1e3 * impact.time - at) < 0.1 * duration] - level
-    below = float(np.sum(np.maximum(beyond, 0))) > float(np.sum(np.maximum(-beyond, 0)))
-    edge, gap, side = (0.95, -4, "top") if below else (1.05, 4, "bottom")
-    beside(axis, at, edge * level, f"{level:.0f} m/s²", VERMILION, (0, gap), side, "center")
-    dashes = (0, (5, 3))
-    axis.plot(
-        [duration, duration],
-        [0, 0.88 * top],
-        color=VERMILION,
-        linewidth=1.6,
-        linestyle=dashes,
-        label="measured duration",
-    )
-    beside(axis, duration, 0.89 * top, f"{duration:.0f} ms", VERMILION, (0, 0), "bottom", "center")
-    peak, when = measured.initial_peak_m_s2, measured.initial_peak_time_s
-    if peak is not None and when is not None:
-        ring = {"linestyle": "", "marker": "o", "mfc": "none", "mec": VERMILION, "mew": 2.2}
-        axis.plot([1e3 * when], [peak], markersize=9, label="measured initial peak", **ring)
-        beside(axis, 1e3 * when, peak, f"{peak:.0f} m/s²", VERMILION, (10, 0), "center")
 
 
 def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) -> None:

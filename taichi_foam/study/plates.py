@@ -9,16 +9,20 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image
 
 from taichi_foam import films
 from taichi_foam.measures import NOSE_RISE_LIMIT_M, absorption_curve, impact
 from taichi_foam.paper import MEASURED
-from taichi_foam.picture import figures
-from taichi_foam.picture.figures import Absorption, Deceleration
+from taichi_foam.picture import figures, overview, style
+from taichi_foam.picture.decelerations import Deceleration, decelerations
+from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
-from taichi_foam.result import Result
+from taichi_foam.picture.overview import Whisker
 from taichi_foam.study import law_curve
+from taichi_foam.study.bands import band_of_curves
+from taichi_foam.study.case import Case, from_contact
 
 #: Width of the report's GIFs [pixels]; they show every second frame.
 GIF_WIDTH, GIF_EVERY = 480, 2
@@ -59,22 +63,28 @@ class Plate:
     still: str | None = None
 
 
-def grouped(results: Sequence[Result]) -> dict[str, list[Result]]:
-    """Results by key of `KINDS`, in its order, each group by rising velocity."""
-    groups: dict[str, list[Result]] = {}
+def short(name: str) -> str:
+    """ "paper/wedge-2.86" as people read it."""
+    kind, _, velocity = name.removeprefix("paper/").partition("-")
+    return f"{KINDS[kind].name} {velocity}"
+
+
+def grouped(cases: Sequence[Case]) -> dict[str, list[Case]]:
+    """Cases by key of `KINDS`, in its order, each group by rising velocity."""
+    groups: dict[str, list[Case]] = {}
     for key in KINDS:
-        group = [r for r in results if r.scene.name.startswith(f"paper/{key}-")]
+        group = [case for case in cases if case.name.startswith(f"paper/{key}-")]
         if group:
-            groups[key] = sorted(group, key=_velocity)
+            groups[key] = sorted(group, key=lambda case: case.velocity)
     return groups
 
 
-def shown(key: str, group: Sequence[Result]) -> Result:
-    """The run of a group that its montage and film show: the paper's, or else the fastest."""
-    return next((r for r in group if r.scene.name == KINDS[key].shown_case), group[-1])
+def shown(key: str, group: Sequence[Case]) -> Case:
+    """The case of a group that its montage and film show: the paper's, or else the fastest."""
+    return next((case for case in group if case.name == KINDS[key].shown_case), group[-1])
 
 
-def jobs(folder: Path, groups: Mapping[str, Sequence[Result]]) -> dict[str, Callable[[], Plate]]:
+def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Plate]]:
     """What draws each plate into `folder`, by the plate's name.
 
     For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
@@ -89,7 +99,9 @@ def jobs(folder: Path, groups: Mapping[str, Sequence[Result]]) -> dict[str, Call
         found[f"{key}-ledger"] = partial(_ledger, folder, key, one)
     if "rectangular" in groups:
         found["histories"] = partial(_histories, folder, groups["rectangular"])
-    stopped = {key: [r for r in group if impact(r)] for key, group in groups.items()}
+    stopped = {
+        key: [case for case in group if impact(case.result)] for key, group in groups.items()
+    }
     stopped = {key: group for key, group in stopped.items() if group}
     if stopped:
         found["energy"] = partial(_energy, folder, stopped)
@@ -98,77 +110,93 @@ def jobs(folder: Path, groups: Mapping[str, Sequence[Result]]) -> dict[str, Call
     return found
 
 
-def _curves(folder: Path, key: str, group: Sequence[Result]) -> Plate:
-    kind = KINDS[key]
-    figure = figures.decelerations([_deceleration(result) for result in group], kind.name)
+def errors_at_a_glance(
+    folder: Path, panels: Mapping[str, Sequence[Whisker]], tolerance: float
+) -> Plate:
+    """All errors of an ensemble's medians with their bands, a panel for each figure."""
+    span = f"±{100 * tolerance:.0f} %"
     return _saved(
-        figure,
+        overview.errors(panels, tolerance),
+        folder / "errors.png",
+        f"Error of each median, and of 5 and 95 % of the runs; shaded: {span}. Medians beyond it "
+        "are diamonds with their error. Tests with open marks took no part in calibration.",
+        f"Dots and whiskers of errors in {', '.join(panels)} for each test, with a band of {span}.",
+    )
+
+
+def _curves(folder: Path, key: str, group: Sequence[Case]) -> Plate:
+    kind = KINDS[key]
+    what = "Median and 5–95 % band of the decelerations" if group[0].members else "Deceleration"
+    return _saved(
+        decelerations([_deceleration(case) for case in group], kind.name),
         folder / f"decelerations-{key}.png",
-        f"Deceleration over time, as in Fig. {kind.curves_figure} (CFC 180 filter). Of the test, "
+        f"{what} over time, as in Fig. {kind.curves_figure} (CFC 180 filter). Of the test, "
         "the tabled figures are marked.",
         f"{kind.name}: curves of computed deceleration over time at {_velocities(group)}, "
         "with the measured figures marked on them.",
     )
 
 
-def _montage(folder: Path, key: str, result: Result) -> Plate:
-    kind, title = KINDS[key], f"{KINDS[key].name}, {_velocity(result):.2f} m/s"
+def _montage(folder: Path, key: str, case: Case) -> Plate:
+    kind, title = KINDS[key], _title(key, case)
     path = folder / f"montage-{key}.png"
-    picture = Image.fromarray(montage(result.snapshots, result.scene, title=title))
+    picture = Image.fromarray(montage(case.result.snapshots, case.result.scene, title=title))
     # Flat colours: a palette takes a third of the bytes and no eye sees it.
     picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
     return _plate(
         path,
-        f"{title}, as in Fig. {kind.montage_figure}. Each cell has the colour of the worst "
-        "compressive strain that it has met; gaps are cracks.",
+        f"{title}{_which(case)}, as in Fig. {kind.montage_figure}. Each cell has the colour of the "
+        "worst compressive strain that it has met; gaps are cracks.",
         f"Eight instants of the {kind.name.lower()} sinking into the foam at "
-        f"{_velocity(result):.2f} m/s.",
+        f"{case.velocity:.2f} m/s.",
     )
 
 
-def _film(folder: Path, key: str, result: Result) -> Plate:
-    title = f"{KINDS[key].name}, {_velocity(result):.2f} m/s"
-    path = films.write_gif(result, folder / f"film-{key}.gif", GIF_WIDTH, GIF_EVERY)
+def _film(folder: Path, key: str, case: Case) -> Plate:
+    output = case.result.scene.output
+    path = films.write_gif(case.result, folder / f"film-{key}.gif", GIF_WIDTH, GIF_EVERY)
     still = path.with_suffix(".png")
     with Image.open(path) as film:
         film.seek(getattr(film, "n_frames", 1) - 1)
         film.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(still, optimize=True)
-    slower = result.scene.output.fps * result.scene.output.snapshot_interval
-    caption = f"{title}, slowed down {1 / slower:.0f} times."
+    slower = 1 / (output.fps * output.snapshot_interval)
+    caption = f"{_title(key, case)}{_which(case)}, slowed down {slower:.0f} times."
     alt = f"Animation of the {KINDS[key].name.lower()} sinking into the foam."
     plate = _plate(path, caption, alt, still=_uri(still))
     still.unlink()
     return plate
 
 
-def _ledger(folder: Path, key: str, result: Result) -> Plate:
-    title = f"{KINDS[key].name}, {_velocity(result):.2f} m/s"
+def _ledger(folder: Path, key: str, case: Case) -> Plate:
+    title = _title(key, case)
     return _saved(
-        figures.energy_ledger(result.history),
+        figures.energy_ledger(case.result.history),
         folder / f"energy-ledger-{key}.png",
-        f"{title}: where the energy is at each instant.",
+        f"{title}{_which(case)}: where the energy is at each instant.",
         f"Stacked areas of energy by mechanism over time; {title}. Its last instant stands in the "
         "table of energies.",
     )
 
 
-def _histories(folder: Path, group: Sequence[Result]) -> Plate:
-    histories = {_velocity(r): _from_contact(r) for r in group}
+def _histories(folder: Path, group: Sequence[Case]) -> Plate:
+    histories = {case.velocity: from_contact(case.result) for case in group}
+    of_which = " of the runs nearest to the medians" if group[0].members else ""
     return _saved(
         figures.impact_histories(histories),
         folder / "histories-rectangular.png",
-        "Flat block: deceleration (CFC 180 filter), velocity and displacement, as in Fig. 5.",
+        f"Flat block: deceleration (CFC 180 filter), velocity and displacement{of_which}, as in "
+        "Fig. 5.",
         f"Computed deceleration, velocity and displacement over time at {_velocities(group)}.",
     )
 
 
-def _energy(folder: Path, groups: Mapping[str, Sequence[Result]]) -> Plate:
+def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Plate:
     absorptions, slopes = {}, {}
     for key, group in groups.items():
         name = KINDS[key].name.lower()
-        absorptions[name] = [_absorption(r) for r in group]
-        slopes[name] = [MEASURED[r.scene.name].energy_per_volume_J_m3 for r in group]
+        absorptions[name] = [_absorption(case) for case in group]
+        slopes[name] = [MEASURED[case.name].energy_per_volume_J_m3 for case in group]
     return _saved(
         figures.energy_against_volume(absorptions, slopes),
         folder / "energy-volume.png",
@@ -178,9 +206,9 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Result]]) -> Plate:
     )
 
 
-def _law(folder: Path, result: Result) -> Plate:
+def _law(folder: Path, case: Case) -> Plate:
     return _saved(
-        figures.stress_strain(law_curve.branches(result.scene)),
+        figures.stress_strain(law_curve.branches(case.scene)),
         folder / "foam-law.png",
         "The foam's law, as in Fig. 19, evaluated by the functions that the runs call.",
         "Compressive stress over compressive strain: elastic to 5 %, a plateau to 80 %, then steep "
@@ -188,54 +216,43 @@ def _law(folder: Path, result: Result) -> Plate:
     )
 
 
-def _deceleration(result: Result) -> Deceleration:
-    history = _from_contact(result)
+def _deceleration(case: Case) -> Deceleration:
+    history = from_contact(case.result)
     start = 3e-3
-    if result.scene.impactor is not None and result.scene.impactor.nose_depth > 0:
+    if case.scene.impactor is not None and case.scene.impactor.nose_depth > 0:
         depth = history["displacement_m"]
         sinking = slice(0, int(np.argmax(depth)) + 1)
         time = history["time_s"][sinking]
         start = float(np.interp(NOSE_RISE_LIMIT_M, depth[sinking], time))
-    return Deceleration(
-        _velocity(result),
-        history["time_s"],
-        history["deceleration_smoothed_m_s2"],
-        MEASURED.get(result.scene.name),
-        start,
-    )
+    time, deceleration, band = history["time_s"], history["deceleration_smoothed_m_s2"], None
+    if case.members:
+        found = band_of_curves([(member.time, member.deceleration) for member in case.members])
+        time, deceleration, band = found.time, found.median, (found.low, found.high)
+    return Deceleration(case.velocity, time, deceleration, MEASURED.get(case.name), start, band)
 
 
-def _absorption(result: Result) -> Absorption:
-    curve = absorption_curve(result)
+def _absorption(case: Case) -> Absorption:
+    curve = absorption_curve(case.result)
     assert curve is not None  # only impacts that came to rest are drawn
-    return Absorption(_velocity(result), *curve)
+    return Absorption(case.velocity, *curve)
 
 
-def _from_contact(result: Result) -> dict[str, figures.Array]:
-    """The history with time and displacement counted from first contact."""
-    found = impact(result)
-    if found is None:
-        return dict(result.history)
-    h = result.history
-    kept = h["time_s"] >= found.contact
-    shifted = {name: column[kept] for name, column in h.items()}
-    shifted["time_s"] = shifted["time_s"] - found.contact
-    shifted["displacement_m"] = shifted["displacement_m"] - found.depth_0
-    return shifted
+def _title(key: str, case: Case) -> str:
+    return f"{KINDS[key].name}, {case.velocity:.2f} m/s"
 
 
-def _velocity(result: Result) -> float:
-    assert result.scene.impactor is not None  # every test has one
-    return result.scene.impactor.velocity
+def _which(case: Case) -> str:
+    """Which run of an ensemble a picture shows."""
+    return ", the run nearest to the medians" if case.members else ""
 
 
-def _velocities(group: Sequence[Result]) -> str:
-    *head, last = [f"{_velocity(r):.2f}" for r in group]
+def _velocities(group: Sequence[Case]) -> str:
+    *head, last = [f"{case.velocity:.2f}" for case in group]
     return f"{', '.join(head)} and {last} m/s" if head else f"{last} m/s"
 
 
-def _saved(figure: figures.Figure, path: Path, caption: str, alt: str) -> Plate:
-    return _plate(figures.save(figure, path)[0], caption, alt)
+def _saved(figure: Figure, path: Path, caption: str, alt: str) -> Plate:
+    return _plate(style.save(figure, path)[0], caption, alt)
 
 
 def _plate(path: Path, caption: str, alt: str, still: str | None = None) -> Plate:

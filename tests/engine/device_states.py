@@ -17,6 +17,7 @@ from taichi._lib import core
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from bench import bench
+from test_same_numbers import EVERYTHING
 
 from taichi_foam.engine import loading, runtime, stepper
 from taichi_foam.engine.lattice import BLOCK_NODES, THREADS, Lattice, borrowed
@@ -65,15 +66,36 @@ def breaking_scenes() -> list[Scene]:
     ]
 
 
+def option_scenes() -> list[Scene]:
+    """The same with every option, on a block with a cut, in each reading of Eq. 27.
+
+    At a third of the speed: in STEPS_BEFORE the foam flows, and breaks little.
+    """
+    readings = ("either", "both", "each")
+    return [
+        scene.model_copy(
+            update={
+                **EVERYTHING,
+                "model": EVERYTHING["model"].model_copy(
+                    update={"broken_halves": readings[b % len(readings)]}
+                ),
+                "impactor": scene.impactor.model_copy(update={"velocity": 4.0 + 0.1 * b}),
+            }
+        )
+        for b, scene in enumerate(breaking_scenes())
+    ]
+
+
 def big_scenes() -> list[Scene]:
     """Impacts so fast that they crush and break a fine lattice in a few dozen steps."""
     columns, rows = BIG
     block = Block(width=1e-3 * columns, height=1e-3 * rows, columns=columns, rows=rows)
     return [
-        Scene(block=block, impactor=impactor, numerics=Numerics(end=1.0))
-        for impactor in (
-            Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=150.0),
-            FlatBlock(width=0.02, mass=0.1, velocity=120.0, rotation_deg=20),
+        Scene(block=block, impactor=impactor, numerics=Numerics(end=1.0), **parts)
+        for impactor, parts in (
+            (Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=150.0), {}),
+            (FlatBlock(width=0.02, mass=0.1, velocity=120.0, rotation_deg=20), {}),
+            (FlatBlock(width=0.02, mass=0.1, velocity=60.0, rotation_deg=20), EVERYTHING),
         )
     ]
 
@@ -166,6 +188,7 @@ def everything() -> States:
         "after": states_of(breaking_scenes(), STEPS_AFTER),
         "alone": alone(breaking_scenes()[5], STEPS_AFTER),
         "ensemble": ensemble(),
+        "options": states_of(option_scenes(), STEPS_BEFORE),
         "big": states_of(big_scenes(), STEPS_BIG),
     }
     named = {f"{part}/{name}": x for part, xs in parts.items() for name, x in xs.items()}

@@ -88,8 +88,19 @@ def test_blocks_agree_with_the_cpu_to_rounding_before_failure(
     assert_close(part(on_cpu, "before"), part(on_vulkan, "before"), STEPS_BEFORE)
 
 
+def test_blocks_agree_with_the_cpu_to_rounding_with_every_option(
+    states: tuple[States, States],
+) -> None:
+    """Rates, scatter, cuts, variational shear, all readings of Eq. 27, pieces that rub."""
+    on_cpu, on_vulkan = states
+    assert on_cpu["options/e_min_a"].min() < 0.0
+    assert on_cpu["options/broken"].min() > 5  # the cut
+    np.testing.assert_array_equal(on_vulkan["options/broken"], on_cpu["options/broken"])
+    assert_close(part(on_cpu, "options"), part(on_vulkan, "options"), STEPS_BEFORE)
+
+
 def test_wide_steps_agree_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:
-    """Lattices too big for one block: crushed, and barely broken."""
+    """Lattices too big for one block: crushed, and barely broken; one with every option."""
     on_cpu, on_vulkan = states
     assert on_cpu["big/e_min_a"].min() < -0.1
     assert_close(part(on_cpu, "big"), part(on_vulkan, "big"), STEPS_BIG)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +20,10 @@ from PIL import Image
 
 from taichi_foam.errors import UserError
 from taichi_foam.paper import MEASURED
-from taichi_foam.picture import figures
+from taichi_foam.picture import figures, overview, style
+from taichi_foam.picture.decelerations import Deceleration, decelerations
 from taichi_foam.picture.labels import spread
+from taichi_foam.picture.overview import Whisker
 
 VELOCITIES = (2.46, 3.03, 3.60)
 
@@ -49,14 +53,34 @@ def history_of(velocity: float, plateau: float = 70.0) -> dict[str, np.ndarray]:
     }
 
 
-def deceleration_of(velocity: float) -> figures.Deceleration:
+def deceleration_of(velocity: float) -> Deceleration:
     history = history_of(velocity)
-    return figures.Deceleration(
+    return Deceleration(
         velocity,
         history["time_s"],
         history["deceleration_m_s2"],
         MEASURED[f"paper/rectangular-{velocity:.2f}"],
     )
+
+
+def ensemble_of(velocity: float) -> Deceleration:
+    """A band that spreads by up to 20 m/s2, and a blow at 3.60 m/s that leaves the scale."""
+    one = deceleration_of(velocity)
+    width = 20 * one.time / one.time[-1]
+    blow = np.where((velocity > 3.5) & (one.time > 0.04), 900.0, one.deceleration)
+    return replace(one, deceleration=blow, band=(blow - width, blow + width))
+
+
+def panels() -> dict[str, list[Whisker]]:
+    """Hits, misses both ways, a band beyond the scale, and a median without an answer."""
+    tests = [
+        Whisker("Flat block 2.46", -0.03, 0.01, 0.09),
+        Whisker("Flat block 3.03", 0.10, 0.14, 0.16, held_out=True),
+        Whisker("Cylinder 2.94", -0.02, 0.0, inf, held_out=True),
+        Whisker("Wedge 2.10", 0.1, inf, inf),
+        Whisker("Wedge 3.60", -0.32, -0.29, -0.28),
+    ]
+    return dict.fromkeys(("impact duration", "maximum displacement", "plateau"), tests)
 
 
 def absorption_of(velocity: float, per_volume: float) -> figures.Absorption:
@@ -80,14 +104,22 @@ def all_figures() -> dict[str, Figure]:
     }
     return {
         "histories": figures.impact_histories({v: history_of(v) for v in VELOCITIES}),
-        "decelerations": figures.decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
+        "decelerations": decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
+        "one deceleration": decelerations([deceleration_of(3.03)], "Flat block"),
+        "bands": decelerations([ensemble_of(v) for v in VELOCITIES], "Flat block"),
+        "errors": overview.errors(panels(), 0.10),
         "energy": figures.energy_against_volume(groups, slopes),
         "law": figures.stress_strain(branches),
         "ledger": figures.energy_ledger(history_of(3.03)),
     }
 
 
-@pytest.mark.parametrize("name", ["histories", "decelerations", "energy", "law", "ledger"])
+NAMES = (
+    "histories", "decelerations", "one deceleration", "bands", "errors", "energy", "law", "ledger"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_no_text_overlaps_or_is_cut(name: str) -> None:
     figure = all_figures()[name]
     canvas = figure.canvas
@@ -130,7 +162,7 @@ def test_histories_are_drawn_in_the_units_of_their_axes() -> None:
 
 
 def test_measured_marks_stand_at_the_tables_figures() -> None:
-    figure = figures.decelerations([deceleration_of(3.03)])
+    figure = decelerations([deceleration_of(3.03)])
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     plateau = lines["measured plateau ± 5 %"]
     np.testing.assert_allclose(plateau.get_ydata(), 74)
@@ -138,6 +170,32 @@ def test_measured_marks_stand_at_the_tables_figures() -> None:
     np.testing.assert_allclose(lines["measured duration"].get_xdata(), 42)
     ring = lines["measured initial peak"]
     np.testing.assert_array_equal(ring.get_xydata(), [[2.0, 97]])
+
+
+def test_a_band_encloses_its_median() -> None:
+    one = ensemble_of(3.03)
+    (axis,) = decelerations([one]).axes
+    band = axis.collections[0].get_paths()[0].vertices
+    assert one.band is not None
+    for bound in one.band:
+        edge = np.column_stack([1e3 * one.time, bound])
+        assert all(np.any(np.all(np.isclose(band, point), axis=1)) for point in edge[::40])
+    median = next(line for line in axis.lines if line.get_label() == "median")
+    np.testing.assert_allclose(median.get_ydata(), one.deceleration)
+
+
+def test_misses_have_diamonds_and_their_errors_and_held_out_tests_open_marks() -> None:
+    axis = overview.errors(panels(), 0.10).axes[0]
+    marks = [line for line in axis.lines if str(line.get_marker()) in "oD"]
+    order = np.argsort([np.ravel(line.get_ydata())[0] for line in marks])
+    drawn = [marks[k] for k in order]
+    assert [mark.get_marker() for mark in drawn] == ["o", "D", "o", "D", "D"]
+    opened = [mark.get_markerfacecolor() == "white" for mark in drawn]
+    assert opened == [False, True, True, False, False]
+    np.testing.assert_allclose(drawn[1].get_xdata(), [14])
+    assert {text.get_text() for text in axis.texts} == {"+14 %", "−29 %", "no stop"}
+    edges = [mark for line in axis.lines if (mark := str(line.get_marker())) in "<>"]
+    assert set(edges) == {">"}  # nothing goes on beyond the left end
 
 
 def test_the_ledger_stacks_up_to_the_impact_energy() -> None:
@@ -156,7 +214,7 @@ def test_figures_are_saved_as_png_and_svg_and_are_the_same_each_time(tmp_path: P
     digests = []
     for k in range(2):
         figure = figures.stress_strain({"elastic": ([0.0, -0.05], [0.0, -0.139e6])})
-        png, svg = figures.save(figure, tmp_path / f"law{k}.png", svg=True)
+        png, svg = style.save(figure, tmp_path / f"law{k}.png", svg=True)
         with Image.open(png) as image:
             assert image.size == (960, 648)
         digests.append(svg.read_bytes())
@@ -167,9 +225,9 @@ def test_figures_are_saved_as_png_and_svg_and_are_the_same_each_time(tmp_path: P
 def test_a_figure_that_cannot_be_saved_is_reported(tmp_path: Path) -> None:
     figure = figures.stress_strain({"elastic": ([0.0, -0.05], [0.0, -0.139e6])})
     with pytest.raises(UserError, match=r"end in \.png"):
-        figures.save(figure, tmp_path / "law.pdf")
+        style.save(figure, tmp_path / "law.pdf")
     with pytest.raises(UserError, match="could not be written"):
-        figures.save(figure, tmp_path / "absent" / "law.png")
+        style.save(figure, tmp_path / "absent" / "law.png")
 
 
 def test_figures_leave_pyplot_and_the_global_style_alone() -> None:

@@ -75,6 +75,7 @@ def foams(draw):
             youngs_modulus=floats(1e6, 1e11),
             shear_modulus=floats(1e3, 1e7),
             crushed_tensile_stress=st.none() | floats(0, 1e9),
+            rate=st.none() | floats(1, 1e9),
         )
     )
 
@@ -122,6 +123,7 @@ scenes = st.builds(
         velocity_gradient=st.lists(
             st.tuples(floats(-1e6, 1e6), floats(-1e6, 1e6)), min_size=2, max_size=2
         ),
+        cuts=st.lists(st.tuples(*[floats(-10, 10)] * 4), max_size=3),
     ),
     output=parts(Output, history_interval=floats(1e-7, 0.1), snapshot_interval=floats(0.1, 1)),
 )
@@ -138,8 +140,26 @@ def test_toml_gives_an_equal_scene_back(tmp_path_factory, scene):
 def test_toml_of_a_scene_without_impactor_leaves_it_out():
     scene = Scene(numerics=Numerics(end=1e-3))
     text = scene_to_toml(scene)
-    assert "impactor" not in text
+    assert "[impactor]" not in text
     assert "crushed_tensile_stress" not in text
+    assert "rate =" not in text
+
+
+def test_cuts_are_written_and_read_as_lists(tmp_path):
+    cuts = ((0.0, 0.02, 0.0, 0.06), (-0.01, 0.04, 0.01, 0.05))
+    scene = Scene(start=Start(cuts=cuts), numerics=Numerics(end=1e-3))
+    path = write(tmp_path, "cut.toml", scene_to_toml(scene))
+    assert load_scene(path).start.cuts == cuts
+    by_hand = "[start]\ncuts = [[0, 0.02, 0, 0.06], [-0.01, 0.04, 0.01, 0.05]]\n"
+    path = write(tmp_path, "by_hand.toml", by_hand + "[numerics]\nend = 1e-3\n")
+    assert load_scene(path, overrides=["name=scene"]) == scene
+    override = "start.cuts=[[0, 0.02, 0, 0.06], [-0.01, 0.04, 0.01, 0.05]]"
+    assert load_scene("paper/wedge-2.86", overrides=[override]).start.cuts == cuts
+
+
+def test_a_cut_block_is_at_rest(tmp_path):
+    assert Start(cuts=((0, 0, 0, 1),)).is_at_rest
+    assert not Start(velocity_gradient=((0, 1), (0, 0))).is_at_rest
 
 
 def write(folder, name, text):

@@ -1,4 +1,4 @@
-"""One small study for all tests: two tests of the paper on a coarse lattice."""
+"""Two small studies for all tests, on coarse lattices: single runs, and an ensemble."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from lattices import COARSE, TINY
 
 from taichi_foam.study.reproduce import reproduce
-
-COARSE = ("block.columns=20", "block.rows=10", "output.width=320", "output.height=180")
 
 
 @dataclass(frozen=True)
@@ -23,4 +22,16 @@ class Study:
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("study") / "out"
     content = reproduce(folder, ["paper/rectangular-3.03", "wedge-2.86"], overrides=COARSE)
+    return Study(folder, content)
+
+
+@pytest.fixture(scope="session")
+def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    folder = tmp_path_factory.mktemp("ensemble") / "out"
+    content = reproduce(
+        folder,
+        ["rectangular-3.03"],
+        ensemble=2,
+        overrides=[*TINY, "foam.strength_scatter=0.1", "foam.strength_seed=7"],
+    )
     return Study(folder, content)

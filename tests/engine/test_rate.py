@@ -1,0 +1,85 @@
+"""Foam that heeds the rate, in the lattice: stress in steady flow, and the order in the step."""
+
+import numpy as np
+import pytest
+from bench import COLUMNS, ROWS, numerics, run_to, small_scene
+from reference_lattice import reference_positions
+
+from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Start
+from taichi_foam.simulation import run
+
+K, E_Y = 2.78e6, -0.05
+VISCOSITY = K * 1e-6 / 0.057  # Pa s, of the dashpots
+LOOSE = Model(self_contact=False)
+
+
+@pytest.mark.parametrize(("rate", "exponent"), [(50.0, 4.0), (20.0, 1.0), (5.0, 2.0)])
+def test_a_column_that_is_crushed_steadily_has_the_stress_of_cowper_and_symonds(
+    rate: float, exponent: float
+) -> None:
+    """Every row in motion from the start, under a plate that is too heavy to slow down.
+
+    The strain is then the same everywhere, and so is its rate r: the stress is the plateau's times
+    1 + (r / D)^(1/q), and the dashpots' tau K r. The penalty's ringing is damped by both; 0.1 % as
+    for the static curve in tests/scenes.
+    """
+    gauge, speed = 0.095, 2.0
+    strain_rate = speed / gauge
+    scene = small_scene(
+        base=Base(kind="held"),
+        impactor=FlatBlock(width=0.06, mass=1e4, velocity=speed, friction=0.0),
+        foam=Foam(rate=rate, rate_exponent=exponent),
+        start=Start(velocity_gradient=((0.0, 0.0), (0.0, -strain_rate))),
+        numerics=Numerics(end=0.7 / strain_rate),
+        output=Output(history_interval=1e-4),
+    )
+    history = run(scene).history
+    strain = history["displacement_m"] / gauge
+    steady = (strain > 0.5) & (strain < 0.7)
+    stress = history["contact_force_N"][steady] / (0.05 * 0.057)
+    overstress = (strain_rate / rate) ** (1.0 / exponent)
+    expected = -K * E_Y * (1.0 + overstress) + VISCOSITY * strain_rate
+    np.testing.assert_allclose(stress, expected, rtol=1e-3)
+
+
+def test_flow_is_of_second_order_in_the_step() -> None:
+    """A free bar at the yield point that closes at 800 1/s, and swings: flow, no kinks.
+
+    For q = 2 the flow rule is smooth enough, y^2 on one side and nothing on the other; unloading
+    begins with the slope of the overstress. Steps are far below the waves' own, so that Runge-
+    Kutta's error, of the fourth order, is nothing beside it.
+    """
+    foam = Foam(rate=300.0, rate_exponent=2.0, tensile_strain=1.0, shear_strain=2.0)
+    scene = small_scene(base=Base(kind="floor"), model=LOOSE, foam=foam, numerics=numerics())
+    X = reference_positions(scene)
+    position = X * [1.0, 1.0 + E_Y] + np.array([0.0, 0.5])
+    velocity = (X - X.mean(axis=(0, 1))) * [0.0, -800.0]
+    start = {
+        "position": position,
+        "velocity": velocity,
+        "worst_b": np.full((COLUMNS, ROWS - 1), E_Y),
+    }
+    time, counts = 4e-4, np.array([200, 283, 400, 566])
+    exact = run_to(scene, time, 9056, **start)
+    assert exact.e_min_b.min() < -0.07
+    errors = [
+        np.abs(run_to(scene, time, n, **start).position - exact.position).max() for n in counts
+    ]
+    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert order == pytest.approx(2.0, abs=0.15)
+
+
+def test_without_a_rate_the_exponent_is_nothing() -> None:
+    """An impact that crushes and breaks: to the last bit."""
+    histories = [
+        run(
+            small_scene(
+                impactor=FlatBlock(width=0.02, mass=0.2, velocity=8.0),
+                foam=foam,
+                numerics=Numerics(end=3e-3),
+            )
+        ).history
+        for foam in (Foam(), Foam(rate_exponent=2.0))
+    ]
+    for name, column in histories[0].items():
+        np.testing.assert_array_equal(column, histories[1][name], err_msg=name)
