@@ -1,0 +1,67 @@
+"""The page's section on waves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_foam.picture.style import CYCLE, INK
+from verification import waves
+from verification.pages import MARKS, cell_axis, key, panels, percent, table
+
+Part = dict[str, Any]
+
+METHOD = """A heavy plate taps a bar of 1 m at 0.1 m/s; 2 ms later the front has come c t = 0.66 m,
+c = sqrt(K / rho) = 330 m/s. Without dashpots its place is where v = v0 / 3 and its width that of
+Airy's integral; with Table 6's dashpots the place is at v0 / 2 and the width that of diffusion with
+eta / rho. Width is from 10 to 90 % of v0. The lattice's exact dispersion, of longitudinal and of
+shear waves, and its second order are tests: `tests/conservation/test_waves.py`.
+"""
+
+
+def fronts_table(part: Part) -> str:
+    """Place and width of the front by cell."""
+    header = ["dashpots", "cell, mm", "place - c t, mm", "of c t", "width, mm", "theory", "error"]
+    rows = []
+    for name, (cell, damping_time) in waves.plan().items():
+        if name in part:
+            run = part[name]
+            rows.append(
+                [
+                    "Table 6" if damping_time else "none",
+                    f"{1e3 * cell:g}",
+                    f"{1e3 * run['late']:+.2f}",
+                    percent(run["late"] / (waves.SOUND * waves.TIME), 2),
+                    f"{1e3 * run['width']:.2f}",
+                    f"{1e3 * run['theory']:.2f}",
+                    percent(run["width"] / run["theory"] - 1, 2),
+                ]
+            )
+    return table(header, rows)
+
+
+def draw(part: Part, path: Path) -> None:
+    """Error of the front's place, and its width, against cell size."""
+    with panels(path, ("place of the front", "width of the front")) as (left, right):
+        for colour, mark, kind in zip(CYCLE, MARKS, ("undamped", "damped"), strict=False):
+            runs = [
+                part[name] for name in waves.plan() if name in part and name.endswith(f", {kind}")
+            ]
+            cells = 1e3 * np.array([run["cell"] for run in runs])
+            late = 1e3 * np.array([run["late"] for run in runs])
+            left.plot(cells, late, mark, color=colour, markersize=8, label=kind)
+            width = 1e3 * np.array([run["width"] for run in runs])
+            right.plot(cells, width, mark, color=colour, markersize=8, label=kind)
+            theory = 1e3 * np.array([run["theory"] for run in runs])
+            right.plot(cells, theory, color=colour, linewidth=1.4)
+        left.axhline(0, color=INK, linewidth=0.8)
+        left.set_ylabel("behind or ahead of c t (mm)")
+        right.set_ylabel("10 to 90 % of the velocity (mm)")
+        right.set_yscale("log")
+        right.set_yticks([10, 20, 50, 100, 200], ["10", "20", "50", "100", "200"])
+        for axis in (left, right):
+            cell_axis(axis, waves.CELLS)
+        key(left)
+        key(right, "center left", "lines: theory")
