@@ -29,6 +29,12 @@ def worst_strain(e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]) -> 
     return worst
 
 
+def permanent_strain(e_min: NDArray[np.float64], foam: Foam) -> NDArray[np.float64]:
+    """Strain (<= 0) at which foam that has met `e_min` is without stress (Fig. 19)."""
+    turn = np.clip(e_min, foam.densification_strain, foam.yield_strain)
+    return turn - foam.yield_strain
+
+
 def crushed_cells(snapshot: Snapshot, foam: Foam) -> NDArray[np.bool_]:
     """Whether each cell is crushed, (columns, rows).
 

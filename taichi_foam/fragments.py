@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -36,7 +37,10 @@ CRACK_HEIGHT_FRACTION = 0.15
 """... and at least this share of the block's height (as much, on the paper's 20 rows)."""
 
 CRACK_EDGES_PER_ROW = 2
-"""Below the impactor, a row of cells with more broken edges of one cluster is shattered."""
+"""Below the impactor, a row of cells with more broken edges of one line is shattered."""
+
+_NEXT_ROW = [[1, 0, 1], [1, 1, 1], [1, 0, 1]]
+"""Vertical edges that follow one another: in the next row, at most one column of edges away."""
 
 
 @dataclass(frozen=True)
@@ -132,32 +136,31 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
 
 
 def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
-    """The crack that starts below the impactor and runs down; None where there is none.
+    """The crack that runs down ahead of the impactor; None where there is none.
 
-    Broken connections whose edges share corners form clusters. Below the impactor means within the
-    width of its outline, less one cell on each side: along its flanks a punch tears the foam, which
-    is no splitting (the axis and one cell beside it always belong). A cluster is such a crack if
+    Vertical edges of one row of cells and the next, in the same column of edges or one beside it,
+    form a line. Below the impactor means within the width of its outline, less one cell on each
+    side: along its flanks a punch tears the foam, which is no splitting (the axis and one cell
+    beside it always belong). A line is such a crack if
 
-    1. below the impactor it opens sideways, as a line: through L or more successive rows of cells
-       it has at least one and at most CRACK_EDGES_PER_ROW vertical edges (crushed foam that
-       shatters has many, scattered damage does not connect);
-    2. it runs down: from the row of its first broken vertical edge below the impactor to its lowest
-       vertical edge are L or more rows (so cracks that rise from the base do not count);
+    1. through L or more successive rows below the impactor's lowest level it has at least one and
+       at most CRACK_EDGES_PER_ROW edges below the impactor (crushed foam that shatters has many,
+       and flanks are torn beside a punch, hardly ahead of it);
+    2. it runs down: from the row of its first broken edge below the impactor to its lowest edge are
+       L or more rows (so cracks that rise from the base do not count).
 
     Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
-    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such
-    clusters the one that reaches deepest counts, then the one that broke first. The start is the
-    first vertical edge of the cluster to break below the impactor (of equals the highest).
+    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such lines
+    the one that reaches deepest counts, then the one that starts nearest to the axis. It starts at
+    the edge of its path that broke first (of equals the highest).
     """
     if scene.impactor is None:
         return None
     columns, rows = snapshot.position.shape[:2]
     dx, dy = scene.block.dx, scene.block.dy
     crushed = crushed_cells(snapshot, scene.foam)
-    broken = snapshot.broken_a & ~(crushed[:-1] & crushed[1:])
-    corners = _components(*_broken_edges(snapshot), (columns + 1) * (rows + 1))
-    lower_ends = corners.reshape(columns + 1, rows + 1)[1:columns, :rows]
-    cluster = np.where(broken, lower_ends, -1)
+    lines = np.zeros((columns - 1, rows), dtype=np.int32)
+    ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
 
     x = (np.arange(1, columns) - columns / 2) * dx
     outline = scene.impactor.outline()[:, 0]
@@ -165,46 +168,61 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     slack = 1e-6 * dx
     below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
     below |= np.abs(from_axis) <= dx + slack
+    ahead = (np.arange(rows) + 1) * dy <= snapshot.impactor_y + dy + slack
     length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
 
     found = []
-    labels, counts = np.unique(cluster[below][broken[below]], return_counts=True)
-    for label in labels[counts >= length]:
-        mine = cluster == label
+    for label in np.unique(lines[below][:, ahead]):
+        mine = lines == label
         edges = np.count_nonzero(mine[below], axis=0)
-        if _longest_run((edges >= 1) & (edges <= CRACK_EDGES_PER_ROW)) < length:
+        is_line = (edges >= 1) & (edges <= CRACK_EDGES_PER_ROW) & ahead
+        if label == 0 or _longest_run(is_line) < length:
             continue
-        at_i, at_j = np.nonzero(mine & below[:, None])
-        times = snapshot.break_time_a[at_i, at_j]
-        first = np.lexsort((-at_j, times))[0]
-        lowest = int(np.nonzero(mine)[1].min())
-        if at_j[first] - lowest + 1 < length:
+        path = _path(mine, snapshot.broken_a, below)
+        times = [float(snapshot.break_time_a[edge]) for edge in path]
+        path = path[times.index(min(times)) :]
+        if path[0][1] - path[-1][1] + 1 < length:
             continue
-        path = _path(mine, int(at_i[first]), int(at_j[first]))
         middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
-        found.append(Crack(lowest * dy, *middles[0], float(times[first]), middles))
-    return min(found, key=lambda crack: (crack.lowest_height, crack.start_time), default=None)
+        found.append(Crack(path[-1][1] * dy, *middles[0], min(times), middles))
+    axis = scene.impactor.x
+    return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
 
 
 def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None:
-    """The crack below the impactor over a run: where it began, and how deep it came.
+    """The crack below the impactor over a run, when it had come deepest; None without any.
 
     Later crushing and shattering hide a crack from the last snapshot, so all of them are asked.
     """
     seen = [crack for crack in (crack_below_impactor(s, scene) for s in snapshots) if crack]
-    if not seen:
-        return None
-    deepest = min(seen, key=lambda crack: crack.lowest_height)
-    return replace(seen[0], lowest_height=deepest.lowest_height, path=deepest.path)
+    return min(seen, key=lambda crack: crack.lowest_height, default=None)
 
 
-def _path(edges: NDArray[np.bool_], i: int, j: int) -> list[tuple[int, int]]:
-    """Down from edge (i, j): in each row that has edges, the one nearest to that above."""
-    path = [(i, j)]
-    for row in range(j - 1, -1, -1):
-        candidates = np.flatnonzero(edges[:, row])
-        if candidates.size:
-            i = int(candidates[np.argmin(np.abs(candidates - i))])
+def _path(
+    line: NDArray[np.bool_], broken: NDArray[np.bool_], below: NDArray[np.bool_]
+) -> list[tuple[int, int]]:
+    """A line's edges (i, j) downwards, one in each row: the nearest sideways to the one before.
+
+    It begins above the line, where powder hides it: in each higher row at the nearest broken edge
+    that follows, below the impactor.
+    """
+    rows = np.flatnonzero(line[below].any(axis=0))
+    top = int(rows[-1])
+    i = int(np.flatnonzero(line[:, top] & below)[0])
+    above: list[tuple[int, int]] = []
+    at = i
+    for row in range(top + 1, line.shape[1]):
+        follow = np.flatnonzero(broken[:, row] & below)
+        follow = follow[np.abs(follow - at) <= 1]
+        if not follow.size:
+            break
+        at = int(follow[np.argmin(np.abs(follow - at))])
+        above.insert(0, (at, row))
+    path = [*above, (i, top)]
+    for row in range(top - 1, -1, -1):
+        follow = np.flatnonzero(line[:, row])
+        if follow.size:
+            i = int(follow[np.argmin(np.abs(follow - i))])
             path.append((i, row))
     return path
 

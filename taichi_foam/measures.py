@@ -246,7 +246,7 @@ def summary(result: Result) -> dict[str, Any]:
         "rebound_velocity_m_s": rebound_velocity(result),
         "crushed_width_m": region and region.width,
         "crushed_height_m": region and region.height,
-        "crushed_height_now_m": region and region.height_now,
+        "crushed_height_left_m": region and region.height_left,
         "pieces": pieces(last) if last else None,
         "crack_lowest_height_m": crack and crack.lowest_height,
         "crack_start_x_m": crack and crack.start_x,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from taichi_foam.crush import crushed_cells, worst_strain
+from taichi_foam.crush import crushed_cells, permanent_strain, worst_strain
 from taichi_foam.fragments import Crack, parts
 from taichi_foam.scene.outline import lower_chain
 
@@ -50,9 +50,10 @@ class CrushedRegion:
 
     columns, rows  first and last index
     width, height  m, extent in the reference configuration
-    height_now     m, what is left of its height: in each of its columns the present heights of the
-                   crushed cells are summed (a cell is half its distances to the nodes above and
-                   below, gaps of cracks not counted); the median over the columns
+    height_left    m, what is left of its height once it is unloaded: in each of its columns the
+                   lasting heights of the crushed cells are summed (a cell is half its connections
+                   upwards and downwards; a top cell's missing half is like the other); the median
+                   over the columns
     fill           share of its bounding box that is crushed: 1 for a rectangle, 0.79 for half an
                    ellipse, 0.5 for a triangle
     """
@@ -61,7 +62,7 @@ class CrushedRegion:
     rows: tuple[int, int]
     width: float
     height: float
-    height_now: float
+    height_left: float
     fill: float
 
 
@@ -90,7 +91,7 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
         return None
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
     across, up = int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)
-    links = np.clip(np.diff(snapshot.position[..., 1], axis=1), 0, block.dy)
+    links = block.dy * (1.0 + permanent_strain(snapshot.e_min_b, scene.foam))
     cells = np.empty(patch.shape)
     cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
     cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
@@ -100,7 +101,7 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
         rows=(int(rows[0]), int(rows[-1])),
         width=across * block.dx,
         height=up * block.dy,
-        height_now=float(np.median(heights)),
+        height_left=float(np.median(heights)),
         fill=float(np.count_nonzero(patch) / (across * up)),
     )
 
@@ -165,12 +166,11 @@ def severity_falls(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
-    """Share of the worst crushed cells that lie directly beneath the impactor now.
+    """Share of the worst crushed cells that lie beneath the impactor now.
 
     The worst are WORST_SHARE of the crushed cells, those with the largest compressive strain (and
-    equals of the last one). Directly beneath is the middle half of the impactor's width (on
-    a cylinder, 30 degrees to both sides of its lowest point), below the level where its nose is
-    fully in.
+    equals of the last one). Beneath is the impactor's width below the level where its nose is fully
+    in: under a cylinder, its lower half and not its flanks.
     """
     crushed = crushed_cells(snapshot, scene.foam)
     if scene.impactor is None or not crushed.any():
@@ -180,7 +180,9 @@ def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
     worst = strain <= np.sort(strain[crushed])[count - 1]
     # A flat face has no nose; its contact lets mass points sink in by a part of a cell.
     level = snapshot.impactor_y + max(scene.impactor.nose_depth, scene.block.dy)
-    beneath = _middle_half(snapshot, scene.impactor) & (snapshot.position[..., 1] < level)
+    left, right = _ends(scene.impactor)
+    x = snapshot.position[..., 0]
+    beneath = (left < x) & (x < right) & (snapshot.position[..., 1] < level)
     return float(np.count_nonzero(worst & beneath) / np.count_nonzero(worst))
 
 

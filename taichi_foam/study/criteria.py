@@ -130,13 +130,14 @@ RECTANGLE_FILL = 0.9
 """A region is rather a rectangle than half an ellipse (0.79 of its box) above the middle of the
 two."""
 
-FALLS = 0.75
-"""Severity falls with distance if in three of four pairs of crushed rows the nearer one is crushed
-worse; a half would be chance, or even crushing."""
+FALLS = 2 / 3
+"""Severity falls with distance if twice as many pairs of crushed rows have the nearer one crushed
+worse as have the other. Even crushing gives a half; among 14 rows chance gives two thirds in one
+case of twenty (Kendall's tau)."""
 
 THIRD = (0.25, 5 / 12)
-"""About one third: within a quarter of it. Also, foam that Table 1's law crushes just to its
-densification strain, -0.8, and no further, has 0.2 / 0.8 = 1/4."""
+"""About one third: within a quarter of it. Foam that Table 1's law crushes just to its strain of
+densification, -0.8, springs back to -0.75 and has 0.25 / 0.8 = 0.31."""
 
 QUARTER = 0.25
 """A half has at least a quarter of the mass points. Impactors are a quarter as wide as the block,
@@ -243,10 +244,10 @@ def _height_ratio(run: _Run) -> float | None:
     """Height of the crushed material over the largest displacement.
 
     Section 3.2 takes the third from specimens after the test (Fig. 6), when the crushed foam has
-    sprung back: so from the last instant.
+    sprung back: so as it is once unloaded.
     """
-    region = pattern.crushed_region(run.result.snapshots[-1], run.scene)
-    return region.height_now / run.impact.depth if region and run.impact else None
+    region = pattern.crushed_region(run.stop, run.scene)
+    return region.height_left / run.impact.depth if region and run.impact else None
 
 
 def _no_crack_through(run: _Run) -> Criterion:
@@ -268,7 +269,7 @@ def _cylinder(run: _Run) -> list[Criterion]:
         _confined("cylinder-confined", "Crushing is confined to the impactor's path", run),
         run.at_least(
             "cylinder-worst",
-            "The worst crushing is directly beneath (share of the worst cells)",
+            "The worst crushing is beneath the impactor (share of the worst cells)",
             pattern.worst_beneath(run.stop, run.scene),
             MAJORITY,
         ),
