@@ -64,7 +64,7 @@ class ReferenceLattice:
                 for c, counts in zip(crossing, whole, strict=True)
                 if counts
             ]
-        across = np.mean(differences, axis=0) / beside if differences else np.zeros(2)
+        across = np.mean(differences, axis=0) / beside if differences else 0 * along
         columns = [along, across] if axis == 0 else [across, along]
         return np.stack(columns, axis=1)
 
@@ -105,14 +105,28 @@ class ReferenceLattice:
         volume = self.cell[0] * self.cell[1] * self.scene.block.thickness
         return 0.0 if bare or not self.whole(axis, i, j) else volume
 
-    def shear_energies(self) -> np.ndarray:
-        """G gamma^2 / 2 times its volume [J] of every connection, (2, I, J)."""
-        found = np.zeros((2, self.I, self.J))
+    def columns_of_gradients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What positions F's columns are made of: along and across, (2, I, J, nodes) each.
+
+        F is linear in the positions: it is taken of a lattice whose positions are unit vectors.
+        With them come the volumes [m3] of what carries shear, (2, I, J).
+        """
+        nodes = self.I * self.J
+        units = replace(self, position=np.eye(nodes).reshape(self.I, self.J, nodes))
+        along, across = np.zeros((2, 2, self.I, self.J, nodes))
+        volume = np.zeros((2, self.I, self.J))
         for axis, i, j in self.connections():
-            if volume := self.sheared_volume(axis, i, j):
-                _, gamma = self.strains(axis, i, j)
-                found[axis, i, j] = 0.5 * self.scene.foam.shear_modulus * gamma**2 * volume
-        return found
+            F = units.gradient(axis, i, j)
+            along[axis, i, j], across[axis, i, j] = F[:, axis], F[:, 1 - axis]
+            volume[axis, i, j] = self.sheared_volume(axis, i, j)
+        return along, across, volume
+
+    def shear_energies(self, position: np.ndarray, columns: tuple | None = None) -> np.ndarray:
+        """G gamma^2 / 2 times its volume [J] of every connection, (2, I, J)."""
+        along, across, volume = columns or self.columns_of_gradients()
+        nodes = position.reshape(-1, 2)
+        gamma = ((along @ nodes) * (across @ nodes)).sum(axis=-1)
+        return 0.5 * self.scene.foam.shear_modulus * gamma**2 * volume
 
     def shear_forces(self) -> np.ndarray:
         """Less the gradient of the shear energy [N], (I, J, 2), by central differences.
@@ -122,14 +136,15 @@ class ReferenceLattice:
         A node's energy is that of the connections near it, so every third node is moved at once.
         """
         step = 0.1 * min(self.cell)
+        columns = self.columns_of_gradients()
         forces = np.zeros_like(self.position)
         for first_i, first_j, component in np.ndindex(3, 3, 2):
             way = np.zeros_like(self.position)
             way[first_i::3, first_j::3, component] = step
             slope = np.zeros((self.I, self.J))
             for ahead, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
-                moved = replace(self, position=self.position + ahead * way).shear_energies()
-                slope += weight * moved.sum(axis=0) / (12.0 * step)
+                energies = self.shear_energies(self.position + ahead * way, columns)
+                slope += weight * energies.sum(axis=0) / (12.0 * step)
             for i in range(first_i, self.I, 3):
                 for j in range(first_j, self.J, 3):
                     near = slope[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]

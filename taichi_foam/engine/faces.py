@@ -99,10 +99,11 @@ def _link_forces(
         # the shear strength grows with the stress up to the plateau
         size = (1.0 + e) * ti.sqrt(across_x * across_x + across_y * across_y)
         strength = ti.cast(links[b, i, k].strength, ti.f64)
+        tensile = strength
         if p.foam.crushed_strength < 1.0:
             crossing = _crossing_crush(lattice, axis, b, i, k)
-            strength *= foam_law.strength_left(p.foam, crossing)
-        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst, size, strength)
+            tensile *= foam_law.tensile_strength_left(p.foam, crossing)
+        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst, size, tensile, strength)
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         links[b, i, k].condition = ti.cast(condition, ti.f32)
@@ -118,22 +119,22 @@ def _link_forces(
 
 @ti.func
 def _crossing_crush(lattice: ti.template(), axis: ti.template(), b, i, k):
-    """The worst strain of the connections that cross a pack of them at either end."""
+    """The worst strain across a pack of connections, of the end that is crushed less."""
     crossing = ti.static(lattice.links[1 - axis])
-    worst = crossing[b, i, k].worst
-    last = ti.static(lattice.lanes - 1)
+    near = crossing[b, i, k].worst
+    far = near
     if ti.static(axis == A):
-        right = crossing[b, i + 1, k].worst
-        below = packs.from_below(worst, crossing[b, i, k - 1].worst[last])
-        right_below = packs.from_below(right, crossing[b, i + 1, k - 1].worst[last])
-        worst = elementary.smaller(
-            elementary.smaller(worst, below), elementary.smaller(right, right_below)
-        )
+        last = ti.static(lattice.lanes - 1)
+        far = crossing[b, i + 1, k].worst
+        near_below = packs.from_below(near, crossing[b, i, k - 1].worst[last])
+        far_below = packs.from_below(far, crossing[b, i + 1, k - 1].worst[last])
+        near = elementary.smaller(near, near_below)
+        far = elementary.smaller(far, far_below)
     else:
-        worst = elementary.smaller(worst, crossing[b, i - 1, k].worst)
+        near = elementary.smaller(near, crossing[b, i - 1, k].worst)
         above = elementary.smaller(crossing[b, i, k + 1].worst, crossing[b, i - 1, k + 1].worst)
-        worst = elementary.smaller(worst, packs.from_above(worst, above[0]))
-    return worst
+        far = packs.from_above(near, above[0])
+    return elementary.larger(near, far)
 
 
 @ti.func

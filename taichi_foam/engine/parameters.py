@@ -219,7 +219,10 @@ def stable_step(p: Parameters, densified: ti.f64) -> ti.f64:
     per_length = p.area / p.cell
     elastic = foam_law.elastic_modulus(p.foam) * per_length.max()
     sheared = ti.select(p.variational, 20.0, 8.0) * p.foam.shear_modulus * per_length.max()
-    stiffness = 4.0 * ti.max(elastic, densified) + sheared + p.contact_stiffness
+    stiffest = ti.max(elastic, densified)
+    if p.foam.rate > 0.0:
+        stiffest = elastic + densified  # the overstress comes on top
+    stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
     if p.self_contact:
         stiffness += 8.0 * foam_law.PACKED * p.foam.youngs_modulus * per_length.max()
     dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)

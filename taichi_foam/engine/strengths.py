@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from taichi_foam.scene import Block, Foam, Scene
 
@@ -42,7 +42,8 @@ def weibull_modulus(scatter: float) -> float:
         return math.expm1(log_ratio) - scatter**2
 
     # the scatter falls with the modulus, nearly as 1.2 over it
-    return float(brentq(excess, 0.5 / scatter, 2.0 / scatter))
+    found = root_scalar(excess, bracket=(0.5 / scatter, 2.0 / scatter), method="brentq")
+    return float(found.root)
 
 
 def _crossed(

@@ -49,7 +49,7 @@ class Foam:
     densification_b: ti.f64
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
-    crushed_strength: ti.f64  # in tension and shear when crushed across, over that of whole foam
+    crushed_strength: ti.f64  # in tension when crushed across, over that of whole foam
     broken_contact: ti.i32
     shear_failure: ti.i32
     shear_pressure_coefficient: ti.f64
@@ -245,8 +245,8 @@ def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
 
 
 @ti.func
-def strength_left(foam: Foam, e_min):
-    """Strength of foam that has been crushed across to `e_min`, over that of whole foam.
+def tensile_strength_left(foam: Foam, e_min):
+    """Tensile strength of foam that has been crushed across to `e_min`, over that of whole foam.
 
     It falls in proportion to the crush, from yield to densification, where the foam is powder.
     """
@@ -280,10 +280,11 @@ def shear_strength(foam: Foam, e, sigma_e, size):
 
 
 @ti.func
-def fails(foam: Foam, e, sigma_e, tau, e_min, size, strength):
+def fails(foam: Foam, e, sigma_e, tau, e_min, size, tensile, strength):
     """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6).
 
-    `strength` is the connection's own over the mean of all; `size` as in `shear_strength`.
+    `tensile` is what the connection's own strength in tension is over the mean of whole ones, and
+    `strength` that in shear; `size` as in `shear_strength`.
     """
-    in_tension = e > strength * tensile_limit(foam, e_min)
+    in_tension = e > tensile * tensile_limit(foam, e_min)
     return in_tension | (ti.abs(tau) > strength * shear_strength(foam, e, sigma_e, size))

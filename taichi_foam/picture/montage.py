@@ -23,6 +23,7 @@ Image8 = NDArray[np.uint8]
 WIDTH = 1800
 _GAP = 14
 _TEXT = 30
+_NOTE = 0.8  # size of the note's text over that of the rest
 
 
 def montage(
@@ -33,6 +34,7 @@ def montage(
     n: int = 8,
     columns: int | None = None,
     title: str | None = None,
+    note: Sequence[str] = (),
     width: int = WIDTH,
 ) -> Image8:
     """Draw several instants of a run as one picture.
@@ -45,6 +47,7 @@ def montage(
         columns: panels in a row; default one row up to four panels, else three or four
             in a row.
         title: text above the panels; default the scene's name.
+        note: lines of text below them; what is too long for the width is cut.
         width: of the picture [pixels].
 
     Returns:
@@ -64,7 +67,9 @@ def montage(
     # A long bar still needs room for its time; a tall column must not fill the page.
     panel_height = int(np.clip(panel_height, 3 * text, 1.5 * panel_width))
     head, foot = round(2.1 * text), round(3.0 * text)
-    height = head + down * (panel_height + gap) + foot
+    line = round(1.3 * _NOTE * text)
+    above = head + down * (panel_height + gap) + foot
+    height = above + len(note) * line + (round(0.5 * line) if note else 0)
     image = annotate.blank(width, height + height % 2)
     name = scene.name if title is None else title
     bold = annotate.font(1.15 * text, bold=True)
@@ -81,11 +86,15 @@ def montage(
         place = (left + 0.4 * text, top + 1.2 * text)
         annotate.write(image, place, f"{1e3 * snapshot.time:.1f} ms", label)
     if view is not None:
-        base = height - 0.5 * foot
+        base = above - 0.5 * foot
         annotate.scale_bar(image, gap + 2, base + 0.4 * text, view.scale, 0.16 * width, text)
         right = width - gap - round(1.2 * text)
-        key = Box(round(0.3 * width), height - foot, right, height)
+        key = Box(round(0.3 * width), above - foot, right, above)
         annotate.level_key(image, key, text)
+    small = annotate.font(_NOTE * text)
+    for k, words in enumerate(note):
+        words = annotate.shortened(words, small, width - 2 * gap)
+        annotate.write(image, (gap + 2, above + (k + 0.8) * line), words, small)
     return image
 
 

@@ -133,8 +133,8 @@ class Foam(Part):
     crushed_strength: float = quantity(
         1.0,
         "-",
-        "strength in tension and shear of a connection whose cells have been crushed across it, "
-        "over that of whole foam; 1: only crush along a connection weakens it",
+        "tensile strength of a connection between two cells that have been crushed across it, over "
+        "that of whole foam; 1: only crush along a connection weakens it",
         at_least=0,
         at_most=1,
     )

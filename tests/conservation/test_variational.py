@@ -49,7 +49,10 @@ def energy(shear: str, start: dict, now: Snapshot) -> float:
     broken = {name: set(start[name]) for name in ("broken_a", "broken_b")}
     lattice = ReferenceLattice(scene, now.position, **broken)
     cell = scene.block.dx * scene.block.dy * scene.block.thickness
-    total = 0.5 * scene.block.node_mass * (now.velocity**2).sum() + lattice.shear_energies().sum()
+    total = (
+        0.5 * scene.block.node_mass * (now.velocity**2).sum()
+        + lattice.shear_energies(now.position).sum()
+    )
     for axis, i, j in lattice.connections():
         worst = (now.e_min_a, now.e_min_b)[axis][i, j]
         if lattice.whole(axis, i, j):

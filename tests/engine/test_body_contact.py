@@ -175,6 +175,25 @@ def test_the_support_stops_the_impactor_and_throws_it_back() -> None:
     assert work == pytest.approx(0.5 * mass * (speed**2 - speeds[-1] ** 2), abs=1e-3)
 
 
+def test_without_a_stop_the_impactor_goes_on() -> None:
+    """The same, with a base that lets it pass: to the last bit at its speed, below the bottom."""
+    speed, dt = 3.0, 2e-7
+    scene = small_scene(
+        base=Base(stops_impactor=False),
+        impactor=FlatBlock(velocity=speed, mass=6.0, width=0.03),
+        model=LOOSE,
+        numerics=numerics(contact_stiffness=40.0, dt=dt),
+    )
+    aside = reference_positions(scene) + np.array([1.0, 0.0])
+    with bench(scene, position=aside) as loaded:
+        member = loaded.lattice.body.get_member_field
+        member("y")[0] = member("trial_y")[0] = 1e-4
+        loaded.step(1200)
+        assert member("v")[0] == -speed
+        assert member("y")[0] == pytest.approx(1e-4 - speed * 1200 * dt, abs=1e-12)
+        assert member("support_work")[0] == 0.0
+
+
 # One mass point against a slope that comes down on it: contact is half a swing of mass and penalty,
 # and the friction spring, as stiff as the penalty, swings along with it.
 SPEED = 1.0

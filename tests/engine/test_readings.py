@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, node_forces, small_scene
+from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.scene import Base, Foam, Model, Scene
@@ -150,3 +150,26 @@ def test_weights_come_back_with_the_next_lattice() -> None:
     with bench(scene, **lifted(start)) as loaded:
         loaded.step(3)
     np.testing.assert_array_equal(node_forces(scene, position=start["position"] + LIFT), fresh)
+
+
+@pytest.mark.parametrize(
+    ("slide", "breaks"),
+    [(0.05, []), (0.07, ["angle"]), (0.12, ["angle", "always"])],
+)
+def test_compressed_foam_breaks_by_its_angle(slide: float, breaks: list[str]) -> None:
+    """F = [[0.9, slide], [0, 0.6]]: gamma = 0.9 slide, its angle's sine slide / |(slide, 0.6)|.
+
+    Both may reach 0.10: the sine by a slide of 0.0603, gamma by one of 0.111.
+    """
+    F = np.array([[0.9, slide], [0.0, 0.6]])
+    for reading in ("angle", "always", "tension-only"):
+        scene = small_scene(
+            base=FREE,
+            model=Model(self_contact=False, shear_failure=reading),
+            numerics=numerics(dt=1e-9),
+        )
+        with bench(scene, position=reference_positions(scene) @ F.T + LIFT) as loaded:
+            after = loaded.step(1)
+        expected = reading in breaks
+        assert (after.broken_a.all(), after.broken_a.any()) == (expected, expected)
+        assert (after.broken_b.all(), after.broken_b.any()) == (expected, expected)

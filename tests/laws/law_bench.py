@@ -67,7 +67,7 @@ def _fails(
     foam: law.Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64, size: ti.f64,
     strength: ti.f64,
 ) -> ti.i32:  # fmt: skip
-    return law.fails(foam, e, sigma_e, tau, e_min, size, strength)
+    return law.fails(foam, e, sigma_e, tau, e_min, size, strength, strength)
 
 
 def loading(foam: law.Foam, e: np.ndarray) -> np.ndarray:
