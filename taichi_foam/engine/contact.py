@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_foam.engine import faces, packs
+from taichi_foam.engine import breaking, packs
 from taichi_foam.engine.lattice import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.engine.parameters import CIRCLE, POLYGON
 from taichi_foam.laws import contact as contact_law
@@ -285,7 +285,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             k = packs.pack_of(lattice, j)
             lane = packs.lane_of(lattice, j)
             lattice.radius[b, i, k][lane] = piece_radius(lattice, b, i, j, p)
-            if lattice.surface[b, i, k][lane] == INSIDE and faces.is_surface(lattice, b, i, j):
+            if lattice.surface[b, i, k][lane] == INSIDE and breaking.is_surface(lattice, b, i, j):
                 lattice.surface[b, i, k][lane] = NEW
             node = i * lattice.rows + j
             cell = bin_of(lattice, packs.position(lattice, lattice.state, b, i, j), p)

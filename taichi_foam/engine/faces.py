@@ -6,16 +6,11 @@ Everything is done a pack of connections at a time, without branches on values: 
 import taichi as ti
 
 from taichi_foam.engine import packs
-from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING
-from taichi_foam.engine.parameters import BOTH, EITHER
+from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING, A, B
 from taichi_foam.laws import elementary, kinematics
 from taichi_foam.laws import foam as foam_law
 
 vec4 = ti.types.vector(4, ti.f64)
-
-# A connection runs along its own axis (A along x, B along y); the other axis lies across it.
-A = 0
-B = 1
 
 
 @ti.func
@@ -294,129 +289,3 @@ def clear_faces(lattice: ti.template(), b, strip):
     lattice.tally[b, strip].sheared = packs.zeros(lattice)
     lattice.tally[b, strip].damped = packs.zeros(lattice)
     lattice.tally[b, strip].breaks = packs.zeros(lattice)
-
-
-@ti.func
-def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
-    """Condition, worst and present strain of the accepted state's connection (i, j) along `axis`.
-
-    The axis may be known at run time only.
-    """
-    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
-    start = packs.position(lattice, lattice.state, b, i, j)
-    condition = lattice.link_a[b, i, k].condition[lane]
-    worst = lattice.link_a[b, i, k].worst[lane]
-    length = p.cell.x
-    end = packs.position(lattice, lattice.state, b, i + 1, j)
-    if axis == B:
-        condition = lattice.link_b[b, i, k].condition[lane]
-        worst = lattice.link_b[b, i, k].worst[lane]
-        length = p.cell.y
-        end = packs.position(lattice, lattice.state, b, i, j + 1)
-    strain = kinematics.engineering_strain((end - start).norm() / length)
-    return condition, worst, strain
-
-
-@ti.func
-def volume(axis, p: ti.template()) -> ti.f64:
-    """Reference volume [m3] that a connection stands for."""
-    return ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
-
-
-@ti.func
-def break_connections(lattice: ti.template(), b, i, p: ti.template()):
-    """At the end of a step: column `i`'s failed connections are broken from now on.
-
-    The stored energy that they lose is booked [J].
-    """
-    time = ti.cast(lattice.clock[b].time, ti.f32)
-    lost = 0.0
-    for j in range(lattice.rows):
-        lost = break_at(lattice, b, i, j, time, lost, p)
-    lattice.strip_fracture[b, i] = lattice.strip_fracture[b, i] + lost
-
-
-@ti.func
-def break_at(
-    lattice: ti.template(), b, i, j, time: ti.f32, lost: ti.f64, p: ti.template()
-) -> ti.f64:
-    """Break a node's failed connections; what they lose is added to `lost`, and comes back."""
-    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
-    total = lost
-    for axis in range(2):
-        condition, worst, strain = look_at(lattice, axis, b, i, j, p)
-        if condition == BREAKING:
-            total += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
-            if axis == A:
-                lattice.link_a[b, i, k].condition[lane] = BROKEN
-                lattice.link_a[b, i, k].break_time[lane] = time
-            else:
-                lattice.link_b[b, i, k].condition[lane] = BROKEN
-                lattice.link_b[b, i, k].break_time[lane] = time
-    return total
-
-
-@ti.func
-def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
-    links = ti.static(lattice.links[axis])
-    return ti.i32(
-        links[b, i, packs.pack_of(lattice, j)].condition[packs.lane_of(lattice, j)] > BROKEN
-    )
-
-
-@ti.func
-def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
-    """Weights of a connection's four cross differences, from which crossing connections are whole.
-
-    A broken connection has none: the shear vanishes with its column across.
-    """
-    counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
-    halves = lattice.parameters[b].halves
-    if halves == EITHER:
-        ahead, behind = ahead_near * ahead_far, behind_near * behind_far
-        counts = ti.Vector([ahead, ahead, behind, behind])
-    elif halves == BOTH:
-        ahead, behind = ti.max(ahead_near, ahead_far), ti.max(behind_near, behind_far)
-        counts = ti.Vector([ahead, ahead, behind, behind])
-    return ti.cast(holds * counts, ti.f32) / ti.cast(ti.max(counts.sum(), 1), ti.f32)
-
-
-@ti.func
-def update_halves(lattice: ti.template(), b, i, j):
-    """Weights of the differences that cross the node's two connections (Eqs 13, 27, Fig. 20)."""
-    k = packs.pack_of(lattice, j)
-    lane = packs.lane_of(lattice, j)
-    if i < lattice.columns - 1:
-        weights = _weigh(
-            lattice, b, is_whole(lattice, A, b, i, j),
-            is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
-            is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
-        )  # fmt: skip
-        _set_weights(lattice.link_a, b, i, k, lane, weights)
-    if j < lattice.rows - 1:
-        weights = _weigh(
-            lattice, b, is_whole(lattice, B, b, i, j),
-            is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
-            is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
-        )  # fmt: skip
-        _set_weights(lattice.link_b, b, i, k, lane, weights)
-
-
-@ti.func
-def _set_weights(links: ti.template(), b, i, k, lane, weights):
-    links[b, i, k].ahead_near[lane] = weights[0]
-    links[b, i, k].ahead_far[lane] = weights[1]
-    links[b, i, k].behind_near[lane] = weights[2]
-    links[b, i, k].behind_far[lane] = weights[3]
-
-
-@ti.func
-def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether any of the node's four connections is broken or was never there."""
-    return ti.i32(
-        is_whole(lattice, A, b, i, j)
-        + is_whole(lattice, A, b, i - 1, j)
-        + is_whole(lattice, B, b, i, j)
-        + is_whole(lattice, B, b, i, j - 1)
-        < 4
-    )

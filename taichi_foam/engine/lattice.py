@@ -20,6 +20,10 @@ BROKEN = 0
 WHOLE = 1
 BREAKING = 2  # whole until the end of this step
 
+# A connection runs along its own axis (A along x, B along y); the other axis lies across it.
+A = 0
+B = 1
+
 NEVER = 1e30
 
 # Why a lattice no longer steps.

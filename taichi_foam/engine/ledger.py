@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_foam.engine import faces, packs
+from taichi_foam.engine import breaking, packs
 from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
 from taichi_foam.laws import foam as foam_law
 
@@ -21,11 +21,11 @@ FIRST_WORK = ROW_COLUMNS.index("faces")
 @ti.func
 def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Stored energy [J] of the connection from (i, j) along `axis`, 0 where there is none."""
-    condition, worst, strain = faces.look_at(lattice, axis, b, i, j, p)
+    condition, worst, strain = breaking.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
-        energy = faces.volume(axis, p) * foam_law.stored_energy(p.foam, strain, worst, broken)
+        energy = breaking.volume(axis, p) * foam_law.stored_energy(p.foam, strain, worst, broken)
     return energy
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_foam.engine import faces, packs
+from taichi_foam.engine import breaking, packs
 from taichi_foam.engine.lattice import (
     ABSENT,
     BROKEN,
@@ -278,7 +278,7 @@ def _copy_state(lattice: ti.template(), b: ti.i32, motion: Stack, links: Stack, 
                 link = ti.static(lattice.links[c])
                 links[i, j, c] = link[b, i, k].worst[lane]
                 broken_at = ti.cast(link[b, i, k].break_time[lane], ti.f64)
-                if faces.is_whole(lattice, c, b, i, j):
+                if breaking.is_whole(lattice, c, b, i, j):
                     broken_at = ti.math.nan
                 links[i, j, 2 + c] = broken_at
     for _ in range(1):

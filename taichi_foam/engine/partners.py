@@ -9,7 +9,7 @@ Threads call each part for their strip, and all have to end one part before any 
 
 import taichi as ti
 
-from taichi_foam.engine import contact, faces, packs
+from taichi_foam.engine import breaking, contact, packs
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
 from taichi_foam.engine.lattice import CROWDED
 
@@ -40,7 +40,7 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     while n < lattice.nodes:
         i, j = _place(lattice, n)
         lattice.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
-        if lattice.surface[b, i, j][0] == INSIDE and faces.is_surface(lattice, b, i, j):
+        if lattice.surface[b, i, j][0] == INSIDE and breaking.is_surface(lattice, b, i, j):
             lattice.surface[b, i, j][0] = NEW
         cell = contact.bin_of(lattice, _point(lattice, lattice.state, b, n), p)
         lattice.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import taichi as ti
 
-from taichi_foam.engine import blocks, clock, contact, faces, ledger, nodes
+from taichi_foam.engine import blocks, breaking, clock, contact, faces, ledger, nodes
 from taichi_foam.engine.lattice import BLOCK_NODES, LAST_STAGE, RUNNING, Lattice
 
 # From this many nodes on, a stage is worth spreading over threads.
@@ -90,14 +90,14 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
 def _break(lattice: ti.template(), b, p: ti.template()):
     for i in range(lattice.columns):
         if lattice.column_breaks[b, i] > 0:
-            faces.break_connections(lattice, b, i, p)
+            breaking.break_connections(lattice, b, i, p)
     for i in range(lattice.columns):
         near = lattice.column_breaks[b, i]
         near += lattice.column_breaks[b, ti.max(i - 1, 0)]
         near += lattice.column_breaks[b, ti.min(i + 1, lattice.columns - 1)]
         if near > 0:
             for j in range(lattice.rows):
-                faces.update_halves(lattice, b, i, j)
+                breaking.update_halves(lattice, b, i, j)
 
 
 @ti.func
@@ -143,7 +143,7 @@ def _prepare(lattice: ti.template(), b: ti.i32):
         p = lattice.parameters[b]
         for i in range(lattice.columns):
             for j in range(lattice.rows):
-                faces.update_halves(lattice, b, i, j)
+                breaking.update_halves(lattice, b, i, j)
         for i in range(lattice.columns):
             sweep = b * lattice.sweeps
             faces.face_column(lattice, 0, b, i, i, sweep, 0, p)

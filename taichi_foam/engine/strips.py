@@ -12,7 +12,7 @@ only; drivers order a work group's own memory all the same, and the tests would 
 
 import taichi as ti
 
-from taichi_foam.engine import clock, faces, ledger, nodes, packs, partners
+from taichi_foam.engine import breaking, clock, faces, ledger, nodes, packs, partners
 from taichi_foam.engine.lattice import (
     ASTRAY,
     BREAKS,
@@ -180,7 +180,7 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.nodes:
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
-        lost = faces.break_at(lattice, b, i, k, time, lost, p)
+        lost = breaking.break_at(lattice, b, i, k, time, lost, p)
         n += width
     lattice.strip_fracture[b, strip] = lattice.strip_fracture[b, strip] + lost
 
@@ -189,5 +189,5 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
 def update_halves(lattice: ti.template(), b, strip, width):
     n = strip
     while n < lattice.nodes:
-        faces.update_halves(lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows))
+        breaking.update_halves(lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows))
         n += width

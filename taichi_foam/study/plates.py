@@ -51,8 +51,8 @@ KINDS: Mapping[str, Kind] = {
         "paper/rectangular-3.03",
         (
             "Measured: at rest after 42 ms, 6.5 cm deep (the paper's own simulation: 40.2 ms).",
-            "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a sharp "
-            "boundary; height one third of the displacement; no split.",
+            "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a "
+            "sharp boundary; height one third of the displacement; no split.",
         ),
     ),
     "cylinder": Kind(
