@@ -44,6 +44,11 @@ def median_and_range(values: Sequence[float | None]) -> Band:
     return band(values, ends=(0.0, 1.0))
 
 
+def percent(error: float | None) -> str:
+    """A relative error, in per cent; a dash for no answer."""
+    return "–" if error is None or error == float("inf") else f"{100 * error:+.0f}"
+
+
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table."""
     lines = [header, ["---"] * len(header), *rows]

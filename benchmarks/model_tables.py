@@ -1,7 +1,7 @@
 """The tables of docs/model.md and of README.md: `python benchmarks/model_tables.py`.
 
-Some two hundred runs of the nine tests, five minutes of two cores. Ctrl-C keeps the tables that are
-done.
+Ninety runs of the nine tests, some two minutes of two cores. Ctrl-C keeps the tables that are done.
+What each choice does is a study of its own, fidelity.py.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ensembles import (
     figures_of,
     full_names,
     median_and_range,
+    percent,
     scene_of,
     short,
     table,
@@ -48,29 +49,9 @@ README_ORDER = (
     (ENERGY, "energy/volume, 10⁵ J/m³", 2, 2),
 )
 
-# One change at a time from the calibrated set; some concern the cylinder alone.
-CHANGES: Mapping[str, Sequence[str]] = {
-    "calibrated": (),
-    '`damping = "stiffness"`': ("model.damping=stiffness",),
-    '`damping = "absolute"`': ("model.damping=absolute",),
-    '`base.kind = "held"`': ("base.kind=held",),
-    '`base.kind = "floor"`': ("base.kind=floor",),
-    '`shear_failure = "tension-only"`': ("model.shear_failure=tension-only",),
-    '`shear_failure = "always"`': ("model.shear_failure=always",),
-    '`broken_contact = "jump"`': ("model.broken_contact=jump",),
-    "`self_contact = false`": ("model.self_contact=false",),
-    "impactor friction 0": ("impactor.friction=0.0",),
-    "impactor friction 0.3": ("impactor.friction=0.3",),
-    "cylinder radius 5 cm": ("impactor.radius=0.05",),
-}
-
 
 def error(name: str, value: float | None, quantity: Quantity) -> float | None:
     return relative_error(value, getattr(MEASURED[name], quantity.key))
-
-
-def percent(value: float | None) -> str:
-    return "–" if value is None or value == float("inf") else f"{100 * value:+.0f}"
 
 
 def run_all(scenes: Sequence[Scene], what: str, bars: Bars) -> list[Figures]:
@@ -78,27 +59,6 @@ def run_all(scenes: Sequence[Scene], what: str, bars: Bars) -> list[Figures]:
     with bars.computing(what) as on_progress:
         found.update(figures_of(scenes, on_progress))
     return [found[place] for place in range(len(scenes))]
-
-
-def choices(names: Sequence[str], bars: Bars) -> str:
-    """What each choice does, by single runs."""
-    asked = [
-        (change, name)
-        for change in CHANGES
-        for name in names
-        if "radius" not in change or "cylinder" in name
-    ]
-    scenes = [scene_of(name, overrides=CHANGES[change]) for change, name in asked]
-    found = dict(zip(asked, run_all(scenes, "choices, one at a time", bars), strict=True))
-    rows = []
-    for change in CHANGES:
-        cells = []
-        for name in names:
-            figures = found.get((change, name))
-            errors = [error(name, figures[q.key], q) for q in ORDER] if figures else []
-            cells.append(" / ".join(percent(e) for e in errors))
-        rows.append([change, *cells])
-    return table(["change", *map(short, names)], rows)
 
 
 def spread(names: Sequence[str], velocities: int, bars: Bars) -> tuple[str, str]:
@@ -183,7 +143,6 @@ def main(
         chance, readme = spread(names, velocities, bars)
         parts += ["## README\n", readme, "## How far chance goes\n", chance]
         parts += ["## paper-literal\n", literal(names, bars)]
-        parts += ["## What each choice does\n", choices(names, bars)]
     except KeyboardInterrupt:
         interrupted = True
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from store import Store, chosen
 from verification import cantilever, convergence, page, shock, smooth, waves
-from verification.store import Store
 
 from taichi_foam.engine import runtime
 from taichi_foam.progress import Bars
@@ -50,16 +50,6 @@ def _bound(compute: Callable[[Any], Any], plan: Mapping[str, Any]) -> dict[str, 
     return {name: (lambda each=each: compute(each)) for name, each in plan.items()}
 
 
-def _chosen(parts: str | None) -> list[str]:
-    wanted: list[str] = [part.strip() for part in parts.split(",")] if parts else list(PARTS)
-    unknown = [part for part in wanted if part not in PARTS]
-    if unknown:
-        raise typer.BadParameter(
-            f"no such part: {', '.join(unknown)}; choose from {', '.join(PARTS)}"
-        )
-    return wanted
-
-
 def main(
     parts: Annotated[str | None, typer.Option(help="Parts, as in shock,waves; none: all.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what is kept.")] = False,
@@ -71,7 +61,7 @@ def main(
     """Compute what is missing, and write page and pictures."""
     bars = Bars(Console(highlight=False))
     store = Store.open(out.with_suffix(".json"))
-    wanted = [(name, runs) for part in _chosen(parts) for name, runs in runs_of(part).items()]
+    wanted = [(name, runs) for part in chosen(parts, PARTS) for name, runs in runs_of(part).items()]
     interrupted = False
     try:
         if compute:

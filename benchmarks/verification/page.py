@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from store import Store
+
 from taichi_foam.study.machine import machine, versions
 from verification import cantilever_page, convergence_page, findings, shock_page, waves_page
 from verification.convergence import CASES
-from verification.store import Store
 
 PICTURES = {
     "verification-shock": "Stress behind a compaction front against velocity, and both theories",

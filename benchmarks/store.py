@@ -1,0 +1,64 @@
+"""Figures of runs, kept in one JSON file as they come: what is there is not computed again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import typer
+
+
+@dataclass
+class Store:
+    """Figures by part and by the run's name; written after every run."""
+
+    path: Path
+    kept: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def open(cls, path: Path) -> Store:
+        """Read what earlier calls left, if anything."""
+        kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        return cls(path, kept)
+
+    def part(self, part: str) -> dict[str, Any]:
+        """What there is of one part, by the run's name."""
+        return self.kept.setdefault(part, {})
+
+    def forget(self, part: str) -> None:
+        """Drop one part, so that it is computed afresh."""
+        self.kept.pop(part, None)
+
+    def figures(self, part: str, name: str, compute: Callable[[], Any]) -> Any:
+        """The figures of a run: kept ones, or computed now and kept."""
+        if name not in self.part(part):
+            self.keep(part, name, compute())
+        return self.part(part)[name]
+
+    def keep(self, part: str, name: str, figures: Any) -> None:
+        """Take the figures of a run that has ended."""
+        self.part(part)[name] = figures
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.kept, indent=None, separators=(",", ":"), sort_keys=True)
+        # Written aside and then renamed: Ctrl-C in between leaves the old file whole.
+        scratch = self.path.with_name(f"{self.path.name}.new")
+        scratch.write_text(text + "\n", encoding="utf-8")
+        scratch.replace(self.path)
+
+
+def chosen(parts: str | None, known: Sequence[str]) -> list[str]:
+    """Parts of a benchmark given as "shock,waves", or all that it knows.
+
+    Raises:
+        typer.BadParameter: a part that it does not know.
+    """
+    wanted = [part.strip() for part in parts.split(",")] if parts else list(known)
+    unknown = [part for part in wanted if part not in known]
+    if unknown:
+        raise typer.BadParameter(
+            f"no such part: {', '.join(unknown)}; choose from {', '.join(known)}"
+        )
+    return wanted
