@@ -1,45 +1,21 @@
-"""The tables of docs/model.md and of README.md: `python benchmarks/model_tables.py`.
+"""The tables of README.md, docs/fidelity.md and docs/model.md, from a study's folder.
 
-Ninety runs of the nine tests, some two minutes of two cores. Ctrl-C keeps the tables that are done.
-What each choice does is a study of its own, fidelity.py.
+taichi-foam reproduce --ensemble 16 --out ensemble
+taichi-foam reproduce --choices paper-literal --no-films --out literal
+python benchmarks/model_tables.py ensemble literal
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from ensembles import (
-    ORDER,
-    Figures,
-    figures_of,
-    full_names,
-    median_and_range,
-    percent,
-    scene_of,
-    short,
-    table,
-)
-from rich.console import Console
+from ensembles import ORDER, percent, short, table
 
-from taichi_foam.paper import MEASURED
-from taichi_foam.progress import Bars
-from taichi_foam.scene import Scene
-from taichi_foam.study.compare import (
-    DISPLACEMENT,
-    DURATION,
-    ENERGY,
-    PLATEAU,
-    TOLERANCE,
-    Quantity,
-    relative_error,
-)
-from taichi_foam.study.ensemble import factors
-
-RESULTS = Path(__file__).parent / "results"
+from taichi_foam.study.compare import DISPLACEMENT, DURATION, ENERGY, PLATEAU, Quantity, is_miss
 
 # Of a figure in the README's table: title, decimals as computed, and as measured.
 README_ORDER = (
@@ -49,106 +25,108 @@ README_ORDER = (
     (ENERGY, "energy/volume, 10⁵ J/m³", 2, 2),
 )
 
-
-def error(name: str, value: float | None, quantity: Quantity) -> float | None:
-    return relative_error(value, getattr(MEASURED[name], quantity.key))
+Entry = Mapping[str, Any]
 
 
-def run_all(scenes: Sequence[Scene], what: str, bars: Bars) -> list[Figures]:
-    found: dict[int, Figures] = {}
-    with bars.computing(what) as on_progress:
-        found.update(figures_of(scenes, on_progress))
-    return [found[place] for place in range(len(scenes))]
-
-
-def spread(names: Sequence[str], velocities: int, bars: Bars) -> tuple[str, str]:
-    """How far chance goes; and the README's table, of medians, with single runs counted below."""
-    asked = [(name, f) for name in names for f in (None, *factors(velocities))]
-    scenes = [scene_of(name, f or 1.0) for name, f in asked]
-    found = run_all(scenes, "ensembles", bars)
-    single = {n: figures for (n, f), figures in zip(asked, found, strict=True) if f is None}
-    ensemble = {
-        name: [figures for (n, f), figures in zip(asked, found, strict=True) if n == name and f]
-        for name in names
-    }
-    return _chance(ensemble), _readme(single, ensemble)
-
-
-def _chance(ensemble: Mapping[str, Sequence[Figures]]) -> str:
+def readme(entries: Sequence[Entry], tolerance: float) -> str:
+    """Medians with the measured figures in brackets, misses in bold."""
     rows = []
-    for name, runs in ensemble.items():
-        cells = [short(name)]
-        for quantity in ORDER:
-            errors = median_and_range([error(name, run[quantity.key], quantity) for run in runs])
-            least, middle, largest = map(percent, errors)
-            cells.append(f"{middle} ({least} to {largest})")
-        cells.append(", ".join(str(run["pieces"]) for run in runs))
-        cells.append(", ".join(_crack(run) for run in runs))
+    for entry in entries:
+        cells = [short(entry["name"])]
+        for quantity, _, digits, known in README_ORDER:
+            value, measured = entry["simulated"][quantity.key], entry["measured"][quantity.key]
+            shown = "–" if value is None else f"{quantity.factor * value:.{digits}f}"
+            text = f"{shown} ({quantity.factor * measured:.{known}f})"
+            cells.append(f"**{text}**" if is_miss(entry, quantity.key, tolerance) else text)
         rows.append(cells)
-    header = ["test", "duration", "displacement", "plateau", "energy/volume", "pieces"]
-    return table([*header, "crack to [mm]"], rows)
+    within = [
+        sum(not is_miss(entry, quantity.key, tolerance) for entry in entries)
+        for quantity, *_ in README_ORDER
+    ]
+    rows.append([f"within {100 * tolerance:.0f} %", *(f"{n} of {len(entries)}" for n in within)])
+    return table(["test", *(title for _, title, *_ in README_ORDER)], rows)
 
 
-def _crack(run: Figures) -> str:
-    height = run["crack_lowest_height_m"]
-    return "-" if height is None else f"{1e3 * height:.0f}"
-
-
-def _readme(single: Mapping[str, Figures], ensemble: Mapping[str, Sequence[Figures]]) -> str:
-    rows, within, alone = [], [0] * len(README_ORDER), [0] * len(README_ORDER)
-    for name, runs in ensemble.items():
-        cells = [short(name)]
-        for place, (quantity, _, digits, known) in enumerate(README_ORDER):
-            measured = asdict(MEASURED[name])[quantity.key]
-            middle = median_and_range([run[quantity.key] for run in runs]).median
-            text = f"{quantity.factor * middle:.{digits}f} ({quantity.factor * measured:.{known}f})"
-            near = abs(middle / measured - 1.0) <= TOLERANCE
-            lone = relative_error(single[name][quantity.key], measured)
-            within[place] += near
-            alone[place] += lone is not None and abs(lone) <= TOLERANCE
-            cells.append(text if near else f"**{text}**")
-        rows.append(cells)
-    count = len(ensemble)
-    rows.append(["within 12 %", *(f"{n} of {count}" for n in within)])
-    header = ["test", *(title for _, title, *_ in README_ORDER)]
-    singles = f"Single runs within 12 %: {', '.join(f'{n} of {count}' for n in alone)}."
-    return f"{table(header, rows)}\n{singles}\n"
-
-
-def literal(names: Sequence[str], bars: Bars) -> str:
-    """The set paper-literal, with the automatic step."""
-    scenes = [scene_of(name, choices="paper-literal") for name in names]
-    found = run_all(scenes, "paper-literal", bars)
+def errors(entries: Sequence[Entry], held_out: Sequence[str]) -> str:
+    """Error of each median with its band; tests that were held out are marked."""
     rows = []
-    for name, figures in zip(names, found, strict=True):
-        errors = [error(name, figures[quantity.key], quantity) for quantity in ORDER]
-        left = abs(figures["energy_residual"])
-        rows.append([short(name), *(f"{percent(e)} %" for e in errors), f"{100 * left:.1f} %"])
+    for entry in entries:
+        mark = " *" if entry["name"] in held_out else ""
+        rows.append([short(entry["name"]) + mark, *(_band(entry, q) for q in ORDER)])
+    return table(["test", "duration", "displacement", "plateau", "energy/volume"], rows)
+
+
+def _band(entry: Entry, quantity: Quantity) -> str:
+    """As in "+3 (-2 to +7)", in per cent of the measured figure; a dash is no answer."""
+    measured = entry["measured"][quantity.key]
+    values = [entry[part][quantity.key] for part in ("simulated", "low", "high")]
+    middle, low, high = (percent(None if v is None else v / measured - 1) for v in values)
+    return f"{middle} ({low} to {high})"
+
+
+def peaks(entries: Sequence[Entry]) -> str:
+    """The flat impactor's initial peak and when it comes."""
+    rows = []
+    for entry in entries:
+        measured, found, error = entry["measured"], entry["simulated"], entry["error"]
+        if measured["initial_peak_m_s2"] is None:
+            continue
+        height = f"{found['initial_peak_m_s2']:.0f} ({measured['initial_peak_m_s2']:.0f})"
+        time, known = found["initial_peak_time_s"], measured["initial_peak_time_s"]
+        rows.append(
+            [
+                short(entry["name"]),
+                f"{height}, {100 * error['initial_peak_m_s2']:+.0f} %",
+                f"{1e3 * time:.1f} ({1e3 * known:.1f}), {1e3 * (time - known):+.1f}",
+            ]
+        )
+    return table(["test", "initial peak, m/s²", "its time, ms"], rows)
+
+
+def criteria(found: Sequence[Mapping[str, Any]]) -> str:
+    """What the pictures must show, and in how many runs they do."""
+    rows = [
+        [
+            each["source"],
+            each["text"],
+            "–" if each["median"] is None else f"{each['median']:.3g}",
+            each["allowed"],
+            f"{each['met']} of {each['of']}" if each["holds"] else f"**{each['met']}**",
+        ]
+        for each in found
+    ]
+    return table(["figure", "criterion", "median", "allowed", "runs"], rows)
+
+
+def literal(entries: Sequence[Entry]) -> str:
+    """Errors of the set paper-literal, single runs, and the energy that is unaccounted for."""
+    rows = []
+    for entry in entries:
+        left = abs(entry["simulated"]["energy_residual"])
+        values = (percent(entry["error"][quantity.key]) for quantity in ORDER)
+        rows.append([short(entry["name"]), *(f"{v} %" for v in values), f"{100 * left:.1f} %"])
     header = ["test", "duration", "displacement", "plateau", "energy/volume", "unaccounted energy"]
     return table(header, rows)
 
 
 def main(
-    cases: Annotated[
-        str | None, typer.Option(help="Tests, as in wedge-2.86,cylinder-3.32.")
-    ] = None,
-    velocities: Annotated[int, typer.Option(min=1, help="Velocities of each ensemble.")] = 8,
-    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "model_tables.md",
+    ensemble: Annotated[Path, typer.Argument(help="Folder of reproduce --ensemble.")],
+    paper_literal: Annotated[Path, typer.Argument(help="Folder of --choices paper-literal.")],
 ) -> None:
-    """Compute the tables and write them to one page."""
-    bars, names = Bars(Console(highlight=False)), full_names(cases)
-    parts = ["# Tables of docs/model.md and README.md\n"]
-    interrupted = False
-    try:
-        chance, readme = spread(names, velocities, bars)
-        parts += ["## README\n", readme, "## How far chance goes\n", chance]
-        parts += ["## paper-literal\n", literal(names, bars)]
-    except KeyboardInterrupt:
-        interrupted = True
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n".join(parts), encoding="utf-8")
-    bars.say(f"written to {out}" + ", interrupted" * interrupted)
-    raise typer.Exit(130 if interrupted else 0)
+    """Print the tables, as Markdown."""
+    found = json.loads((ensemble / "summary.json").read_text(encoding="utf-8"))
+    entries, groups = found["cases"], found["ensemble"]
+    typer.echo(f"## README\n\n{readme(entries, found['tolerance'])}")
+    typer.echo(f"## Errors\n\n{errors(entries, groups['held_out']['cases'])}")
+    for name in ("all", "fitted", "held_out"):
+        group = groups[name]
+        middle = group["median_absolute_error"]
+        shown = "none" if middle is None else f"{100 * middle:.1f} %"
+        typer.echo(f"{name}: {group['within']} of {group['of']}, median {shown}")
+    typer.echo(f"\n## Initial peaks\n\n{peaks(entries)}")
+    typer.echo(f"## Criteria\n\n{criteria(groups['criteria'])}")
+    plain = json.loads((paper_literal / "summary.json").read_text(encoding="utf-8"))
+    typer.echo(f"## paper-literal\n\n{literal(plain['cases'])}")
 
 
 if __name__ == "__main__":

@@ -59,9 +59,15 @@ def check() -> list[Outcome | Skipped]:
 
 
 def bare(scene: Scene) -> Scene:
-    """The scene without contact of pieces, which the peers do not have."""
-    model = scene.model.model_copy(update={"self_contact": False})
-    return scene.model_copy(update={"model": model})
+    """The scene with the readings that the peers have, and without contact of pieces."""
+    readings = {"self_contact": False, "damping": "connection", "broken_halves": "either"}
+    plain = {"rate": None, "crushed_strength": 1.0}
+    return scene.model_copy(
+        update={
+            "model": scene.model.model_copy(update=readings),
+            "foam": scene.foam.model_copy(update=plain),
+        }
+    )
 
 
 def _with_each_other(name: str, scene: Scene, peers: list, threads: int) -> list[Outcome]:

@@ -120,8 +120,15 @@ def case_of(scene: Scene) -> Case:
     refused = {
         "a cylinder": isinstance(scene.impactor, Cylinder),
         f"damping {model.damping!r}": model.damping != "connection",
-        f"shear failure {model.shear_failure!r}": model.shear_failure == "tension-only",
+        f"shear failure {model.shear_failure!r}": (
+            model.shear_failure in ("tension-only", "angle")
+        ),
         f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
+        f"broken halves {model.broken_halves!r}": model.broken_halves != "either",
+        f"shear {model.shear!r}": model.shear != "face",
+        "foam that heeds the rate": scene.foam.rate is not None,
+        "crushed foam that is weak all round": scene.foam.crushed_strength < 1.0,
+        "strengths that differ": scene.foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
     }
     if any(refused.values()):

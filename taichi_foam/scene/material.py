@@ -146,7 +146,7 @@ class Foam(Part):
         allowed="none, or at least 1 and at most 1e9 1/s",
     )
     rate_exponent: float = quantity(
-        4.0,
+        1.0,
         "-",
         "exponent q: the plateau's stress grows by the part (rate / D)^(1/q)",
         at_least=1,

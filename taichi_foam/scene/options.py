@@ -37,7 +37,7 @@ class Model(Part):
     """Readings of what the paper leaves open."""
 
     damping: Literal["connection", "stiffness", "absolute"] = choice(
-        "connection",
+        "stiffness",
         "connection: a dashpot in each connection, on the relative velocity of its mass points; "
         "stiffness: the same along it, but after G instead of K across it; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
@@ -54,14 +54,14 @@ class Model(Part):
         "angle: it does, by the angle that its foam has sheared through, however short it is",
     )
     shear_pressure_coefficient: float = quantity(
-        18.0,
+        3.0,
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,
         at_most=100,
     )
     broken_halves: Literal["either", "both", "each"] = choice(
-        "either",
+        "both",
         "what Eq. 27 leaves out of Eq. 13's mean next to broken connections: either: a half of it, "
         "when one of the half's two connections is broken; both: when both are; "
         "each: the broken connection's own difference only",

@@ -19,21 +19,28 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
+                "foam.rate": 3000.0,
+                "foam.rate_exponent": 1.0,
+                "foam.crushed_strength": 0.2,
                 "base.kind": "gripped",
-                "impactor.friction": 0.15,
-                "model.damping": "connection",
+                "impactor.friction": 0.22,
+                "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
-                "model.shear_pressure_coefficient": 18.0,
+                "model.shear_pressure_coefficient": 3.0,
+                "model.broken_halves": "both",
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
             }
         ),
         "paper-literal": MappingProxyType(
             {
+                "foam.rate": None,
+                "foam.crushed_strength": 1.0,
                 "base.kind": "held",
                 "impactor.friction": 0.0,
                 "model.damping": "absolute",
                 "model.shear_failure": "always",
+                "model.broken_halves": "either",
                 "model.broken_contact": "jump",
                 "model.self_contact": False,
             }

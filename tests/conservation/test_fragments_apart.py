@@ -9,7 +9,7 @@ from scipy.spatial.distance import pdist
 
 from taichi_foam.paper import paper_scene
 from taichi_foam.result import Result, Snapshot
-from taichi_foam.scene import Base, Block, FlatBlock, Numerics, Output, Wedge
+from taichi_foam.scene import Base, Block, FlatBlock, Model, Numerics, Output, Wedge
 from taichi_foam.simulation import run
 
 RUNS = {
@@ -17,6 +17,7 @@ RUNS = {
     "paper/rectangular-3.03": paper_scene("paper/rectangular-3.03"),
     "fast wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.05, velocity=30.0),
+        model=Model(broken_halves="either"),  # shatters more
         numerics=Numerics(end=10e-3),
         output=Output(snapshot_interval=2e-4),
     ),

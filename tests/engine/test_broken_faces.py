@@ -11,7 +11,7 @@ from taichi_foam.scene import Base, Foam, Model
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
-LOOSE = Model(self_contact=False)
+LOOSE = Model(broken_halves="either", self_contact=False)
 ROUNDING = 1e-9  # N, as in test_face_forces.py
 G, K = 0.84e6, 2.78e6
 FACE = 0.005 * 0.057  # m2

@@ -128,7 +128,7 @@ def test_a_connections_own_strength_multiplies_its_tensile_strain(
 def test_a_connections_own_strength_multiplies_its_shear_strength(
     strength: float, reading: str, e: float, limit: float
 ) -> None:
-    foam = constants(model=Model(shear_failure=reading))
+    foam = constants(model=Model(shear_failure=reading, shear_pressure_coefficient=18.0))
     for sign in (-1, 1):
         for beyond in (-A_TOUCH, A_TOUCH):
             tau = sign * (strength * limit + beyond)

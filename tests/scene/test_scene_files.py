@@ -295,9 +295,10 @@ def test_unknown_choices():
         load_scene("paper/wedge-2.86", "literal")
 
 
-def test_calibrated_is_the_default():
+def test_calibrated_is_the_default_but_for_the_foam_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene"])
+    plain = ["foam.rate=none", "foam.crushed_strength=1", "base.stops_impactor=true"]
+    assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])
 
 
 def test_every_built_in_scene_loads_and_has_a_description():
