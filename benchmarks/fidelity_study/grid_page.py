@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from ensembles import percent, short, table
 
 from fidelity_study.grid import (
-    COMMON,
     FITTED,
     GRID,
     Scored,
@@ -36,9 +35,8 @@ def section(velocities: int, kept: Kept) -> list[str]:
 
 
 def _method(velocities: int) -> str:
-    shared = ", ".join(f"`{text.replace('=', ' = ')}`" for text in COMMON)
     return (
-        f"Every candidate has {shared}, and what the calibrated set has for all else; each test "
+        "Every candidate has what the calibrated set has for all that is not listed; each test "
         f"is run at {velocities} velocities within 0.5 % and judged by its medians. The score is "
         f"the mean absolute error of duration, displacement, plateau and energy per volume in the "
         f"{len(FITTED)} fitted tests and of the initial peak in the flat ones among them; a figure "
