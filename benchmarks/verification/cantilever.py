@@ -123,7 +123,12 @@ def scene(strip: Strip) -> Scene:
         foam=foam,
         impactor=Cylinder(radius=strip.radius, mass=CYLINDER, velocity=strip.speed, friction=0.0),
         base=Base(kind="gripped"),
-        model=Model(damping="absolute", self_contact=False, shear_failure="tension-only"),
+        model=Model(
+            damping="absolute",
+            self_contact=False,
+            shear_failure="tension-only",
+            broken_halves="either",
+        ),
         numerics=Numerics(
             damping_time=DRAG * strip.cell**2 / sound,
             contact_stiffness=4.0,

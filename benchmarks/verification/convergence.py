@@ -34,6 +34,7 @@ KEPT_EVERY = 2.5e-4  # s: rows of the histories that are kept
 # All that decides a result, so that it does not change with the package's defaults.
 MODEL = Model(
     damping="connection",
+    broken_halves="either",
     shear_failure="pressure-dependent",
     shear_pressure_coefficient=18.0,
     broken_contact="reload",
