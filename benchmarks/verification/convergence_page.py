@@ -24,8 +24,9 @@ runs with velocities within 0.5 %, five for the coarser cells, three for 2.5 mm,
 *Strain*: connections break at the paper's strains, 0.05 and 0.10, whatever the cell. *Scaled*:
 these times sqrt(5 mm / cell), so that a connection holds the same energy per area of crack,
 (K e_t^2 / 2) dx (crack band, Bazant and Oh 1983). In cells of 10 mm a flat face of 50 mm covers
-four mass points, 40 mm: that row is as much about contact as about foam. Readings: Eq. 27 as printed, dashpots
-of one size, a shear coefficient of 18, friction 0.15, no rate (`MODEL` in `convergence.py`).
+four mass points, 40 mm: that row is as much about contact as about foam. Readings: Eq. 27 as
+printed, dashpots of one size, a shear coefficient of 18, friction 0.15, no rate (`MODEL` in
+`convergence.py`).
 """
 
 COLUMNS = (
