@@ -83,9 +83,10 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 
 @ti.func
 def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
-    """Weights of a connection's four cross differences, from which crossing connections are whole.
+    """Weights of a connection's four cross differences, by which crossing connections are whole.
 
-    A broken connection has none: the shear vanishes with its column across.
+    In twelfths, all in one number (`packs.weight`). A broken connection has none: the shear
+    vanishes with its column across.
     """
     counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
     halves = lattice.parameters[b].halves
@@ -95,7 +96,11 @@ def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near,
     elif halves == BOTH:
         ahead, behind = ti.max(ahead_near, ahead_far), ti.max(behind_near, behind_far)
         counts = ti.Vector([ahead, ahead, behind, behind])
-    return ti.cast(holds * counts, ti.f32) / ti.cast(ti.max(counts.sum(), 1), ti.f32)
+    twelfths = holds * counts * ti.raw_div(12, ti.max(counts.sum(), 1))
+    weights = 0
+    for place in ti.static(range(4)):
+        weights |= twelfths[place] << ti.static(packs.WEIGHT_BITS * place)
+    return weights
 
 
 @ti.func
@@ -109,22 +114,14 @@ def update_halves(lattice: ti.template(), b, i, j):
             is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
             is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
         )  # fmt: skip
-        _set_weights(lattice.link_a, b, i, k, lane, weights)
+        lattice.link_a[b, i, k].weights[lane] = weights
     if j < lattice.rows - 1:
         weights = _weigh(
             lattice, b, is_whole(lattice, B, b, i, j),
             is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
             is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
         )  # fmt: skip
-        _set_weights(lattice.link_b, b, i, k, lane, weights)
-
-
-@ti.func
-def _set_weights(links: ti.template(), b, i, k, lane, weights):
-    links[b, i, k].ahead_near[lane] = weights[0]
-    links[b, i, k].ahead_far[lane] = weights[1]
-    links[b, i, k].behind_near[lane] = weights[2]
-    links[b, i, k].behind_far[lane] = weights[3]
+        lattice.link_b[b, i, k].weights[lane] = weights
 
 
 @ti.func

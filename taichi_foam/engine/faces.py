@@ -7,6 +7,7 @@ import taichi as ti
 
 from taichi_foam.engine import packs
 from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING, A, B
+from taichi_foam.engine.packs import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.laws import elementary, kinematics
 from taichi_foam.laws import foam as foam_law
 
@@ -60,10 +61,9 @@ def _link_forces(
     # F's column across the connection, from the differences that its broken neighbours leave; on
     # each side they are added first, so that the mirror image gives the same sum
     per_spacing = 1.0 / p.cell[1 - axis]
-    ahead_near = ti.cast(links[b, i, k].ahead_near, ti.f64)
-    ahead_far = ti.cast(links[b, i, k].ahead_far, ti.f64)
-    behind_near = ti.cast(links[b, i, k].behind_near, ti.f64)
-    behind_far = ti.cast(links[b, i, k].behind_far, ti.f64)
+    weights = links[b, i, k].weights
+    ahead_near, ahead_far = packs.weight(weights, AHEAD_NEAR), packs.weight(weights, AHEAD_FAR)
+    behind_near, behind_far = packs.weight(weights, BEHIND_NEAR), packs.weight(weights, BEHIND_FAR)
     across_x = ahead_near * ahead[0] + ahead_far * ahead[1]
     across_y = ahead_near * ahead[2] + ahead_far * ahead[3]
     across_x += behind_near * behind[0] + behind_far * behind[1]

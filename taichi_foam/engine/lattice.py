@@ -169,17 +169,13 @@ class Lattice:
         pack = ti.types.vector(self.lanes, ti.f64)
         small_pack = ti.types.vector(self.lanes, ti.f32)
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
-        # `ahead` and `behind` weigh the differences of Eq. 13 (above and below an A, right and left
-        # of a B; at its first node and at its second). 0, 1/4, 1/2 and 1 are exact in 32 bits, as
-        # are the conditions; a third is not, but all its uses have the same one. `strength` is a
-        # connection's own over the mean of all.
-        small = [
-            "ahead_near", "ahead_far", "behind_near", "behind_far", "condition", "break_time",
-            "strength",
-        ]  # fmt: skip
-        if self.on_gpu:
-            small.append("spare")  # an even number of them, see below
-        link = ti.types.struct(worst=pack, **dict.fromkeys(small, small_pack))
+        # `weights` are those of the differences of Eq. 13 (above and below an A, right and left of
+        # a B; at its first node and at its second), `strength` is a connection's own over the mean
+        # of all. An even number of 32-bit members, see below.
+        link = ti.types.struct(
+            worst=pack, weights=ti.types.vector(self.lanes, ti.i32), condition=small_pack,
+            break_time=small_pack, strength=small_pack,
+        )  # fmt: skip
 
         self.state = motion.field()  # accepted: position [m], velocity [m/s]
         self.trial = motion.field()  # at the current stage

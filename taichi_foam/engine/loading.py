@@ -141,10 +141,7 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
             no_weight = ti.cast(zeros, ti.f32)
             for links in ti.static(lattice.links):
                 links[b, i, k].worst = zeros
-                links[b, i, k].ahead_near = no_weight
-                links[b, i, k].ahead_far = no_weight
-                links[b, i, k].behind_near = no_weight
-                links[b, i, k].behind_far = no_weight
+                links[b, i, k].weights = ti.cast(zeros, ti.i32)
                 links[b, i, k].break_time = no_weight
                 links[b, i, k].strength = no_weight
             lattice.rate[b, i, k].x = zeros

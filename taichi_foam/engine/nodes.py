@@ -8,6 +8,7 @@ import taichi as ti
 
 from taichi_foam.engine import contact, packs
 from taichi_foam.engine.lattice import DASHPOTS, DRAG, FACES, LAST_STAGE, SELF_CONTACT, SHEAR
+from taichi_foam.engine.packs import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.parameters import NO_IMPACTOR
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
@@ -147,24 +148,40 @@ def _crossed(lattice: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
     sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
     what the one to the left does, and `far` the same of the A's of the node above.
     """
-    own, left = lattice.link_a[b, i, k], lattice.link_a[b, i - 1, k]
+    own, left = lattice.link_a[b, i, k].weights, lattice.link_a[b, i - 1, k].weights
     here = lattice.crossing[sweep, slot, k]
     before = lattice.crossing[sweep, left_slot, k]
     after = lattice.crossing[sweep, right_slot, k]
-    low_x = own.ahead_near * here.ax + left.ahead_far * before.ax
-    low_y = own.ahead_near * here.ay + left.ahead_far * before.ay
-    high_x = own.behind_near * here.ax + left.behind_far * before.ax
-    high_y = own.behind_near * here.ay + left.behind_far * before.ay
-    rise, left_rise = lattice.link_b[b, i, k], lattice.link_b[b, i - 1, k]
-    right_rise = lattice.link_b[b, i + 1, k]
-    near_x = rise.ahead_near * here.bx + right_rise.behind_near * after.bx
-    near_y = rise.ahead_near * here.by + right_rise.behind_near * after.by
-    near_x -= left_rise.ahead_near * before.bx + rise.behind_near * here.bx
-    near_y -= left_rise.ahead_near * before.by + rise.behind_near * here.by
-    far_x = rise.ahead_far * here.bx + right_rise.behind_far * after.bx
-    far_y = rise.ahead_far * here.by + right_rise.behind_far * after.by
-    far_x -= left_rise.ahead_far * before.bx + rise.behind_far * here.bx
-    far_y -= left_rise.ahead_far * before.by + rise.behind_far * here.by
+    low_x = packs.weight(own, AHEAD_NEAR) * here.ax + packs.weight(left, AHEAD_FAR) * before.ax
+    low_y = packs.weight(own, AHEAD_NEAR) * here.ay + packs.weight(left, AHEAD_FAR) * before.ay
+    high_x = packs.weight(own, BEHIND_NEAR) * here.ax + packs.weight(left, BEHIND_FAR) * before.ax
+    high_y = packs.weight(own, BEHIND_NEAR) * here.ay + packs.weight(left, BEHIND_FAR) * before.ay
+    rise, left_rise = lattice.link_b[b, i, k].weights, lattice.link_b[b, i - 1, k].weights
+    right_rise = lattice.link_b[b, i + 1, k].weights
+    near_x = (
+        packs.weight(rise, AHEAD_NEAR) * here.bx + packs.weight(right_rise, BEHIND_NEAR) * after.bx
+    )
+    near_y = (
+        packs.weight(rise, AHEAD_NEAR) * here.by + packs.weight(right_rise, BEHIND_NEAR) * after.by
+    )
+    near_x -= (
+        packs.weight(left_rise, AHEAD_NEAR) * before.bx + packs.weight(rise, BEHIND_NEAR) * here.bx
+    )
+    near_y -= (
+        packs.weight(left_rise, AHEAD_NEAR) * before.by + packs.weight(rise, BEHIND_NEAR) * here.by
+    )
+    far_x = (
+        packs.weight(rise, AHEAD_FAR) * here.bx + packs.weight(right_rise, BEHIND_FAR) * after.bx
+    )
+    far_y = (
+        packs.weight(rise, AHEAD_FAR) * here.by + packs.weight(right_rise, BEHIND_FAR) * after.by
+    )
+    far_x -= (
+        packs.weight(left_rise, AHEAD_FAR) * before.bx + packs.weight(rise, BEHIND_FAR) * here.bx
+    )
+    far_y -= (
+        packs.weight(left_rise, AHEAD_FAR) * before.by + packs.weight(rise, BEHIND_FAR) * here.by
+    )
     return low_x, low_y, high_x, high_y, near_x, near_y, far_x, far_y
 
 
