@@ -13,7 +13,6 @@ from taichi_foam.study.compare import Quantity
 from taichi_foam.study.scores import HELD_OUT
 
 GRID: Mapping[str, Sequence[object]] = {
-    "model.damping": ("stiffness", "connection"),
     "model.shear_pressure_coefficient": (2, 4, 8),
     "impactor.friction": (0.15, 0.22),
     "foam.rate": (3000, 6000),
