@@ -28,7 +28,7 @@ _LEAST = 0.3
 class Whisker:
     """Relative errors of one figure of one test: of the median, and of the ends of its band.
 
-    inf where the impactor never stopped; `held_out`: the test took no part in calibration.
+    inf where the impactor never stopped; `held_out`: the test was left out of the score of choices.
     """
 
     test: str

@@ -119,6 +119,10 @@ def ledger(cases: Sequence[Case]) -> Row:
     return {"names": [name for _, name, _ in LEDGER], "rows": rows}
 
 
+BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
+"""What the foam of a scene may do besides Table 1."""
+
+
 def choices(cases: Sequence[Case]) -> list[Row]:
     """Every choice of model and numerics, with its meaning from the scene's own description."""
     if not cases:
@@ -127,6 +131,7 @@ def choices(cases: Sequence[Case]) -> list[Row]:
     rows = [_choice(scene, "impactor", "friction")]
     rounds = [case.scene for case in cases if isinstance(case.scene.impactor, Cylinder)]
     rows += [_choice(cylinder, "impactor", "radius") for cylinder in rounds[:1]]
+    rows += [_choice(scene, "foam", field) for field in BEYOND_THE_PAPER]
     for part in ("base", "model", "numerics"):
         rows += [_choice(scene, part, field) for field in type(getattr(scene, part)).model_fields]
     return rows
