@@ -153,7 +153,8 @@ def errors_at_a_glance(
         overview.errors(panels, tolerance),
         folder / "errors.png",
         f"Error of each median, and of 5 and 95 % of the runs; shaded: {span}. Medians beyond it "
-        "are diamonds with their error. Tests with open marks were left out of the score of choices.",
+        "are diamonds with their error. Tests with open marks were left out of the score of "
+        "choices.",
         f"Dots and whiskers of errors in {', '.join(panels)} for each test, with a band of {span}.",
     )
 
