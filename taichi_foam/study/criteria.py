@@ -175,7 +175,6 @@ the impact."""
 SMALL_CRACK = 0.2
 """A crack of the top surface is small up to this share of the block's height (4 of 20 cells)."""
 
-
 _ROUNDING = 1e-9
 
 
