@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import root_scalar
 
 from taichi_foam.scene import Block, Foam, Scene
 
@@ -33,6 +32,9 @@ def _scattered(block: Block, foam: Foam) -> NDArray[np.float64]:
 
 def weibull_modulus(scatter: float) -> float:
     """The modulus of the Weibull distribution with this standard deviation over its mean."""
+    # half a second to load, and few foams scatter
+    from scipy.optimize import root_scalar
+
     if scatter < 1e-4:
         # what follows would drown in rounding; here log(strength) times the modulus is Gumbel's
         return math.pi / math.sqrt(6.0) / scatter
