@@ -41,7 +41,8 @@ def node_pack(
     force_x = (own.ax - left.ax) + (own.bx - packs.from_below(own.bx, below_x))
     force_y = (own.ay - left.ay) + (own.by - packs.from_below(own.by, below_y))
     if p.variational:
-        cross_x, cross_y = _crossing_forces(lattice, b, i, k, sweep, slot, left_slot, right_slot)
+        cross_x = _crossing_force(lattice, 0, b, i, k, sweep, slot, left_slot, right_slot)
+        cross_y = _crossing_force(lattice, 1, b, i, k, sweep, slot, left_slot, right_slot)
         force_x += cross_x
         force_y += cross_y
         if stage == 0 or stage == LAST_STAGE:
@@ -107,82 +108,62 @@ def node_pack(
 
 
 @ti.func
-def _crossing_forces(lattice: ti.template(), b, i, k, sweep, slot, left_slot, right_slot):
-    """Forces [N] on a pack of nodes by the shear stresses of connections that theirs cross.
+def _crossing_force(
+    lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
+):
+    """Force [N] along `axis` (0: x) on a pack of nodes by the shear of connections theirs cross.
 
     The shear strain of a connection is u . w, and w a weighted sum of differences between nodes
     beside it. The gradient of its energy pulls at these nodes too: a connection acts as if it
     carried, besides its own force, that of each connection it crosses by its weight there.
     """
     last = ti.static(lattice.lanes - 1)
-    low_x, low_y, high_x, high_y, near_x, near_y, far_x, far_y = _crossed(
-        lattice, b, i, k, sweep, slot, left_slot, right_slot
-    )
-    low_below_x, low_below_y, far_below_x, far_below_y = 0.0, 0.0, 0.0, 0.0
+    low, high, near, far = _crossed(lattice, axis, b, i, k, sweep, slot, left_slot, right_slot)
+    low_below, far_below, high_above = 0.0, 0.0, 0.0
     if k > 0:
-        lx, ly, _hx, _hy, _nx, _ny, fx, fy = _crossed(
-            lattice, b, i, k - 1, sweep, slot, left_slot, right_slot
+        below, _, _, far_of_below = _crossed(
+            lattice, axis, b, i, k - 1, sweep, slot, left_slot, right_slot
         )
-        low_below_x, low_below_y = lx[last], ly[last]
-        far_below_x, far_below_y = fx[last], fy[last]
-    high_above_x, high_above_y = 0.0, 0.0
+        low_below, far_below = below[last], far_of_below[last]
     if k < lattice.packs - 1:
-        _lx, _ly, hx, hy, _nx, _ny, _fx, _fy = _crossed(
-            lattice, b, i, k + 1, sweep, slot, left_slot, right_slot
-        )
-        high_above_x, high_above_y = hx[0], hy[0]
-    x = low_x - packs.from_below(low_x, low_below_x)
-    x += packs.from_above(high_x, high_above_x) - high_x
-    x += near_x + packs.from_below(far_x, far_below_x)
-    y = low_y - packs.from_below(low_y, low_below_y)
-    y += packs.from_above(high_y, high_above_y) - high_y
-    y += near_y + packs.from_below(far_y, far_below_y)
-    return x, y
+        _, above, _, _ = _crossed(lattice, axis, b, i, k + 1, sweep, slot, left_slot, right_slot)
+        high_above = above[0]
+    force = low - packs.from_below(low, low_below)
+    force += packs.from_above(high, high_above) - high
+    force += near + packs.from_below(far, far_below)
+    return force
 
 
 @ti.func
-def _crossed(lattice: ti.template(), b, i, k, sweep, slot, left_slot, right_slot):
-    """What a pack's connections carry for those that they cross, see `_crossing_forces`.
+def _crossed(
+    lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
+):
+    """What a pack's connections carry for those that they cross, see `_crossing_force`.
 
     `low` and `high` are what the B above and the one below a node carry for the A's at the node's
     sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
     what the one to the left does, and `far` the same of the A's of the node above.
     """
     own, left = lattice.link_a[b, i, k].weights, lattice.link_a[b, i - 1, k].weights
+    rise, left_rise = lattice.link_b[b, i, k].weights, lattice.link_b[b, i - 1, k].weights
+    right_rise = lattice.link_b[b, i + 1, k].weights
     here = lattice.crossing[sweep, slot, k]
     before = lattice.crossing[sweep, left_slot, k]
     after = lattice.crossing[sweep, right_slot, k]
-    low_x = packs.weight(own, AHEAD_NEAR) * here.ax + packs.weight(left, AHEAD_FAR) * before.ax
-    low_y = packs.weight(own, AHEAD_NEAR) * here.ay + packs.weight(left, AHEAD_FAR) * before.ay
-    high_x = packs.weight(own, BEHIND_NEAR) * here.ax + packs.weight(left, BEHIND_FAR) * before.ax
-    high_y = packs.weight(own, BEHIND_NEAR) * here.ay + packs.weight(left, BEHIND_FAR) * before.ay
-    rise, left_rise = lattice.link_b[b, i, k].weights, lattice.link_b[b, i - 1, k].weights
-    right_rise = lattice.link_b[b, i + 1, k].weights
-    near_x = (
-        packs.weight(rise, AHEAD_NEAR) * here.bx + packs.weight(right_rise, BEHIND_NEAR) * after.bx
-    )
-    near_y = (
-        packs.weight(rise, AHEAD_NEAR) * here.by + packs.weight(right_rise, BEHIND_NEAR) * after.by
-    )
-    near_x -= (
-        packs.weight(left_rise, AHEAD_NEAR) * before.bx + packs.weight(rise, BEHIND_NEAR) * here.bx
-    )
-    near_y -= (
-        packs.weight(left_rise, AHEAD_NEAR) * before.by + packs.weight(rise, BEHIND_NEAR) * here.by
-    )
-    far_x = (
-        packs.weight(rise, AHEAD_FAR) * here.bx + packs.weight(right_rise, BEHIND_FAR) * after.bx
-    )
-    far_y = (
-        packs.weight(rise, AHEAD_FAR) * here.by + packs.weight(right_rise, BEHIND_FAR) * after.by
-    )
-    far_x -= (
-        packs.weight(left_rise, AHEAD_FAR) * before.bx + packs.weight(rise, BEHIND_FAR) * here.bx
-    )
-    far_y -= (
-        packs.weight(left_rise, AHEAD_FAR) * before.by + packs.weight(rise, BEHIND_FAR) * here.by
-    )
-    return low_x, low_y, high_x, high_y, near_x, near_y, far_x, far_y
+    of_a, of_left_a = here.ax, before.ax
+    of_b, of_left_b, of_right_b = here.bx, before.bx, after.bx
+    if ti.static(axis == 1):
+        of_a, of_left_a = here.ay, before.ay
+        of_b, of_left_b, of_right_b = here.by, before.by, after.by
+    low = packs.weight(own, AHEAD_NEAR) * of_a + packs.weight(left, AHEAD_FAR) * of_left_a
+    high = packs.weight(own, BEHIND_NEAR) * of_a + packs.weight(left, BEHIND_FAR) * of_left_a
+    near = packs.weight(rise, AHEAD_NEAR) * of_b
+    near += packs.weight(right_rise, BEHIND_NEAR) * of_right_b
+    near -= packs.weight(left_rise, AHEAD_NEAR) * of_left_b + packs.weight(rise, BEHIND_NEAR) * of_b
+    far = packs.weight(rise, AHEAD_FAR) * of_b
+    far += packs.weight(right_rise, BEHIND_FAR) * of_right_b
+    far -= packs.weight(left_rise, AHEAD_FAR) * of_left_b + packs.weight(rise, BEHIND_FAR) * of_b
+    return low, high, near, far
 
 
 @ti.func
