@@ -1,6 +1,8 @@
 """How strong connections are: Weibull's distribution, and saw cuts."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -186,3 +188,10 @@ def test_cut_faces_neither_pull_nor_shear() -> None:
     with bench(scene, position=position) as loaded:
         after = loaded.step(50)
     np.testing.assert_allclose(after.velocity, 0.0, atol=1e-9)
+
+
+def test_the_solver_is_loaded_for_scatter_only() -> None:
+    """It takes half a second, which every run would wait for."""
+    code = "import sys, taichi_foam.simulation\nprint('scipy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == "False"
