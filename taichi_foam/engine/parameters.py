@@ -115,6 +115,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,
         "piece_friction": model.piece_friction,
+        # half a connection's: the eight that the step's bound counts are four connections' worth
         "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
