@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from taichi_foam.picture import movie, raster
+from taichi_foam.picture.inset import Curve
 from taichi_foam.result import Result, Snapshot
 from taichi_foam.scene import Scene
 
@@ -51,11 +52,11 @@ def write(
         UserError: a film that cannot be written.
         OSError: a frame that cannot be written.
     """
-    scene, output = result.scene, result.scene.output
+    output = result.scene.output
     if not result.snapshots:
         return []
     written: list[Path] = []
-    pictures = _drawn(result.snapshots, scene, (output.width, output.height), on_frame)
+    pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame)
     if output.frames:
         written.append(folder / "frames")
         pictures = _stored(pictures, written[0])
@@ -81,7 +82,7 @@ def write_gif(
     # The pace stays that of the film.
     fps = max(1, round(output.fps / (_stride(output.fps) * every)))
     size = _scaled(output.width, output.height, width)
-    pictures = _drawn(snapshots, result.scene, size, on_frame)
+    pictures = _drawn(result, snapshots, size, on_frame)
     return movie.save_gif(pictures, path, fps, width)
 
 
@@ -100,12 +101,16 @@ def _scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
 
 
 def _drawn(
+    result: Result,
     snapshots: Iterable[Snapshot],
-    scene: Scene,
     size: tuple[int, int],
     on_frame: Callable[[], object],
 ) -> Iterator[Image8]:
-    for picture in movie.frames(snapshots, scene, size):
+    scene = result.scene
+    curve = None
+    if scene.output.curve and scene.impactor is not None:
+        curve = Curve.of(result.history)
+    for picture in movie.frames(snapshots, scene, size, curve=curve):
         on_frame()
         yield picture
 

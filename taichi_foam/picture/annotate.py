@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from taichi_foam.picture import colours
+from taichi_foam.picture.colours import THEMES, Rgb, Theme, shades
+from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, View
 
 Image8 = NDArray[np.uint8]
 
-KEY_TITLE = ("worst compressive", "strain")
-KEY_TICKS = (0.0, 0.2, 0.4, 0.6, 0.8, colours.KEY_STRAIN)
+_LIGHT = THEMES["light"]
 _SMALLEST_TEXT = 8
 _ELLIPSIS = "…"
 
@@ -50,7 +50,7 @@ def write(
     face: ImageFont.FreeTypeFont,
     *,
     anchor: str = "ls",
-    colour: colours.Rgb = colours.INK,
+    colour: Rgb = _LIGHT.ink,
 ) -> None:
     """Write one line of text into `image` (h, w, 3), in place; `anchor` as in Pillow.
 
@@ -68,20 +68,20 @@ def write(
     image[r0:r1, c0:c1] = np.asarray(patch)
 
 
-def blank(width: int, height: int, colour: colours.Rgb = colours.PAGE) -> Image8:
+def blank(width: int, height: int, colour: Rgb = _LIGHT.page) -> Image8:
     """A picture (height, width, 3) of one colour."""
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[:] = colour
     return image
 
 
-def field(image: Image8, view: View, line: float) -> None:
-    """Prepare the view's box: white, with a hatched floor below y = 0 and a thin frame."""
+def field(image: Image8, view: View, line: float, tones: Theme = _LIGHT) -> None:
+    """Prepare the view's box: empty, with a hatched floor below y = 0 and a thin frame."""
     box = view.box
-    rectangle(image, box, colours.FIELD)
+    rectangle(image, box, tones.field)
     ground = round(view.y_zero)
     if box.top < ground < box.bottom:
-        _hatch(image, Box(box.left, ground, box.right, box.bottom), line)
+        _hatch(image, Box(box.left, ground, box.right, box.bottom), line, tones)
     edge = max(1, round(line))
     for side in (
         Box(box.left, box.top, box.right, box.top + edge),
@@ -89,74 +89,80 @@ def field(image: Image8, view: View, line: float) -> None:
         Box(box.left, box.top, box.left + edge, box.bottom),
         Box(box.right - edge, box.top, box.right, box.bottom),
     ):
-        rectangle(image, side, colours.FRAME)
+        rectangle(image, side, tones.frame)
 
 
-def rectangle(image: Image8, box: Box, colour: colours.Rgb) -> None:
+def rectangle(image: Image8, box: Box, colour: Rgb) -> None:
     """Fill `box` with `colour`."""
     image[max(0, box.top) : max(0, box.bottom), max(0, box.left) : max(0, box.right)] = colour
 
 
-def _hatch(image: Image8, box: Box, line: float) -> None:
+def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
     """A floor line along the top of `box` and short slanted strokes below it."""
     fine = 4  # Pillow's lines have no smooth edges, so they are drawn large and averaged
     depth = min(box.height, max(3, round(11 * line)))
-    patch = Image.new("RGB", (box.width * fine, depth * fine), colours.FIELD)
+    patch = Image.new("RGB", (box.width * fine, depth * fine), tones.field)
     draw = ImageDraw.Draw(patch)
     pitch = max(4, round(12 * line)) * fine
     for x in range(pitch // 2, (box.width + depth) * fine, pitch):
         start, end = (x, 0), (x + 0.8 * depth * fine, depth * fine)
-        draw.line((start, end), fill=colours.FRAME, width=max(1, round(1.4 * line * fine)))
+        draw.line((start, end), fill=tones.frame, width=max(1, round(1.4 * line * fine)))
     strokes = np.array(patch.resize((box.width, depth), Image.Resampling.BOX))
     # Strokes lean away from the middle on both sides: the floor is as symmetric as the block.
     right = strokes[:, : (box.width + 1) // 2]
     strokes[:, box.width // 2 :], strokes[:, : right.shape[1]] = right, right[:, ::-1].copy()
     image[box.top : box.top + depth, box.left : box.right] = strokes
     thick = max(1, round(2 * line))
-    rectangle(image, Box(box.left, box.top, box.right, box.top + thick), colours.FLOOR)
+    rectangle(image, Box(box.left, box.top, box.right, box.top + thick), tones.floor)
 
 
-def upright_key(image: Image8, box: Box, size: float) -> None:
+def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
     """Colour key in `box` with the light end on top; text of `size` pixels."""
     face = font(size)
     y = box.top
-    for word in KEY_TITLE:
-        write(image, (box.left, y), word, face, anchor="la")
+    for word in key.words:
+        write(image, (box.left, y), word, face, anchor="la", colour=tones.ink)
         y += round(1.25 * size)
     y += round(0.6 * size)
     bar = Box(box.left, y, box.left + round(1.3 * size), box.bottom - round(0.5 * size))
-    shades = np.linspace(0, 255, bar.height).round().astype(int)
-    image[bar.top : bar.bottom, bar.left : bar.right] = colours.strain_map()[shades][:, None]
-    _outline(image, bar)
-    for tick in KEY_TICKS:
-        row = bar.top + round(tick / colours.KEY_STRAIN * (bar.height - 1))
+    steps = np.linspace(0, 255, bar.height).round().astype(int)
+    image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][:, None]
+    _outline(image, bar, tones)
+    for tick, text in key.ticks:
+        row = bar.top + round(tick / key.top * (bar.height - 1))
         mark = Box(bar.right, row, bar.right + max(3, round(0.35 * size)), row + 1)
-        rectangle(image, mark, colours.INK)
+        rectangle(image, mark, tones.ink)
         place = (mark.right + 0.3 * size, row)
-        write(image, place, f"{100 * tick:.0f} %", face, anchor="lm")
+        write(image, place, text, face, anchor="lm", colour=tones.ink)
 
 
-def level_key(image: Image8, box: Box, size: float) -> None:
+def level_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
     """Colour key across `box`: title on the left, the bar with its ticks below to the right."""
     face = font(size)
-    title = " ".join(KEY_TITLE)
+    title = " ".join(key.words)
     middle = (box.top + box.bottom) / 2 - 0.65 * size
-    write(image, (box.left, middle), title, face, anchor="lm")
+    write(image, (box.left, middle), title, face, anchor="lm", colour=tones.ink)
     start = box.left + math.ceil(face.getlength(title) + 0.9 * size)
     bar = Box(start, round(middle - 0.55 * size), box.right, round(middle + 0.55 * size))
-    shades = np.linspace(0, 255, bar.width).round().astype(int)
-    image[bar.top : bar.bottom, bar.left : bar.right] = colours.strain_map()[shades][None]
-    _outline(image, bar)
-    for tick in KEY_TICKS:
-        column = bar.left + round(tick / colours.KEY_STRAIN * (bar.width - 1))
+    steps = np.linspace(0, 255, bar.width).round().astype(int)
+    image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][None]
+    _outline(image, bar, tones)
+    for tick, text in key.ticks:
+        column = bar.left + round(tick / key.top * (bar.width - 1))
         mark = Box(column, bar.bottom, column + 1, bar.bottom + max(3, round(0.3 * size)))
-        rectangle(image, mark, colours.INK)
+        rectangle(image, mark, tones.ink)
         place = (column, mark.bottom + 0.15 * size)
-        write(image, place, f"{100 * tick:.0f} %", face, anchor="ma")
+        write(image, place, text, face, anchor="ma", colour=tones.ink)
 
 
 def scale_bar(
-    image: Image8, left: float, baseline: float, scale: float, longest: float, size: float
+    image: Image8,
+    left: float,
+    baseline: float,
+    scale: float,
+    longest: float,
+    size: float,
+    tones: Theme = _LIGHT,
 ) -> None:
     """A bar of a round length, at most `longest` pixels, with its length above it.
 
@@ -168,12 +174,12 @@ def scale_bar(
     length = round_length(longest / scale)
     thick = max(2, round(0.22 * size))
     bar = Box(round(left), round(baseline) - thick, round(left + length * scale), round(baseline))
-    rectangle(image, bar, colours.INK)
+    rectangle(image, bar, tones.ink)
     tall = max(1, round(0.12 * size))
     for column in (bar.left, bar.right - tall):
-        rectangle(image, Box(column, bar.top - 2 * tall, column + tall, bar.bottom), colours.INK)
+        rectangle(image, Box(column, bar.top - 2 * tall, column + tall, bar.bottom), tones.ink)
     place = (bar.left, bar.top - 0.45 * size)
-    write(image, place, length_text(length), font(size), anchor="ls")
+    write(image, place, length_text(length), font(size), anchor="ls", colour=tones.ink)
 
 
 def round_length(longest: float) -> float:
@@ -189,7 +195,7 @@ def length_text(length: float) -> str:
     return f"{1e2 * length:g} cm" if length < 1 else f"{length:g} m"
 
 
-def _outline(image: Image8, box: Box) -> None:
+def _outline(image: Image8, box: Box, tones: Theme) -> None:
     """A line of one pixel along the inside of `box`."""
     part = image[box.top : box.bottom, box.left : box.right]
-    part[0], part[-1], part[:, 0], part[:, -1] = (colours.SOFT_INK,) * 4
+    part[0], part[-1], part[:, 0], part[:, -1] = (tones.soft_ink,) * 4

@@ -28,6 +28,7 @@ LONGEST_SIDE = 1.2
 
 #: Bits of `open_sides`.
 LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
+ALL_SIDES = LEFT | RIGHT | BOTTOM | TOP
 
 
 def corners(

@@ -1,65 +1,130 @@
-"""The colours of the pictures: one perceptually even map for the foam, a few fixed tones."""
+"""The colours of the pictures: perceptually even maps for the foam, two themes for all else.
+
+Maps are those of Matplotlib that readers of any colour vision can order. They do not depend on the
+theme: the same colour means the same figure on a light page and on a dark one.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 Rgb = tuple[int, int, int]
-
-PAGE: Rgb = (243, 242, 238)
-FIELD: Rgb = (255, 255, 255)
-FRAME: Rgb = (196, 194, 188)
-INK: Rgb = (32, 33, 36)
-SOFT_INK: Rgb = (88, 88, 92)
-FLOOR: Rgb = (92, 92, 96)
-CRACK: Rgb = (46, 34, 30)
-STEEL: Rgb = (158, 166, 176)
-STEEL_EDGE: Rgb = (56, 64, 74)
-
-#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6).
-KEY_STRAIN = 0.95
-#: The map ends short of black, so that grid lines and steel stay apart from crushed foam.
-_MAP, _DARKEST = "magma_r", 0.90
+Ints = NDArray[np.int32]
 
 
-@lru_cache(maxsize=1)
-def strain_map() -> NDArray[np.uint8]:
-    """Colours (256, 3) from no compression (light) to KEY_STRAIN (dark)."""
+@dataclass(frozen=True)
+class Theme:
+    """The tones of everything that is not foam."""
+
+    page: Rgb
+    field: Rgb
+    frame: Rgb
+    ink: Rgb
+    soft_ink: Rgb
+    floor: Rgb
+    crack: Rgb
+    crack_on_dark: Rgb  # the line of a crack through foam in a dark colour
+    steel: Rgb
+    steel_edge: Rgb
+    curve: Rgb
+
+
+THEMES = {
+    "light": Theme(
+        page=(243, 242, 238),
+        field=(255, 255, 255),
+        frame=(196, 194, 188),
+        ink=(32, 33, 36),
+        soft_ink=(88, 88, 92),
+        floor=(92, 92, 96),
+        crack=(46, 34, 30),
+        crack_on_dark=(46, 34, 30),
+        steel=(158, 166, 176),
+        steel_edge=(56, 64, 74),
+        curve=(0, 114, 178),
+    ),
+    "dark": Theme(
+        page=(22, 24, 28),
+        field=(36, 39, 45),
+        frame=(78, 82, 90),
+        ink=(232, 233, 236),
+        soft_ink=(172, 175, 182),
+        floor=(150, 153, 160),
+        crack=(46, 34, 30),
+        crack_on_dark=(186, 176, 190),
+        steel=(120, 130, 144),
+        steel_edge=(206, 214, 224),
+        curve=(86, 180, 233),
+    ),
+}
+
+# Maps of Matplotlib by the name that modes use, from the light end (nothing) to the dark one.
+# They end short of black, so that grid lines and steel stay apart from crushed foam.
+_MAPS = {"heat": ("magma_r", 0.0, 0.90), "cool": ("viridis_r", 0.0, 1.0)}
+
+# Luma below which a colour counts as dark.
+_DARK = 95.0
+
+
+@lru_cache(maxsize=4)
+def shades(name: str) -> NDArray[np.uint8]:
+    """Colours (256, 3) of a map, from nothing (light) to the most (dark)."""
     from matplotlib import colormaps
 
-    rgba = colormaps[_MAP](np.linspace(0.0, _DARKEST, 256))
+    source, start, end = _MAPS[name]
+    rgba = colormaps[source](np.linspace(start, end, 256))
     return np.round(255 * rgba[:, :3]).astype(np.uint8)
 
 
-def strain_levels(worst: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Index into `strain_map` for compressive strains (<= 0), of the same shape."""
-    share = np.clip(worst * (-255.0 / KEY_STRAIN), 0.0, 255.0)
+def levels(values: NDArray[np.float64], top: float) -> NDArray[np.intp]:
+    """Index into `shades` of values between 0 and `top`, of the same shape; clipped beyond."""
+    share = np.clip(values * (255.0 / top), 0.0, 255.0)
     return np.rint(share).astype(np.intp)
 
 
-def packed(colours: NDArray[np.uint8]) -> NDArray[np.int32]:
+def packed(colours: NDArray[np.uint8]) -> Ints:
     """Colours (n, 3) as 0xRRGGBB integers (n,)."""
     wide = colours.astype(np.int32)
     return (wide[..., 0] << 16) | (wide[..., 1] << 8) | wide[..., 2]
 
 
-@lru_cache(maxsize=64)
-def packed_strain_map() -> NDArray[np.int32]:
-    """`strain_map` as 0xRRGGBB integers (256,)."""
-    return packed(strain_map())
+def packed_one(colour: Rgb) -> int:
+    """One colour as 0xRRGGBB."""
+    return int(packed(np.array(colour, dtype=np.uint8)))
+
+
+@lru_cache(maxsize=4)
+def packed_shades(name: str) -> Ints:
+    """`shades` as 0xRRGGBB integers (256,)."""
+    return packed(shades(name))
 
 
 @lru_cache(maxsize=64)
-def grid_line_map(strength: float) -> NDArray[np.int32]:
-    """Colour (256,) of the grid line on each colour of the map, as 0xRRGGBB.
+def grid_line_map(name: str, strength: float) -> Ints:
+    """Colour (256,) of the grid line on each colour of a map, as 0xRRGGBB.
 
     Lines darken light foam and lighten dark foam, by `strength` in 0..1.
     """
-    base = strain_map().astype(float)
-    light = base @ np.array([0.299, 0.587, 0.114]) > 95.0
-    towards = np.where(light[:, None], np.array(CRACK, float), np.array(STEEL, float))
-    share = strength * np.where(light, 0.50, 0.45)[:, None]
+    light = THEMES["light"]
+    base, dark = shades(name).astype(float), _is_dark(name)
+    towards = np.where(dark[:, None], np.array(light.steel, float), np.array(light.crack, float))
+    share = strength * np.where(dark, 0.45, 0.50)[:, None]
     return packed(np.round(base + share * (towards - base)).astype(np.uint8))
+
+
+@lru_cache(maxsize=8)
+def crack_line_map(name: str, theme: str) -> Ints:
+    """Colour (256,) of a crack's line on each colour of a map, as 0xRRGGBB."""
+    tones = THEMES[theme]
+    dark = _is_dark(name)[:, None]
+    lines = np.where(dark, np.array(tones.crack_on_dark), np.array(tones.crack))
+    return packed(lines.astype(np.uint8))
+
+
+def _is_dark(name: str) -> NDArray[np.bool_]:
+    """Which colours (256,) of a map are dark."""
+    return shades(name).astype(float) @ np.array([0.299, 0.587, 0.114]) <= _DARK

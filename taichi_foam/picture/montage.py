@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
+from taichi_foam.picture.look import Look
 from taichi_foam.picture.view import Box, fit, window
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def montage(
     title: str | None = None,
     note: Sequence[str] = (),
     width: int = WIDTH,
+    look: Look | None = None,
 ) -> Image8:
     """Draw several instants of a run as one picture.
 
@@ -49,6 +51,7 @@ def montage(
         title: text above the panels; default the scene's name.
         note: lines of text below them; what is too long for the width is cut.
         width: of the picture [pixels].
+        look: mode, theme and grid; default those of the scene.
 
     Returns:
         uint8 (h, width, 3), h even.
@@ -57,6 +60,8 @@ def montage(
         UserError: no snapshots, or fewer than one instant asked for.
     """
     chosen = choose(snapshots, times, n)
+    look = look or Look.of(scene)
+    tones = look.tones
     across = columns or _columns(len(chosen))
     down = math.ceil(len(chosen) / across)
     unit = width / WIDTH
@@ -70,31 +75,33 @@ def montage(
     line = round(1.3 * _NOTE * text)
     above = head + down * (panel_height + gap) + foot
     height = above + len(note) * line + (round(0.5 * line) if note else 0)
-    image = annotate.blank(width, height + height % 2)
+    image = annotate.blank(width, height + height % 2, tones.page)
     name = scene.name if title is None else title
     bold = annotate.font(1.15 * text, bold=True)
     name = annotate.shortened(name, bold, width - 2 * gap)
-    annotate.write(image, (gap + 2, 1.45 * text), name, bold)
+    annotate.write(image, (gap + 2, 1.45 * text), name, bold, colour=tones.ink)
     label = annotate.font(text, bold=True)
     view = None
     for k, snapshot in enumerate(chosen):
         left = gap + (k % across) * (panel_width + gap)
         top = head + (k // across) * (panel_height + gap)
         view = fit(world, Box(left, top, left + panel_width, top + panel_height))
-        annotate.field(image, view, unit)
-        raster.draw(image, snapshot, scene, view, 0.85 * unit)
+        annotate.field(image, view, unit, tones)
+        raster.draw(image, snapshot, scene, view, 0.85 * unit, look)
         place = (left + 0.4 * text, top + 1.2 * text)
-        annotate.write(image, place, f"{1e3 * snapshot.time:.1f} ms", label)
+        words = f"{1e3 * snapshot.time:.1f} ms"
+        annotate.write(image, place, words, label, colour=tones.ink)
     if view is not None:
         base = above - 0.5 * foot
-        annotate.scale_bar(image, gap + 2, base + 0.4 * text, view.scale, 0.16 * width, text)
+        foot_left, longest = (gap + 2, base + 0.4 * text), 0.16 * width
+        annotate.scale_bar(image, *foot_left, view.scale, longest, text, tones)
         right = width - gap - round(1.2 * text)
         key = Box(round(0.3 * width), above - foot, right, above)
-        annotate.level_key(image, key, text)
+        annotate.level_key(image, key, text, look.shown.key(scene), tones)
     small = annotate.font(_NOTE * text)
     for k, words in enumerate(note):
         words = annotate.shortened(words, small, width - 2 * gap)
-        annotate.write(image, (gap + 2, above + (k + 0.8) * line), words, small)
+        annotate.write(image, (gap + 2, above + (k + 0.8) * line), words, small, colour=tones.ink)
     return image
 
 

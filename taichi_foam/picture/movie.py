@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import raster
+from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.look import Look
 
 if TYPE_CHECKING:
     from taichi_foam.result import Snapshot
@@ -39,10 +41,16 @@ def frames(
     size: tuple[int, int] = (1280, 720),
     *,
     title: str | None = None,
+    look: Look | None = None,
+    curve: Curve | None = None,
 ) -> Iterator[Image8]:
-    """The frames (h, w, 3) of a run, drawn as they are asked for."""
+    """The frames (h, w, 3) of a run, drawn as they are asked for.
+
+    `curve` is that of the whole run: each frame shows it until then.
+    """
     for snapshot in snapshots:
-        yield raster.frame(snapshot, scene, size, title=title)
+        so_far = curve and curve.until(snapshot.time)
+        yield raster.frame(snapshot, scene, size, title=title, look=look, curve=so_far)
 
 
 def save_mp4(pictures: Iterable[Image8], path: str | Path, fps: int = 25) -> Path:

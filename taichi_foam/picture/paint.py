@@ -1,6 +1,5 @@
 """Filling polygons with samples: a small scanline rasteriser as one Taichi kernel."""
 
-import contextlib
 from functools import lru_cache
 
 import numpy as np
@@ -8,14 +7,17 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import UserError
 from taichi_foam.picture import colours
 from taichi_foam.picture.view import View
 
-#: Samples along each side of a pixel.
+#: Samples along each side of a pixel; `_average` writes the four out.
 FINE = 2
-#: Horizontal bands that threads draw on their own; more than cores, to share the work evenly.
-BANDS = 16
+#: Horizontal bands for each thread, which it draws on its own: two share the work more evenly.
+BANDS = 2
+#: Strokes of grid lines stand this many bits above those of crack lines.
+GRID_BITS = 4
+#: Width of a stroke of a grid line in samples: thin, and the same wherever it falls.
+GRID_STROKE = 2.02
 #: Taichi gives each CPU thread at least this many iterations of a parallel loop.
 STRIDE = 512
 
@@ -27,12 +29,15 @@ def paint(
     *,
     fill: NDArray[np.int32],
     edge: NDArray[np.int32],
+    crack: NDArray[np.int32],
     sides: NDArray[np.int32],
+    strokes: NDArray[np.int32],
     order: NDArray[np.int32],
     grid_line: float = 0.0,
     crack_line: float = 0.0,
     shape: NDArray[np.float64],
     shape_line: float = 0.0,
+    theme: colours.Theme = colours.THEMES["light"],
 ) -> None:
     """Fill quadrilaterals and one convex outline over `image`, in place.
 
@@ -40,16 +45,18 @@ def paint(
         image: uint8 (h, w, 3).
         view: world to pixels; nothing is drawn outside its box.
         shapes: quadrilaterals (n, 4, 2) [m]: lower left, lower right, upper right, upper left.
-        fill, edge: colour of each and of its grid line, 0xRRGGBB (n,).
-        sides: sides that get a crack line (`cells.LEFT` and so on), (n,).
+        fill, edge, crack: colour of each, of its grid line and of its crack lines, 0xRRGGBB (n,).
+        sides: sides that get a crack line inside the cell (`cells.LEFT` and so on), (n,).
+        strokes: sides that get a line across the edge, over all cells, however small the cell is:
+            bits as in `sides` for crack lines, shifted by GRID_BITS for grid lines, (n,).
         order: indices in the order of painting, later ones on top, (n,).
-        grid_line, crack_line: their widths [pixels], half of a grid line on either cell.
+        grid_line, crack_line: their widths [pixels], half of a grid line on either cell; without
+            a width cells have no grid line of their own.
         shape: convex outline (m, 2) [m], counter-clockwise, on top of all; m may be 0.
         shape_line: width of the line inside its edge [pixels].
+        theme: tones of the outline.
     """
-    # A runtime that already works on another architecture draws just as well.
-    with contextlib.suppress(UserError):
-        runtime.start()
+    runtime.start()  # one that already works on another architecture draws just as well
     height, width = image.shape[:2]
     scratch = _scratch(height, width)
     box = view.box
@@ -61,7 +68,9 @@ def paint(
         np.ascontiguousarray(shapes),
         np.ascontiguousarray(fill, dtype=np.int32),
         np.ascontiguousarray(edge, dtype=np.int32),
+        np.ascontiguousarray(crack, dtype=np.int32),
         np.ascontiguousarray(sides, dtype=np.int32),
+        np.ascontiguousarray(strokes, dtype=np.int32),
         order,
         np.empty((len(shapes), 2), dtype=np.int32),
         # An array without elements cannot be passed; the count says how many are meant.
@@ -78,9 +87,8 @@ def paint(
         min(width, box.right),
         min(height, box.bottom),
         *_bands(height),
-        int(colours.packed(np.array(colours.CRACK, dtype=np.uint8))),
-        int(colours.packed(np.array(colours.STEEL_EDGE, dtype=np.uint8))),
-        int(colours.packed(np.array(colours.STEEL, dtype=np.uint8))),
+        colours.packed_one(theme.steel_edge),
+        colours.packed_one(theme.steel),
     )
 
 
@@ -92,8 +100,9 @@ def _scratch(height: int, width: int) -> NDArray[np.int32]:
 
 def _bands(height: int) -> tuple[int, int]:
     """How many bands to cut the picture into, and the loop iterations per band."""
-    if ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64):
-        return min(BANDS, height), STRIDE
+    settings = runtime.settings()
+    if settings["arch"] == "cpu":
+        return min(BANDS * int(settings["threads"]), height), STRIDE
     return height, 1  # a graphics device has threads for every row
 
 
@@ -142,13 +151,20 @@ def _fill_row(samples: ti.template(), row: int, start: float, end: float, clip, 
 @ti.func
 def _fill_quad(samples: ti.template(), x, y, clip, colour: int):
     """Fill a convex quadrilateral with corners x, y (4-vectors) in samples, within `clip`."""
+    # Each edge from its upper end: rows meet it at the same number for both cells that share it.
+    start_x, start_y, slope = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
+    for k in ti.static(range(4)):
+        n = ti.static((k + 1) % 4)
+        swap = y[k] > y[n]
+        start_x[k], start_y[k] = ti.select(swap, x[n], x[k]), ti.select(swap, y[n], y[k])
+        end_x, end_y = ti.select(swap, x[k], x[n]), ti.select(swap, y[k], y[n])
+        slope[k] = (end_x - start_x[k]) / ti.max(end_y - start_y[k], 1e-30)
     for row in range(ti.max(clip[1], _sample(y.min())), ti.min(clip[3], _sample(y.max()))):
         level = row + 0.5
         start, end = 1e9, -1e9
         for k in ti.static(range(4)):
-            n = ti.static((k + 1) % 4)
-            if (y[k] <= level) != (y[n] <= level):
-                at = _crossing(x[k], y[k], x[n], y[n], level)
+            if (y[k] <= level) != (y[ti.static((k + 1) % 4)] <= level):
+                at = start_x[k] + (level - start_y[k]) * slope[k]
                 start, end = ti.min(start, at), ti.max(end, at)
         if start < end:
             _fill_row(samples, row, start, end, clip, colour)
@@ -179,15 +195,21 @@ def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, cra
     Lines are strips in the cell's own coordinates, each a bounded share of its width or height:
     they close up with a cell that is crushed flat and leave its colour to be seen.
     """
-    width = 0.5 * (
-        ti.sqrt((x[1] - x[0]) ** 2 + (y[1] - y[0]) ** 2)
-        + ti.sqrt((x[2] - x[3]) ** 2 + (y[2] - y[3]) ** 2)
-    )
-    height = 0.5 * (
-        ti.sqrt((x[3] - x[0]) ** 2 + (y[3] - y[0]) ** 2)
-        + ti.sqrt((x[2] - x[1]) ** 2 + (y[2] - y[1]) ** 2)
-    )
-    for part in range(6):
+    across, upright, width, height = 0.0, 0.0, 1.0, 1.0
+    first, last = 1, 2
+    if grid > 0 or sides != 0:
+        first, last = 0, 6
+        width = 0.5 * (
+            ti.sqrt((x[1] - x[0]) ** 2 + (y[1] - y[0]) ** 2)
+            + ti.sqrt((x[2] - x[3]) ** 2 + (y[2] - y[3]) ** 2)
+        )
+        height = 0.5 * (
+            ti.sqrt((x[3] - x[0]) ** 2 + (y[3] - y[0]) ** 2)
+            + ti.sqrt((x[2] - x[1]) ** 2 + (y[2] - y[1]) ** 2)
+        )
+        across = ti.min(0.25, crack / ti.max(width, 1e-9))
+        upright = ti.min(0.25, crack / ti.max(height, 1e-9))
+    for part in range(first, last):
         wanted = grid > 0 or part == 1
         if part >= 2:
             wanted = (sides >> (part - 2)) & 1 == 1
@@ -201,8 +223,6 @@ def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, cra
                 u1, v1 = 1 - u0, 1 - v0
             elif part >= 2:
                 colour = crack_colour
-                across = ti.min(0.25, crack / ti.max(width, 1e-9))
-                upright = ti.min(0.25, crack / ti.max(height, 1e-9))
                 if part == 2:
                     u1 = across
                 elif part == 3:
@@ -217,6 +237,58 @@ def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, cra
             _fill_quad(samples, px, py, clip, colour)
 
 
+@ti.func
+def _stroke(samples: ti.template(), x, y, side, width, clip, colour: int):
+    """A line of `width` samples along one side of a cell, half of it on either side of the edge.
+
+    It reaches half its width beyond both ends, so that sides shorter than a sample join up.
+    """
+    start_x, start_y, end_x, end_y = x[0], y[0], x[3], y[3]
+    for n in ti.static(range(1, 4)):
+        a, b = ti.static(((0, 3), (1, 2), (0, 1), (3, 2))[n])
+        if side == n:
+            start_x, start_y, end_x, end_y = x[a], y[a], x[b], y[b]
+    along_x, along_y = end_x - start_x, end_y - start_y
+    length = ti.max(ti.sqrt(along_x**2 + along_y**2), 1e-9)
+    along_x, along_y = 0.5 * width * along_x / length, 0.5 * width * along_y / length
+    start_x, start_y, end_x, end_y = (
+        start_x - along_x, start_y - along_y, end_x + along_x, end_y + along_y,
+    )  # fmt: skip
+    px = ti.Vector([start_x - along_y, start_x + along_y, end_x + along_y, end_x - along_y])
+    py = ti.Vector([start_y + along_x, start_y - along_x, end_y - along_x, end_y + along_x])
+    _fill_quad(samples, px, py, clip, colour)
+
+
+@ti.func
+def _corners(shapes: ti.template(), p, scale, x_zero, y_zero):
+    """Corners of a quadrilateral in samples: x, y (4-vectors)."""
+    x, y = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
+    for k in ti.static(range(4)):
+        x[k] = x_zero + scale * shapes[p, k, 0]
+        y[k] = y_zero - scale * shapes[p, k, 1]
+    return x, y
+
+
+@ti.func
+def _average(image: ti.template(), samples: ti.template(), row, column):
+    """The mean of a pixel's samples, those that are clear being the picture below."""
+    c0 = samples[FINE * row, FINE * column]
+    c1 = samples[FINE * row, FINE * column + 1]
+    c2 = samples[FINE * row + 1, FINE * column]
+    c3 = samples[FINE * row + 1, FINE * column + 1]
+    if c0 == c1 and c0 == c2 and c0 == c3:
+        if c0 >= 0:
+            for band in ti.static(range(3)):
+                image[row, column, band] = ti.cast((c0 >> (16 - 8 * band)) & 255, ti.u8)
+    else:
+        for band in ti.static(range(3)):
+            below = ti.cast(image[row, column, band], ti.i32)
+            total = 2  # half of four: rounds
+            for c in ti.static((c0, c1, c2, c3)):
+                total += ti.select(c >= 0, (c >> (16 - 8 * band)) & 255, below)
+            image[row, column, band] = ti.cast(total >> 2, ti.u8)
+
+
 @ti.kernel
 def _paint(
     image: ti.types.ndarray(dtype=ti.u8, ndim=3),
@@ -224,7 +296,9 @@ def _paint(
     shapes: ti.types.ndarray(dtype=ti.f64, ndim=3),
     fill: ti.types.ndarray(dtype=ti.i32, ndim=1),
     edge: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    crack: ti.types.ndarray(dtype=ti.i32, ndim=1),
     sides: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    strokes: ti.types.ndarray(dtype=ti.i32, ndim=1),
     order: ti.types.ndarray(dtype=ti.i32, ndim=1),
     span: ti.types.ndarray(dtype=ti.i32, ndim=2),
     outer: ti.types.ndarray(dtype=ti.f64, ndim=2),
@@ -234,14 +308,13 @@ def _paint(
     x_zero: ti.f64,
     y_zero: ti.f64,
     grid: ti.f64,
-    crack: ti.f64,
+    crack_line: ti.f64,
     left: ti.i32,
     top: ti.i32,
     right: ti.i32,
     bottom: ti.i32,
     bands: ti.i32,
     stride: ti.i32,
-    crack_colour: ti.i32,
     line_colour: ti.i32,
     steel: ti.i32,
 ):
@@ -269,32 +342,26 @@ def _paint(
             for s in range(shapes.shape[0]):
                 p = order[s]
                 if span[p, 0] < clip[3] and span[p, 1] > clip[1]:
-                    x, y = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
-                    for k in ti.static(range(4)):
-                        x[k] = x_zero + scale * shapes[p, k, 0]
-                        y[k] = y_zero - scale * shapes[p, k, 1]
+                    x, y = _corners(shapes, p, scale, x_zero, y_zero)
                     _paint_cell(
-                        samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack, crack_colour
+                        samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack_line, crack[p]
                     )
+            reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
+            for kind in range(2):  # cracks over the grid
+                width = ti.select(kind == 0, GRID_STROKE, crack_line)
+                shift = GRID_BITS * (1 - kind)
+                for s in range(shapes.shape[0]):
+                    p = order[s]
+                    lines = (strokes[p] >> shift) & ((1 << GRID_BITS) - 1)
+                    if lines != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
+                        x, y = _corners(shapes, p, scale, x_zero, y_zero)
+                        colour = ti.select(kind == 0, edge[p], crack[p])
+                        for side in range(4):
+                            if (lines >> side) & 1 == 1:
+                                _stroke(samples, x, y, side, width, clip, colour)
             if outline_points > 0:
                 _fill_outline(samples, outer, outline_points, clip, line_colour)
                 _fill_outline(samples, inner, outline_points, clip, steel)
             for row in range(first, last):
                 for column in range(left, right):
-                    red, green, blue, seen = 0, 0, 0, 0
-                    for k in ti.static(range(FINE * FINE)):
-                        c = samples[FINE * row + k // FINE, FINE * column + k % FINE]
-                        if c >= 0:
-                            red += c >> 16
-                            green += (c >> 8) & 255
-                            blue += c & 255
-                            seen += 1
-                    if seen > 0:
-                        rest, all_samples = FINE * FINE - seen, FINE * FINE
-                        red += rest * ti.cast(image[row, column, 0], ti.i32)
-                        green += rest * ti.cast(image[row, column, 1], ti.i32)
-                        blue += rest * ti.cast(image[row, column, 2], ti.i32)
-                        half = all_samples // 2
-                        image[row, column, 0] = ti.cast((red + half) // all_samples, ti.u8)
-                        image[row, column, 1] = ti.cast((green + half) // all_samples, ti.u8)
-                        image[row, column, 2] = ti.cast((blue + half) // all_samples, ti.u8)
+                    _average(image, samples, row, column)

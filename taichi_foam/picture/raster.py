@@ -1,7 +1,7 @@
 """The one renderer: a snapshot of a lattice becomes an RGB picture.
 
-Cells are deformed quadrilaterals in the colour of their worst compressive strain, with a grid
-line along every side and a dark line along the sides that face a crack or the outside. Nothing
+Cells are deformed quadrilaterals in the colour of what is shown of them, with the grid of the
+foam as it is deformed and a dark line along the sides that face a crack or the outside. Nothing
 here needs a display or a graphics device.
 """
 
@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.crush import worst_strain
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, cells, colours
-from taichi_foam.picture.paint import FINE, paint
+from taichi_foam.picture import annotate, cells, colours, inset
+from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.look import Look
+from taichi_foam.picture.modes import Key
+from taichi_foam.picture.paint import FINE, GRID_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
 
 if TYPE_CHECKING:
@@ -25,11 +27,16 @@ if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
 Image8 = NDArray[np.uint8]
+Ints = NDArray[np.int32]
 
 #: Widths of grid and crack lines on a picture of 720 rows [pixels].
 GRID_LINE, CRACK_LINE = 1.0, 1.5
-#: Grid lines fade out between these cell sizes [pixels].
-GRID_NONE, GRID_FULL = 3.0, 9.0
+#: Smaller cells [pixels] have strokes for lines: those inside a cell would be thinner than samples.
+SMALL_CELL = 5.0
+#: Below this size each cell's grid line gets fainter [pixels].
+GRID_FULL, GRID_NONE = 9.0, 3.0
+#: Small cells have the grid of so many of them together that its lines lie this far apart [pixels].
+GRID_APART = 16.0
 SMALLEST = (64, 64)
 #: Below this size there is no room for words beside the field.
 SMALLEST_WITH_TEXT = (320, 180)
@@ -40,9 +47,12 @@ def frame(
     scene: Scene,
     size: tuple[int, int] = (1280, 720),
     *,
+    look: Look | None = None,
     title: str | None = None,
+    note: str = "",
     displacement: float | None = None,
     world: Window | None = None,
+    curve: Curve | None = None,
 ) -> Image8:
     """Draw one instant with title, time, impactor displacement, colour key and scale bar.
 
@@ -50,9 +60,12 @@ def frame(
         snapshot: the instant.
         scene: what was run; block, impactor and start fix the window over a whole run.
         size: width and height [pixels].
+        look: mode, theme and grid; default those of the scene.
         title: text above the picture; default the scene's name.
+        note: a few words at the right of the title.
         displacement: of the impactor from its start, downwards [m]; default from the snapshot.
         world: the part of the world to show; default `view.window(scene)`.
+        curve: the deceleration until now, drawn into the field's upper left corner.
 
     Returns:
         uint8 (height, width, 3). Below 320 x 180 pixels there is no text.
@@ -63,37 +76,46 @@ def frame(
     width, height = size
     if width < SMALLEST[0] or height < SMALLEST[1]:
         raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
-    layout = _Layout(size)
-    page, view = _page(layout.size, world or window(scene), scene.name if title is None else title)
+    look = look or Look.of(scene)
+    layout = Layout(size, look.words)
+    key = look.shown.key(scene)
+    name = scene.name if title is None else title
+    world, falls = world or window(scene), scene.impactor is not None
+    page, view = _page(layout.size, world, name, look, key, bool(note), falls)
     image, unit = page.copy(), layout.unit
-    draw(image, snapshot, scene, view, unit)
+    draw(image, snapshot, scene, view, unit, look)
+    if curve is not None and layout.curve is not None:
+        inset.draw(image, layout.curve, curve, look.theme, unit)
     if layout.has_text:
+        ink = look.tones.ink
         face = annotate.font(34 * unit, bold=True)
-        annotate.write(image, layout.time, f"{1e3 * snapshot.time:.1f} ms", face)
+        annotate.write(image, layout.time, f"{1e3 * snapshot.time:.1f} ms", face, colour=ink)
+        if note:
+            small = annotate.font(21 * unit)
+            annotate.write(image, layout.note, note, small, anchor="rs", colour=look.tones.soft_ink)
         if scene.impactor is not None:
             if displacement is None:
                 start = scene.contact_height + scene.impactor.gap
                 displacement = start - snapshot.impactor_y
             # Adding 0 turns -0.00 into 0.00.
             depth = f"{round(1e2 * displacement, 2) + 0.0:.2f} cm"
-            for place, word in zip(layout.depth_label, ("impactor", "displacement"), strict=True):
-                annotate.write(image, place, word, annotate.font(21 * unit))
-            annotate.write(image, layout.depth, depth, face)
+            annotate.write(image, layout.depth, depth, face, colour=ink)
     return image
 
 
-class _Layout:
-    """Where the parts of a frame lie [pixels]."""
+class Layout:
+    """Where the parts of a frame lie [pixels]; with `words`, if they have room."""
 
-    def __init__(self, size: tuple[int, int]) -> None:
+    def __init__(self, size: tuple[int, int], words: bool = True) -> None:
         width, height = self.size = (int(size[0]), int(size[1]))
         unit = self.unit = min(width / 1280, height / 720)
-        self.has_text = width >= SMALLEST_WITH_TEXT[0] and height >= SMALLEST_WITH_TEXT[1]
-        margin = round(18 * unit)
+        self.has_text = words and width >= SMALLEST_WITH_TEXT[0] and height >= SMALLEST_WITH_TEXT[1]
+        margin = round(18 * unit) if words else 0
         side, head = (round(250 * unit), round(62 * unit)) if self.has_text else (margin, margin)
         self.field = Box(margin, head, width - side, height - margin)
         left, top = width - side + round(22 * unit), head
         self.title = (margin + 2 * unit, 42 * unit)
+        self.note = (width - margin, 42 * unit)
         self.time_label = (left, top + 18 * unit)
         self.time = (left, top + 54 * unit)
         self.depth_label = ((left, top + 98 * unit), (left, top + 123 * unit))
@@ -101,32 +123,57 @@ class _Layout:
         foot = height - margin
         self.key = Box(left, round(top + 200 * unit), width - margin, round(foot - 96 * unit))
         self.bar = (left, foot - 4 * unit)
+        gap = round(12 * unit)
+        corner = Box(margin + gap, head + gap, margin + gap + round(372 * unit),
+                     head + gap + round(178 * unit))  # fmt: skip
+        fits = self.has_text and corner.right < self.field.right
+        self.curve = corner if fits else None
 
 
 @lru_cache(maxsize=8)
-def _page(size: tuple[int, int], world: Window, title: str) -> tuple[Image8, View]:
+def _page(
+    size: tuple[int, int],
+    world: Window,
+    title: str,
+    look: Look,
+    key: Key,
+    noted: bool,
+    falls: bool,
+) -> tuple[Image8, View]:
     """All of a frame that does not change over a run, read-only, and the view of its field."""
-    layout = _Layout(size)
+    layout, tones = Layout(size, look.words), look.tones
     unit = layout.unit
-    image = annotate.blank(*size)
+    image = annotate.blank(*size, tones.page)
     view = fit(world, layout.field)
-    annotate.field(image, view, unit)
+    annotate.field(image, view, unit, tones)
     if layout.has_text:
         bold, plain = annotate.font(28 * unit, bold=True), annotate.font(21 * unit)
-        room = size[0] - 2 * layout.title[0]
-        annotate.write(image, layout.title, annotate.shortened(title, bold, room), bold)
-        annotate.write(image, layout.time_label, "time", plain)
-        annotate.upright_key(image, layout.key, 21 * unit)
-        annotate.scale_bar(image, *layout.bar, view.scale, 170 * unit, 21 * unit)
+        room = size[0] * (0.6 if noted else 1.0) - 2 * layout.title[0]
+        name = annotate.shortened(title, bold, room)
+        annotate.write(image, layout.title, name, bold, colour=tones.ink)
+        annotate.write(image, layout.time_label, "time", plain, colour=tones.ink)
+        words = ("impactor", "displacement") if falls else ()
+        for place, word in zip(layout.depth_label, words, strict=False):
+            annotate.write(image, place, word, plain, colour=tones.ink)
+        annotate.upright_key(image, layout.key, 21 * unit, key, tones)
+        annotate.scale_bar(image, *layout.bar, view.scale, 170 * unit, 21 * unit, tones)
     image.setflags(write=False)
     return image, view
 
 
-def draw(image: Image8, snapshot: Snapshot, scene: Scene, view: View, unit: float = 1.0) -> None:
+def draw(
+    image: Image8,
+    snapshot: Snapshot,
+    scene: Scene,
+    view: View,
+    unit: float = 1.0,
+    look: Look | None = None,
+) -> None:
     """Draw cells and impactor over `image` (h, w, 3) within the view's box, in place.
 
     `unit` is the width of a thin line in pixels; each pixel is the mean of 2 x 2 samples.
     """
+    look = look or Look.of(scene)
     block = scene.block
     broken_a, broken_b = snapshot.broken_a, snapshot.broken_b
     shapes = cells.corners(
@@ -138,10 +185,20 @@ def draw(image: Image8, snapshot: Snapshot, scene: Scene, view: View, unit: floa
         block.dx,
         block.dy,
     )
-    level = colours.strain_levels(worst_strain(snapshot.e_min_a, snapshot.e_min_b))
+    key = look.shown.key(scene)
+    level = colours.levels(look.shown.values(snapshot, scene), key.top)
     sides = cells.open_sides(broken_a, broken_b)
+    strokes = np.zeros_like(sides)
     smallest = view.scale * min(block.dx, block.dy)
     strength = float(np.clip((smallest - GRID_NONE) / (GRID_FULL - GRID_NONE), 0, 1))
+    small = smallest < SMALL_CELL
+    if small:
+        strength = 1.0
+        # a loose cell shows as a speck of its colour: lines around it would hide that
+        strokes = np.where(sides == cells.ALL_SIDES, 0, sides)
+        sides = np.zeros_like(sides)
+        if look.grid:
+            strokes |= _coarse_grid(*level.shape, GRID_APART / smallest) << GRID_BITS
     outer = np.empty((0, 2))
     if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
         outer = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
@@ -149,14 +206,17 @@ def draw(image: Image8, snapshot: Snapshot, scene: Scene, view: View, unit: floa
         image,
         view,
         shapes.reshape(-1, 4, 2),
-        fill=colours.packed_strain_map()[level].ravel(),
-        edge=colours.grid_line_map(round(strength, 2))[level].ravel(),
+        fill=colours.packed_shades(key.shades)[level].ravel(),
+        edge=colours.grid_line_map(key.shades, round(strength, 2))[level].ravel(),
+        crack=colours.crack_line_map(key.shades, look.theme)[level].ravel(),
         sides=sides.ravel(),
+        strokes=strokes.ravel(),
         order=_outside_in(*level.shape),
-        grid_line=_even(GRID_LINE * unit) if strength > 0 else 0.0,
+        grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
         shape=outer,
         shape_line=2.5 * unit,
+        theme=look.tones,
     )
 
 
@@ -169,7 +229,25 @@ def _even(width: float) -> float:
 
 
 @lru_cache(maxsize=8)
-def _outside_in(columns: int, rows: int) -> NDArray[np.int32]:
+def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
+    """Which sides lie on a grid of every so many cells, at least `apart` of them, (columns, rows).
+
+    Counted from the middle and drawn by the outer cell: the same from left and right where the number of columns is even.
+    """
+    steps = (step * 10**power for power in range(7) for step in (1, 2, 5))
+    stride = next(step for step in steps if step >= apart)
+    grid = np.zeros((columns, rows), dtype=np.int32)
+    middle = columns // 2
+    lines = np.flatnonzero((np.arange(columns) - middle) % stride == 0)
+    grid[lines[lines >= middle]] |= cells.LEFT
+    grid[lines[(0 < lines) & (lines <= middle)] - 1] |= cells.RIGHT
+    grid[:, np.arange(rows) % stride == 0] |= cells.BOTTOM
+    grid.setflags(write=False)
+    return grid
+
+
+@lru_cache(maxsize=8)
+def _outside_in(columns: int, rows: int) -> Ints:
     """Painter's order by columns from both ends to the middle: the same from left and right."""
     column = np.argsort(-np.abs(2 * np.arange(columns) - (columns - 1)), kind="stable")
     order = (column[:, None] * rows + np.arange(rows)).astype(np.int32).ravel()

@@ -198,6 +198,11 @@ class Output(Part):
     snapshot_interval: float = quantity(
         1e-3, "s", "time between snapshots, and so between frames", at_least=1e-7, at_most=1
     )
+    mode: Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"] = (
+        choice("worst-strain", "what the colours of the pictures show")
+    )
+    theme: Literal["light", "dark"] = choice("light", "tones of the pictures")
+    curve: bool = choice(False, "draw the deceleration so far into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
     film: bool = choice(True, "write a GIF and an MP4")
     width: int = quantity(

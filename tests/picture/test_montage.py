@@ -47,7 +47,7 @@ def test_panels_stand_in_a_grid(scene: Scene, n: int, grid: tuple[int, int]) -> 
     image = montage([intact(scene)] * n, scene, n=n, width=900)
     across, down = grid
     height, width = image.shape[:2]
-    drawn = np.any(image != colours.PAGE, axis=-1)
+    drawn = np.any(image != colours.THEMES["light"].page, axis=-1)
     # The panels are the only things as wide or as tall as this.
     columns = long_runs(drawn[height // 3], 0.15 * width)
     assert len(columns) == across

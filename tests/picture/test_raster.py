@@ -13,10 +13,12 @@ from picture_states import dented, intact, reference, scene_of, shattered, snaps
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, raster
+from taichi_foam.picture.look import Look
 from taichi_foam.picture.paint import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
 from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Start, Wedge
 
+LIGHT = colours.THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
 #: A view in which a metre is a pixel and y points up from the bottom left.
 PLAIN = View(Box(0, 0, 300, 200), 1.0, 0.0, 200.0)
@@ -26,13 +28,16 @@ def painted(quads: np.ndarray, shape: np.ndarray = NO_SHAPE) -> np.ndarray:
     """White polygons on black: the share of each pixel that they cover, in quarters."""
     image = annotate.blank(300, 200, (0, 0, 0))
     white = np.full(len(quads), 0xFFFFFF, dtype=np.int32)
+    none = np.zeros(len(quads), dtype=np.int32)
     paint(
         image,
         PLAIN,
         quads,
         fill=white,
         edge=white,
-        sides=np.zeros(len(quads), dtype=np.int32),
+        crack=white,
+        sides=none,
+        strokes=none,
         order=np.arange(len(quads), dtype=np.int32),
         shape=shape,
     )
@@ -82,10 +87,10 @@ def test_cells_that_share_corners_leave_no_hole_and_draw_no_sample_twice() -> No
     assert single == pytest.approx(260 * 160, abs=1e-9)
 
 
-def field_of(snapshot, scene, size=(640, 360)) -> np.ndarray:
+def field_of(snapshot, scene, size=(640, 360), look: Look | None = None) -> np.ndarray:
     """Only block and impactor on white, the block's middle on the middle of the picture."""
-    image = annotate.blank(*size, colours.FIELD)
-    raster.draw(image, snapshot, scene, fit(window(scene), Box(0, 0, *size)))
+    image = annotate.blank(*size, LIGHT.field)
+    raster.draw(image, snapshot, scene, fit(window(scene), Box(0, 0, *size)), look=look)
     return image
 
 
@@ -111,7 +116,7 @@ def test_each_node_has_the_colour_of_its_worst_strain() -> None:
     snapshot = snapshot_of(scene, reference(scene), e_min_a=e_min_a, e_min_b=e_min_b)
     view = fit(window(scene), Box(0, 0, 640, 360))
     image = field_of(snapshot, scene)
-    table = colours.strain_map()
+    table = colours.shades("heat")
     expected = {(0, 0): 0, (3, 2): 107, (4, 2): 107, (7, 1): 255, (7, 2): 255, (5, 2): 0}
     for (i, j), level in expected.items():
         x, y = snapshot.position[i, j]
@@ -119,10 +124,11 @@ def test_each_node_has_the_colour_of_its_worst_strain() -> None:
         np.testing.assert_array_equal(pixel, table[level])
 
 
-def test_the_colours_grow_steadily_darker_with_the_strain() -> None:
-    luminance = colours.strain_map().astype(float) @ [0.2126, 0.7152, 0.0722]
+@pytest.mark.parametrize(("name", "lightest"), [("heat", 230), ("cool", 200)])
+def test_the_colours_grow_steadily_darker(name: str, lightest: float) -> None:
+    luminance = colours.shades(name).astype(float) @ [0.2126, 0.7152, 0.0722]
     assert np.all(np.diff(luminance) < 0.5)
-    assert luminance[0] > 230
+    assert luminance[0] > lightest
     assert luminance[-1] < 40
 
 
@@ -137,13 +143,66 @@ def test_a_crack_shows_the_background_and_whole_foam_does_not() -> None:
     assert not np.any(np.all(closed == 255, axis=-1))
 
 
+@pytest.mark.parametrize("columns", [160, 400, 2000])
+def test_outlines_and_closed_cracks_of_tiny_cells_are_unbroken_lines(columns: int) -> None:
+    scene = scene_of(columns, columns // 2, impactor=None, numerics=Numerics(end=0.01))
+    view = fit(window(scene), Box(0, 0, 640, 360))
+    image = field_of(split(scene, 0.0), scene, look=Look(grid=False))
+    top = int(view.y_zero - view.scale * scene.block.height) + 3
+    rows = slice(top, int(view.y_zero) - 3)
+    dark = image[rows].max(axis=-1) < 128
+    for x in (-scene.block.width / 2, 0.0, scene.block.width / 2):
+        column = round(view.x_zero + view.scale * x)
+        assert dark[:, column - 2 : column + 2].any(axis=1).all()
+    assert dark.any(axis=0).sum() <= 3 * 3  # three lines, and nothing but lines
+
+
+def test_loose_tiny_cells_show_their_colour() -> None:
+    scene = scene_of(200, 100, impactor=None, numerics=Numerics(end=0.01))
+    image = field_of(shattered(scene), scene)
+    middle = image[200:300, 250:390].reshape(-1, 3)
+    assert not np.any(np.all(middle == LIGHT.crack, axis=-1))
+
+
+def test_tiny_cells_have_the_grid_of_many_of_them_symmetric_and_deformed_with_them() -> None:
+    scene = scene_of(400, 200)
+    flat = field_of(intact(scene), scene, look=Look(grid=True))
+    np.testing.assert_array_equal(flat, flat[:, ::-1])
+    bare = field_of(intact(scene), scene, look=Look(grid=False))
+    lines = np.any(flat != bare, axis=-1)
+    # 16 px apart or a little more: every 20 cells of 1 px
+    view = fit(window(scene), Box(0, 0, 640, 360))
+    row = int(view.y_zero - view.scale * 0.0505)
+    edges = np.flatnonzero(np.diff(lines[row].astype(int)) == 1)
+    np.testing.assert_allclose(np.diff(edges), 20 * view.scale * scene.block.dx, atol=1)
+
+
+@pytest.mark.parametrize("theme", colours.THEMES)
+def test_a_frame_without_words_is_all_field(theme: str) -> None:
+    scene = scene_of()
+    tones = colours.THEMES[theme]
+    image = raster.frame(intact(scene), scene, (640, 320), look=Look(theme=theme, words=False))
+    assert not np.any(np.all(image == tones.page, axis=-1))
+    assert np.mean(np.all(image == tones.field, axis=-1)) > 0.2
+
+
+def test_a_note_stands_at_the_right_of_the_title_and_nowhere_else() -> None:
+    scene = scene_of()
+    plain = raster.frame(intact(scene), scene)
+    noted = raster.frame(intact(scene), scene, note="paused")
+    rows, columns = np.nonzero(np.any(plain != noted, axis=-1))
+    assert rows.max() < 62
+    assert columns.min() > 1100
+    assert columns.max() < 1263
+
+
 def test_the_impactor_is_drawn_on_top_of_the_cells() -> None:
     scene = scene_of()
     view = fit(window(scene), Box(0, 0, 640, 360))
     image = field_of(intact(scene), scene)
     y = scene.contact_height + scene.block.dy / 4  # within the top cells' outer half
     pixel = image[int(view.y_zero - view.scale * y) - 1, 320]
-    np.testing.assert_array_equal(pixel, colours.STEEL)
+    np.testing.assert_array_equal(pixel, LIGHT.steel)
 
 
 def test_nothing_is_drawn_outside_the_field() -> None:
@@ -200,7 +259,7 @@ def test_frames_of_any_size(size: tuple[int, int]) -> None:
     image = raster.frame(dented(scene), scene, size)
     assert image.shape == (size[1], size[0], 3)
     assert image.dtype == np.uint8
-    steel = np.all(image == colours.STEEL, axis=-1)
+    steel = np.all(image == LIGHT.steel, axis=-1)
     assert steel.sum() > 0.01 * size[0] * size[1]
 
 

@@ -1,0 +1,122 @@
+"""The deceleration until now, as a small diagram inside a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from taichi_foam.picture import annotate
+from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.view import Box
+
+Array = NDArray[np.float64]
+Image8 = NDArray[np.uint8]
+
+#: Pillow's lines have no smooth edges, so they are drawn this much larger and averaged.
+_FINE = 3
+_TITLE = "deceleration"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A deceleration over time, and the axes that it is drawn on.
+
+    time, deceleration  (n,) [s], [m/s2], until now
+    last, top           ends of the axes [s], [m/s2]; the same over a film
+    """
+
+    time: Array
+    deceleration: Array
+    last: float
+    top: float
+
+    @classmethod
+    def of(cls, history: Mapping[str, Array], last: float | None = None) -> Curve:
+        """The smoothed deceleration of a run, whole or so far, on axes that just hold it."""
+        time, values = history["time_s"], history["deceleration_smoothed_m_s2"]
+        top = float(np.nanmax(values, initial=0.0))
+        return cls(time, values, _round_up(last or float(time[-1])), _round_up(1.05 * top or 1.0))
+
+    def until(self, time: float) -> Curve:
+        """The part up to a time [s], on the same axes."""
+        shown = self.time <= time * (1 + 1e-9)
+        return replace(self, time=self.time[shown], deceleration=self.deceleration[shown])
+
+
+def _round_up(value: float) -> float:
+    """The smallest of some round figures that is not below `value`."""
+    value = max(value, 1e-12)
+    power = 10.0 ** np.floor(np.log10(value))
+    steps = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
+    return float(next(s for s in steps if s * power >= value * (1 - 1e-9)) * power)
+
+
+def draw(image: Image8, box: Box, curve: Curve, theme: str, unit: float) -> None:
+    """Draw the diagram over `image` (h, w, 3) in `box`, in place; `unit` as in `raster.draw`."""
+    panel, plot = _panel(box.width, box.height, curve.last, curve.top, theme, unit)
+    picture = panel.copy()
+    points = _points(curve, plot)
+    if len(points):
+        tones = THEMES[theme]
+        patch = picture[plot.top : plot.bottom, plot.left : plot.right]
+        large = Image.fromarray(np.ascontiguousarray(patch)).resize(
+            (_FINE * plot.width, _FINE * plot.height), Image.Resampling.NEAREST
+        )
+        pen = ImageDraw.Draw(large)
+        thick = max(_FINE, round(2.2 * unit * _FINE))
+        if len(points) > 1:
+            pen.line(points, fill=tones.curve, width=thick, joint="curve")
+        (x, y), dot = points[-1], 1.6 * thick
+        pen.ellipse((x - dot, y - dot, x + dot, y + dot), fill=tones.curve)
+        small = large.resize((plot.width, plot.height), Image.Resampling.BOX)
+        picture[plot.top : plot.bottom, plot.left : plot.right] = np.asarray(small)
+    image[box.top : box.bottom, box.left : box.right] = picture
+
+
+def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
+    """The curve in pixels of the enlarged plot, at most some points to a column."""
+    known = np.isfinite(curve.deceleration)
+    time, values = curve.time[known], curve.deceleration[known]
+    every = max(1, len(time) // (4 * plot.width))
+    keep = np.r_[0 : len(time) : every, len(time) - 1] if len(time) else slice(0, 0)
+    x = _FINE * (plot.width - 1) * time[keep] / curve.last
+    y = _FINE * (plot.height - 1) * (1 - np.clip(values[keep] / curve.top, -0.02, 1))
+    return list(zip(x.tolist(), y.tolist(), strict=True))
+
+
+@lru_cache(maxsize=32)
+def _panel(
+    width: int, height: int, last: float, top: float, theme: str, unit: float
+) -> tuple[Image8, Box]:
+    """The diagram without its curve, read-only, and where its plot lies."""
+    tones = THEMES[theme]
+    panel = annotate.blank(width, height, tones.page)
+    size = 16 * unit
+    face = annotate.font(size)
+    head, foot = round(1.9 * size), round(1.8 * size)
+    side = round(face.getlength(f"{top:g}") + 1.1 * size)
+    plot = Box(side, head, width - round(0.9 * size), height - foot)
+    annotate.rectangle(panel, Box(0, 0, width, height), tones.frame)
+    line = max(1, round(unit))
+    annotate.rectangle(panel, Box(line, line, width - line, height - line), tones.page)
+    title = (0.5 * size, 1.3 * size)
+    annotate.write(panel, title, f"{_TITLE} (m/s²)", face, colour=tones.ink)
+    for share in (0.0, 0.5, 1.0):
+        row = plot.bottom - 1 - round(share * (plot.height - 1))
+        tone = tones.ink if share == 0 else tones.frame
+        annotate.rectangle(panel, Box(plot.left, row, plot.right, row + line), tone)
+        place = (plot.left - 0.4 * size, row)
+        annotate.write(panel, place, f"{share * top:g}", face, anchor="rm", colour=tones.ink)
+    for share in (0.0, 0.5, 1.0):
+        column = plot.left + round(share * (plot.width - 1))
+        words = f"{1e3 * share * last:g}" + (" ms" if share == 1 else "")
+        anchor = {0.0: "la", 0.5: "ma", 1.0: "ra"}[share]
+        place = (column, plot.bottom + 0.35 * size)
+        annotate.write(panel, place, words, face, anchor=anchor, colour=tones.ink)
+    panel.setflags(write=False)
+    return panel, plot

@@ -1,0 +1,222 @@
+"""What a picture can show of the foam: a figure for each cell, and the key that it is read by.
+
+A key depends on the scene alone, so that all frames of a run, and runs of one kind, have one scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.crush import permanent_strain, worst_strain
+from taichi_foam.engine.stresses import normal_stresses
+from taichi_foam.result import Snapshot
+from taichi_foam.scene import Scene
+
+Array = NDArray[np.float64]
+
+#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6).
+KEY_STRAIN = 0.95
+#: Stress at the dark end, in plateau stresses; shear strain, in those at which foam breaks.
+KEY_STRESS, KEY_SHEAR = 2.0, 2.0
+
+
+@dataclass(frozen=True)
+class Key:
+    """How the colours are read.
+
+    words     title in one or two lines, with the unit where the ticks have none
+    shades    name of the colour map
+    top       figure at the dark end [SI]; 0 is at the light end
+    ticks     figures [SI] that are marked, with their text
+    """
+
+    words: tuple[str, ...]
+    shades: str
+    top: float
+    ticks: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A figure to colour cells by.
+
+    about   what it is, for help texts
+    key     of a scene
+    values  of a snapshot: (columns, rows) [SI]
+    """
+
+    about: str
+    key: Callable[[Scene], Key]
+    values: Callable[[Snapshot, Scene], Array]
+
+
+def _strain_key(*words: str) -> Callable[[Scene], Key]:
+    shown = (0.0, 0.2, 0.4, 0.6, 0.8, KEY_STRAIN)
+    ticks = tuple((value, f"{100 * value:.0f} %") for value in shown)
+    return lambda scene: Key(words, "heat", KEY_STRAIN, ticks)
+
+
+def _worst(snapshot: Snapshot, scene: Scene) -> Array:
+    return -worst_strain(snapshot.e_min_a, snapshot.e_min_b)
+
+
+def _strain(snapshot: Snapshot, scene: Scene) -> Array:
+    """The most compressed of each node's connections; a broken one counts as unloaded."""
+    e_a, e_b = _lengthwise(snapshot, scene)
+    foam = scene.foam
+    a = np.where(snapshot.broken_a, permanent_strain(snapshot.e_min_a, foam), e_a)
+    b = np.where(snapshot.broken_b, permanent_strain(snapshot.e_min_b, foam), e_b)
+    return -worst_strain(a, b)
+
+
+def _stress_key(scene: Scene) -> Key:
+    top = KEY_STRESS * scene.foam.plateau_stress
+    words = ("compressive", f"stress ({_prefix(top)}Pa)")
+    return Key(words, "heat", top, _ticks(top, 1 / _scale(top), open_ended=True))
+
+
+def _stress(snapshot: Snapshot, scene: Scene) -> Array:
+    """The largest compressive stress of each node's connections."""
+    e_a, e_b = _lengthwise(snapshot, scene)
+    s_a = normal_stresses(scene, e_a, snapshot.e_min_a, snapshot.broken_a)
+    s_b = normal_stresses(scene, e_b, snapshot.e_min_b, snapshot.broken_b)
+    return -worst_strain(s_a, s_b)
+
+
+def _speed_key(scene: Scene) -> Key:
+    top = _fastest(scene)
+    words = ("speed", "(m/s)") if top >= 0.1 else ("speed", "(mm/s)")
+    return Key(words, "cool", top, _ticks(top, 1.0 if top >= 0.1 else 1e3, open_ended=True))
+
+
+def _speed(snapshot: Snapshot, scene: Scene) -> Array:
+    return np.hypot(snapshot.velocity[..., 0], snapshot.velocity[..., 1])
+
+
+def _fastest(scene: Scene) -> float:
+    """The speed that a scene starts with [m/s]: its impactor's, or what its block has in itself."""
+    impactor, block, foam, start = scene.impactor, scene.block, scene.foam, scene.start
+    fastest = math.hypot(block.width, block.height) * float(np.abs(start.velocity_gradient).max())
+    # a strain that is let go moves foam at that share of the speed of sound
+    strain = float(np.abs(np.array(start.deformation_gradient) - np.eye(2)).max())
+    fastest = max(fastest, strain * math.sqrt(foam.youngs_modulus / block.density))
+    if impactor is not None:
+        fall = 2 * scene.numerics.gravity * impactor.gap
+        fastest = max(fastest, math.sqrt(impactor.velocity**2 + fall))
+    return fastest or 1.0
+
+
+def _shear_key(scene: Scene) -> Key:
+    top = KEY_SHEAR * scene.foam.shear_strain
+    return Key(("shear", "strain"), "cool", top, _ticks(top, 1e2, " %", open_ended=True))
+
+
+def _shear(snapshot: Snapshot, scene: Scene) -> Array:
+    """Of each node, from the mean directions of its whole connections: F1.F2, twice E12."""
+    x = snapshot.position
+    a = _mean_over_whole(np.diff(x, axis=0) / scene.block.dx, ~snapshot.broken_a, 0)
+    b = _mean_over_whole(np.diff(x, axis=1) / scene.block.dy, ~snapshot.broken_b, 1)
+    return np.abs(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+
+
+def _mean_over_whole(difference: Array, whole: NDArray[np.bool_], axis: int) -> Array:
+    """Of each node, the mean (columns, rows, 2) over its one or two connections along `axis`."""
+    kept = np.where(whole[..., None], difference, 0.0)
+    rim = [(0, 0)] * 3
+    first, second = rim.copy(), rim.copy()
+    first[axis], second[axis] = (1, 0), (0, 1)
+    total = np.pad(kept, first) + np.pad(kept, second)
+    count = np.pad(whole, first[:2]).astype(np.intp) + np.pad(whole, second[:2])
+    return total / np.maximum(count, 1)[..., None]
+
+
+def _broken_key(scene: Scene) -> Key:
+    ticks = tuple((float(n), str(n)) for n in range(5))
+    return Key(("broken", "connections"), "heat", 4.0, ticks)
+
+
+def _broken(snapshot: Snapshot, scene: Scene) -> Array:
+    """How many of each node's connections are broken."""
+    count = np.zeros(snapshot.position.shape[:2])
+    a, b = snapshot.broken_a, snapshot.broken_b
+    count[:-1] += a
+    count[1:] += a
+    count[:, :-1] += b
+    count[:, 1:] += b
+    return count
+
+
+def _energy_key(scene: Scene) -> Key:
+    foam = scene.foam
+    top = foam.plateau_stress * (foam.yield_strain - foam.densification_strain)
+    words = ("crush energy", f"({_prefix(top)}J/m³)")
+    return Key(words, "heat", top, _ticks(top, 1 / _scale(top), open_ended=True))
+
+
+def _energy(snapshot: Snapshot, scene: Scene) -> Array:
+    """Energy that crushing has taken [J/m3]: the plateau's stress over the permanent strain.
+
+    What a rate adds is left out. A node's cell holds half of each of its connections.
+    """
+    foam = scene.foam
+    taken = np.zeros(snapshot.position.shape[:2])
+    a = -0.5 * foam.plateau_stress * permanent_strain(snapshot.e_min_a, foam)
+    b = -0.5 * foam.plateau_stress * permanent_strain(snapshot.e_min_b, foam)
+    taken[:-1] += a
+    taken[1:] += a
+    taken[:, :-1] += b
+    taken[:, 1:] += b
+    return taken
+
+
+MODES: dict[str, Mode] = {
+    "worst-strain": Mode(
+        "worst compressive strain so far", _strain_key("worst compressive", "strain"), _worst
+    ),
+    "strain": Mode("compressive strain now", _strain_key("compressive", "strain"), _strain),
+    "stress": Mode("compressive stress now", _stress_key, _stress),
+    "speed": Mode("speed of the foam", _speed_key, _speed),
+    "shear": Mode("shear strain now", _shear_key, _shear),
+    "broken": Mode("broken connections of each cell", _broken_key, _broken),
+    "energy": Mode("energy that crushing has taken", _energy_key, _energy),
+}
+"""By the names that `output.mode` knows."""
+
+
+def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
+    """Engineering strains of the connections A and B, as they are now."""
+    x = snapshot.position
+    along, upright = np.diff(x, axis=0), np.diff(x, axis=1)
+    return (
+        np.hypot(along[..., 0], along[..., 1]) / scene.block.dx - 1,
+        np.hypot(upright[..., 0], upright[..., 1]) / scene.block.dy - 1,
+    )
+
+
+def _ticks(
+    top: float, factor: float, unit: str = "", open_ended: bool = False
+) -> tuple[tuple[float, str], ...]:
+    """Round figures up to `top` [SI], shown as `factor` times as many; the last may mean "and more".
+
+    A round figure next to the top makes room for it.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    shown = MaxNLocator(nbins=5, steps=[1, 2, 5, 10]).tick_values(0.0, factor * top)
+    inner = [value for value in shown if -1e-9 <= value < 0.9 * factor * top]
+    last = f"{'≥ ' if open_ended else ''}{factor * top:.3g}{unit}"
+    return (*((value / factor, f"{value:g}{unit}") for value in inner), (top, last))
+
+
+def _scale(top: float) -> float:
+    """The power of a thousand that figures up to `top` are given in."""
+    return 1e6 if top >= 1e6 else 1e3 if top >= 1e3 else 1.0
+
+
+def _prefix(top: float) -> str:
+    return {1e6: "M", 1e3: "k", 1.0: ""}[_scale(top)]

@@ -1,0 +1,80 @@
+"""The deceleration inside a frame: where its line lies, and how its axes are chosen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from picture_states import intact, scene_of
+
+from taichi_foam.picture import annotate, inset, raster
+from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.view import Box
+
+BOX = Box(10, 20, 310, 170)
+
+
+def ramp(last: float = 0.05, top: float = 100.0) -> Curve:
+    """A straight line from nothing to `top` at `last`."""
+    time = np.linspace(0, last, 501)
+    return Curve(time, top * time / last, last, top)
+
+
+def drawn(curve: Curve, theme: str = "light") -> np.ndarray:
+    """Which pixels of the box have the curve's own colour."""
+    image = annotate.blank(400, 200, (1, 2, 3))
+    inset.draw(image, BOX, curve, theme, 0.75)
+    outside = image.copy()
+    outside[BOX.top : BOX.bottom, BOX.left : BOX.right] = (1, 2, 3)
+    assert np.all(outside == (1, 2, 3))
+    inside = image[BOX.top : BOX.bottom, BOX.left : BOX.right]
+    return np.all(inside == THEMES[theme].curve, axis=-1)
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_a_straight_line_is_drawn_straight_between_the_axes_ends(theme: str) -> None:
+    rows, columns = np.nonzero(drawn(ramp(), theme))
+    assert np.corrcoef(rows, columns)[0, 1] < -0.999
+    slope = np.polyfit(columns, rows, 1)[0]
+    assert slope == pytest.approx(-np.ptp(rows) / np.ptp(columns), rel=0.03)
+
+
+def test_the_curve_grows_to_the_time_shown_and_keeps_its_axes() -> None:
+    whole = drawn(ramp())
+    half = drawn(ramp().until(0.025))
+    reach = [np.flatnonzero(seen.any(axis=0)) for seen in (whole, half)]
+    share = np.ptp(reach[1]) / np.ptp(reach[0])
+    assert share == pytest.approx(0.5, abs=0.04)  # the dot at its end is 5 px wide
+    assert np.mean(whole[half]) > 0.85  # all but that dot
+
+
+def test_nothing_yet_is_an_empty_diagram() -> None:
+    assert not drawn(ramp().until(-1.0)).any()
+    unknown = Curve(np.array([0.0]), np.array([np.nan]), 0.05, 100.0)
+    assert not drawn(unknown).any()
+
+
+@pytest.mark.parametrize(
+    ("top", "last", "axes"), [(75.0, 0.0544, (80.0, 0.06)), (0.0, 0.001, (1.0, 0.001))]
+)
+def test_axes_end_at_round_figures_that_hold_the_curve(top, last, axes) -> None:
+    history = {
+        "time_s": np.linspace(0, last, 50),
+        "deceleration_smoothed_m_s2": np.linspace(0, top, 50),
+    }
+    curve = Curve.of(history)
+    assert (curve.top, curve.last) == pytest.approx(axes)
+
+
+def test_a_frame_has_the_curve_in_its_upper_left_corner_and_a_small_one_none() -> None:
+    scene = scene_of()
+    state = intact(scene)
+    without, with_curve = (raster.frame(state, scene, curve=c) for c in (None, ramp()))
+    rows, columns = np.nonzero(np.any(without != with_curve, axis=-1))
+    field = raster.Layout((1280, 720)).field
+    assert rows.min() > field.top
+    assert columns.min() > field.left
+    assert rows.max() < field.top + 0.35 * field.height
+    assert columns.max() < field.left + 0.4 * field.width
+    small = [raster.frame(state, scene, (160, 120), curve=c) for c in (None, ramp())]
+    np.testing.assert_array_equal(*small)
