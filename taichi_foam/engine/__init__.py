@@ -1,1 +1,1 @@
-"""Fields and kernels of the lattice: what `taichi_foam.simulation` drives."""
+"""Fields and kernels of the lattice: what `taichi_foam.drive` drives."""

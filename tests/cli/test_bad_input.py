@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from command_line import COARSE_OPTIONS, call, tree
 
+from taichi_foam import drive
 from taichi_foam import result as result_module
-from taichi_foam import simulation
 
 WEDGE = "paper/wedge-2.86"
 
@@ -37,7 +37,7 @@ def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("the request should have been refused before computing")
 
-    monkeypatch.setattr(simulation, "_drive", refuse)
+    monkeypatch.setattr(drive, "advance_all", refuse)
     return invoke
 
 

@@ -1,0 +1,258 @@
+"""The process that computes: one drop at a time, at a pace, with ears for its viewer.
+
+A Taichi kernel holds the interpreter's lock, so that a viewer in the same process would stand still
+while it computes. Ctrl-C reaches both and is the viewer's to answer; whatever takes long to import
+is imported once this process ignores it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import queue
+import signal
+import threading
+import time
+from multiprocessing.reduction import ForkingPickler
+from typing import TYPE_CHECKING
+
+from taichi_foam.errors import UserError
+from taichi_foam.live.messages import (
+    Ask,
+    Close,
+    Command,
+    Ended,
+    Event,
+    Failed,
+    Finish,
+    Frame,
+    NothingYet,
+    Pace,
+    Pause,
+    Refused,
+    Start,
+    Step,
+)
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from taichi_foam.drop import Drop
+    from taichi_foam.result import Result
+
+# Between two calls of the engine the worker listens.
+CALL_SECONDS = 0.01
+
+# A run that cannot keep its pace does not make up for more than this once it can [s].
+MOST_BEHIND = 0.1
+
+
+def main(pipe: Connection, arch: str, threads: int | None) -> None:
+    """Do what comes through the pipe, until Close or until the viewer is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _Worker(pipe, arch, threads).serve()
+
+
+class _Worker:
+    def __init__(self, pipe: Connection, arch: str, threads: int | None) -> None:
+        self._pipe = pipe
+        self._arch, self._threads = arch, threads
+        self._send = _Sender(pipe)
+        self._number = 0
+        self._drop: Drop | None = None
+        self._is_over = True  # nothing more is computed of the drop
+        self._rows_sent = 0
+        self._is_asked = False
+        self._is_paused = False
+        self._step_to: float | None = None  # simulated time [s] that a Step goes to
+        self._pace = _PaceMaker()
+
+    def serve(self) -> None:
+        is_wanted = True
+        while is_wanted:
+            try:
+                is_wanted = self._listen(self._idle_seconds())
+                if is_wanted:
+                    self._go_on()
+            except Exception as error:
+                self._fail(_words(error), None)
+
+    def _listen(self, wait: float | None) -> bool:
+        """Do what the viewer wants, waiting so long [s] for it; False if it wants no more."""
+        while True:
+            try:
+                if not self._pipe.poll(wait):
+                    return True
+                command = self._pipe.recv()
+            except (EOFError, OSError):
+                return False  # the viewer is gone
+            if isinstance(command, Close):
+                return False
+            self._obey(command)
+            wait = 0.0
+
+    def _idle_seconds(self) -> float | None:
+        """How long there is nothing to do unless a command comes; None: for ever."""
+        if self._drop is None or self._stands_still:
+            return None
+        return 0.0 if self._step_to is not None else self._pace.idle_seconds(self._drop.time)
+
+    @property
+    def _stands_still(self) -> bool:
+        return self._is_over or (self._is_paused and self._step_to is None)
+
+    def _obey(self, command: Command) -> None:
+        match command:
+            case Start():
+                self._start(command)
+            case Pause(on):
+                self._is_paused, self._step_to = on, None
+                self._anchor()
+            case Step(seconds) if self._drop is not None:
+                start = self._drop.time if self._step_to is None else self._step_to
+                self._is_paused, self._step_to = True, start + seconds
+            case Pace(rate):
+                self._pace.rate = rate
+                self._anchor()
+            case Ask():
+                self._is_asked = True
+            case Finish() if not self._is_over:
+                self._finish()
+
+    def _start(self, command: Start) -> None:
+        self._leave_drop()
+        self._number = command.drop
+        self._is_paused, self._step_to = False, None
+        try:
+            from taichi_foam.drop import Drop
+            from taichi_foam.engine import runtime
+
+            runtime.start(self._arch, self._threads)
+            self._drop = Drop(command.scene)
+        except UserError as error:
+            self._send(Refused(str(error)))
+        except Exception as error:
+            self._fail(_words(error), None)
+        else:
+            self._is_over, self._rows_sent = False, 0
+            self._anchor()
+
+    def _go_on(self) -> None:
+        """Answer, then compute for one call."""
+        drop = self._drop
+        if drop is None:
+            return
+        if self._is_asked:
+            self._is_asked = False
+            self._send(self._frame(drop))
+        if self._stands_still:
+            return
+        until = self._pace.due(drop.time) if self._step_to is None else self._step_to
+        drop.advance(CALL_SECONDS, until)
+        if self._step_to is not None and drop.time >= self._step_to:
+            self._step_to = None
+        if drop.failure is not None:
+            self._is_over = True
+            self._send(Failed(self._number, drop.failure, _result(drop)))
+        elif drop.ended:
+            self._is_over = True
+            self._send(Ended(self._number, drop.result()))
+
+    def _finish(self) -> None:
+        self._is_over = True
+        result = None if self._drop is None else _result(self._drop, interrupted=True)
+        self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
+
+    def _fail(self, message: str, result: Result | None) -> None:
+        self._leave_drop()
+        self._send(Failed(self._number, message, result))
+
+    def _leave_drop(self) -> None:
+        if self._drop is not None:
+            self._drop.close()
+        self._drop, self._is_over = None, True
+
+    def _anchor(self) -> None:
+        if self._drop is not None:
+            self._pace.anchor(self._drop.time)
+
+    def _frame(self, drop: Drop) -> Frame:
+        rows = drop.rows(self._rows_sent)
+        self._rows_sent += len(rows)
+        return Frame(
+            drop=self._number,
+            snapshot=drop.now(),
+            rows=rows,
+            fraction=drop.fraction,
+            steps=drop.steps,
+            wall=drop.wall,
+            paused=self._is_paused and self._step_to is None,
+            ended=self._is_over,
+        )
+
+
+class _PaceMaker:
+    """Holds simulated time to wall time, from an instant at which the two were set together."""
+
+    def __init__(self) -> None:
+        self.rate: float | None = None  # simulated seconds in one of wall time
+        self._time = 0.0  # [s]
+        self._wall = 0.0  # [s]
+
+    def anchor(self, reached: float) -> None:
+        """Simulated time `reached` [s] belongs to now."""
+        self._time, self._wall = reached, time.monotonic()
+
+    def due(self, reached: float) -> float:
+        """How far a run that stands at `reached` [s] may be by now [s]."""
+        if self.rate is None:
+            return math.inf
+        due = self._time + self.rate * (time.monotonic() - self._wall)
+        if due - reached > self.rate * MOST_BEHIND:
+            self.anchor(reached)
+            self._wall -= MOST_BEHIND
+            due = reached + self.rate * MOST_BEHIND
+        return due
+
+    def idle_seconds(self, reached: float) -> float:
+        """Wall time until a run at `reached` [s] has a call's worth of time to catch up [s]."""
+        if self.rate is None:
+            return 0.0
+        ahead = (reached - self._time) / self.rate - (time.monotonic() - self._wall)
+        return max(ahead + CALL_SECONDS, 0.0)
+
+
+class _Sender:
+    """Sends events without waiting for the viewer to take them.
+
+    A frame of a big lattice does not fit into the pipe; a thread waits there while the run goes on.
+    """
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._waiting: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._is_taken = threading.Event()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def __call__(self, event: Event) -> None:
+        self._is_taken.clear()
+        self._waiting.put(event)
+        # the next call of the engine would hold the interpreter and keep the thread from sending
+        self._is_taken.wait(CALL_SECONDS)
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):  # the viewer is gone, which the other thread hears, too
+            while True:
+                data = ForkingPickler.dumps(self._waiting.get())
+                self._is_taken.set()
+                self._pipe.send_bytes(data)
+
+
+def _result(drop: Drop, interrupted: bool = False) -> Result | None:
+    """What there is of a drop, if there is anything."""
+    return drop.result(interrupted) if len(drop.rows()) else None
+
+
+def _words(error: Exception) -> str:
+    """An unexpected error as a line of text."""
+    return f"{type(error).__name__}: {error}".rstrip(": ")

@@ -1,0 +1,321 @@
+"""A run in a process of its own: what a viewer can ask of it, and how either end may vanish."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_foam import load_scene
+from taichi_foam.engine.ledger import ROW_COLUMNS
+from taichi_foam.live import session as session_module
+from taichi_foam.live.messages import Died, Ended, Failed, Frame, NothingYet, Refused
+from taichi_foam.live.session import Session
+from taichi_foam.scene import Scene
+from taichi_foam.simulation import run
+
+PATIENCE = 120.0  # a busy machine that compiles [s]
+
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+def drop_of(end: float, *overrides: str) -> Scene:
+    """A wedge's impact on 50 mass points, `end` [s] long: some 65,000 steps in a second."""
+    coarse = ("block.columns=10", "block.rows=5", f"numerics.end={end}")
+    return load_scene("paper/wedge-2.86", overrides=[*coarse, *overrides])
+
+
+ENDLESS = drop_of(10.0)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Session]:
+    with Session() as session:
+        yield session
+
+
+@pytest.fixture
+def session(shared: Session) -> Session:
+    """The one session of these tests, at no pace, with nothing left to tell."""
+    shared.pace = None
+    shared.start(ENDLESS)
+    look(shared)
+    return shared
+
+
+def wait_for(session: Session, is_it: Callable[[Any], bool]) -> Any:
+    """The first event that `is_it`, asking for frames."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        session.ask()
+        for event in session.poll(0.05):
+            if is_it(event):
+                return event
+    raise AssertionError("it did not come")
+
+
+def look(session: Session) -> Frame:
+    """A frame of now, not one that was asked for earlier."""
+    until = time.monotonic() + PATIENCE
+    while session._is_asked and time.monotonic() < until:
+        session.poll(0.05)
+    return wait_for(session, lambda event: isinstance(event, Frame))
+
+
+def worker_of(session: Session) -> int:
+    """The worker's process number."""
+    (found,) = [each for each in multiprocessing.active_children() if each is session._process]
+    assert found.pid is not None
+    return found.pid
+
+
+def cpu_seconds(pid: int) -> float:
+    """Processor time that a process has taken so far [s]."""
+    values = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def wait_to_take(pid: int, seconds: float) -> None:
+    """Until a process has taken so much more processor time [s]."""
+    goal, until = cpu_seconds(pid) + seconds, time.monotonic() + PATIENCE
+    while cpu_seconds(pid) < goal:
+        assert time.monotonic() < until, "it does not go on"
+        time.sleep(0.02)
+
+
+def test_frames_come_when_asked_for(session: Session) -> None:
+    assert not [event for event in session.poll(0.1) if isinstance(event, Frame)]
+    first = look(session)
+    assert (first.drop, first.ended, first.paused) == (session.drop, False, False)
+    time.sleep(0.1)
+    second = look(session)
+    assert session.last is second
+    assert second.snapshot.time > first.snapshot.time
+    assert second.steps > first.steps
+    assert second.wall > first.wall
+    times = session.rows[:, ROW_COLUMNS.index("time")]
+    assert np.all(np.diff(times) > 0)
+    assert times[0] == 0.0
+    assert times[-1] <= second.snapshot.time
+
+
+def test_no_rows_have_as_many_columns_as_rows(session: Session) -> None:
+    session.start(ENDLESS)
+    assert session.rows.shape == (0, len(ROW_COLUMNS))
+
+
+@on_linux
+def test_a_pause_holds_time_and_takes_no_processor(session: Session) -> None:
+    session.pause()
+    before = look(session)
+    assert before.paused
+    taken = cpu_seconds(worker_of(session))
+    time.sleep(0.5)
+    assert cpu_seconds(worker_of(session)) - taken <= 0.02
+    assert look(session).snapshot.time == before.snapshot.time
+    session.resume()
+    held = before.snapshot.time
+    after = wait_for(session, lambda e: isinstance(e, Frame) and e.snapshot.time > held)
+    assert not after.paused
+
+
+def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
+    """To the end of the first step of 14 us there or after; what is asked for twice adds up."""
+    session.pause()
+    start = look(session).snapshot.time
+    session.step(2e-3)
+    frame = wait_for(session, lambda event: isinstance(event, Frame) and event.paused)
+    assert 2e-3 <= frame.snapshot.time - start < 2e-3 + 2e-5
+    session.step(30e-3)
+    session.step(30e-3)
+    start = frame.snapshot.time
+    until = time.monotonic() + PATIENCE
+    while frame.snapshot.time < start + 60e-3 and time.monotonic() < until:
+        frame = look(session)
+    assert frame.paused
+    assert 60e-3 <= frame.snapshot.time - start < 60e-3 + 2e-5
+
+
+def test_a_pace_is_kept(session: Session) -> None:
+    """Within a tenth: frames are up to 10 ms old. A pause does not make it jump."""
+    session.pace = 0.05
+    first = look(session)
+    session.pause()
+    time.sleep(0.3)
+    held = look(session)
+    session.resume()
+    assert held.snapshot.time - first.snapshot.time < 0.05 * 0.6
+    first, start = look(session), time.monotonic()
+    time.sleep(1.5)
+    last, end = look(session), time.monotonic()
+    went = last.snapshot.time - first.snapshot.time
+    assert went == pytest.approx(0.05 * (end - start), rel=0.1)
+
+
+def test_another_scene_may_start_at_any_time(session: Session) -> None:
+    old = session.drop
+    look(session)
+    session.start(drop_of(10.0, "impactor.velocity=1.0"))
+    assert (session.last, len(session.rows)) == (None, 0)
+    frame = wait_for(session, lambda event: isinstance(event, Frame) and len(event.rows))
+    assert frame.drop == session.drop == old + 1
+    assert frame.rows[0, ROW_COLUMNS.index("v")] == -1.0
+    assert session.result is None
+
+
+def test_finish_gives_what_there_is(session: Session) -> None:
+    wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.01)
+    result = session.finish(PATIENCE)
+    assert result is not None
+    assert result.run["interrupted"]
+    assert result.history["time_s"][-1] > 0.01
+    assert len(result.snapshots) > 1
+    assert session.ended
+    assert session.finish(0.0) is result
+    assert next(event for event in session.poll() if isinstance(event, Ended)).result is result
+    assert look(session).ended
+
+
+def test_finish_before_anything_gives_nothing(session: Session) -> None:
+    pid = worker_of(session)
+    os.kill(pid, signal.SIGSTOP)  # so that it hears of both before it computes
+    session.start(ENDLESS)
+    session.pause()
+    os.kill(pid, signal.SIGCONT)
+    assert session.finish(PATIENCE) is None
+    assert any(isinstance(event, NothingYet) for event in session.poll())
+
+
+def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
+    scene = drop_of(0.03, "output.snapshot_interval=2e-3")
+    session.start(scene)
+    result = wait_for(session, lambda event: isinstance(event, Ended)).result
+    whole = run(scene)
+    assert result.scene == scene
+    for name, column in whole.history.items():
+        np.testing.assert_array_equal(result.history[name], column, err_msg=name)
+    assert len(result.snapshots) == len(whole.snapshots)
+    for one, other in zip(result.snapshots, whole.snapshots, strict=True):
+        for name, values in vars(one).items():
+            np.testing.assert_array_equal(values, getattr(other, name), err_msg=name)
+    last = look(session)
+    assert last.ended
+    assert last.fraction == 1.0
+    np.testing.assert_array_equal(
+        session.rows[:, ROW_COLUMNS.index("time")], whole.history["time_s"]
+    )
+
+
+def test_a_failed_run_says_why(session: Session) -> None:
+    """As in tests/cli/test_run.py: drag that grows values 10^9-fold each step."""
+    wild = ("model.damping=absolute", "numerics.damping_time=1e-2", "numerics.dt=5e-5")
+    session.start(drop_of(0.01, *wild))
+    failed = wait_for(session, lambda event: isinstance(event, Failed))
+    assert "went astray" in failed.message
+    assert failed.result.run["ended_by"] == "values that went astray"
+    assert session.result is failed.result
+    assert session.alive
+
+
+@on_linux
+def test_a_viewer_that_takes_nothing_holds_nothing_up(session: Session) -> None:
+    """Frames with thousands of rows do not fit into the pipe; Ctrl-C is not the worker's."""
+    pid = worker_of(session)
+    wait_to_take(pid, 0.6)
+    session.ask()
+    os.kill(pid, signal.SIGINT)
+    wait_to_take(pid, 0.3)
+    assert len(look(session).rows) < len(session.rows)
+    assert session.rows.nbytes > 250_000
+
+
+def test_an_absent_device_is_refused() -> None:
+    with Session(arch="metal") as session:
+        session.start(ENDLESS)
+        refused = wait_for(session, lambda event: isinstance(event, Refused))
+        assert "arch = 'metal'" in refused.message
+        assert session.finish(PATIENCE) is None
+        assert session.alive
+
+
+def test_a_worker_that_is_killed_is_told_of_once() -> None:
+    with Session() as session:
+        session.start(ENDLESS)
+        os.kill(worker_of(session), signal.SIGKILL)
+        (died,) = session.poll(PATIENCE)
+        assert isinstance(died, Died)
+        assert "signal 9" in died.message
+        assert not session.alive
+        session.pause()
+        session.ask()
+        assert session.start(ENDLESS) == 2
+        assert session.finish(PATIENCE) is None
+        assert session.poll(0.1) == []
+    session.close()
+    assert session.poll(0.1) == []
+
+
+@on_linux
+def test_a_worker_that_does_not_leave_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session_module, "GRACE", 0.2)
+    session = Session()
+    pid = worker_of(session)
+    os.kill(pid, signal.SIGSTOP)
+    session.close()
+    assert not session.alive
+    assert pid not in [each.pid for each in multiprocessing.active_children()]
+
+
+# A script without a guard, as people write them.
+VIEWER = """
+import time
+from taichi_foam.live.session import Session
+from test_session import ENDLESS, look, worker_of
+session = Session()
+session.start(ENDLESS)
+look(session)
+print(worker_of(session), flush=True)
+time.sleep(600)
+"""
+
+
+@on_linux
+def test_a_viewer_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> None:
+    script = tmp_path / "viewer.py"
+    script.write_text(VIEWER)
+    viewer = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[2]}"},
+    )
+    assert viewer.stdout is not None
+    pid = int(viewer.stdout.readline())
+    modules = Path(f"/proc/{pid}/maps").read_text()
+    assert "taichi_python" in modules
+    assert "matplotlib" not in modules
+    viewer.kill()
+    viewer.wait()
+    until = time.monotonic() + PATIENCE
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_a_viewer_loads_neither_taichi_nor_matplotlib() -> None:
+    code = (
+        "import sys, taichi_foam.live.session\n"
+        "print({'taichi', 'matplotlib', 'typer'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["set()"]
