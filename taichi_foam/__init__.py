@@ -11,11 +11,13 @@ Taichi, SciPy and Matplotlib load when something first needs them, not on import
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taichi_foam.errors import RunError, UserError
+    from taichi_foam.live.watch import watch
     from taichi_foam.measures import summary
     from taichi_foam.paper import paper_scene
     from taichi_foam.result import Result
@@ -24,8 +26,9 @@ if TYPE_CHECKING:
     from taichi_foam.simulation import run, run_many, simulate, simulate_many
     from taichi_foam.study.reproduce import reproduce
 
-# Taichi prints a banner when it is first imported, wherever that happens.
+# Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_LOG_LEVEL", "error")
 
 __version__ = "0.1.0"
 
@@ -43,6 +46,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "summary",
+    "watch",
 ]
 
 _HOMES = {
@@ -58,6 +62,7 @@ _HOMES = {
     "simulate": "simulation",
     "simulate_many": "simulation",
     "summary": "measures",
+    "watch": "live.watch",
 }
 
 
@@ -72,3 +77,7 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+if "IPython" in sys.modules:  # in a notebook scenes and results show themselves
+    import_module("taichi_foam.notebook").install()

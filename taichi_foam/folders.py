@@ -104,6 +104,20 @@ def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         raise
 
 
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Write one file as a whole: the block writes what is yielded, which is then renamed to `path`.
+
+    When the block fails, nothing is left, and an older file is as before. Raises OSError.
+    """
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def _resolve(path: str | Path) -> Path:
     """The absolute path with links followed, so that the temporary folder is on the same disk."""
     text = os.fspath(path)

@@ -104,6 +104,10 @@ class Snapshot:
     break_time_a: Array
     break_time_b: Array
 
+    def __repr__(self) -> str:
+        columns, rows = self.position.shape[:2]
+        return f"<Snapshot of {columns} x {rows} mass points at {self.time:.6g} s>"
+
     @property
     def broken_a(self) -> NDArray[np.bool_]:
         """(I-1, J) whether connection A(i,j) is broken."""
@@ -139,6 +143,12 @@ class Result:
             raise ValueError(f"history columns missing or unknown: {', '.join(odd)}")
         if len({np.shape(column) for column in self.history.values()}) != 1:
             raise ValueError("history columns differ in length")
+
+    def __repr__(self) -> str:
+        return (
+            f"<Result of {self.scene.name!r}: {len(self.history['time_s'])} rows, "
+            f"{len(self.snapshots)} snapshots, ended by {self.run.get('ended_by', 'nobody knows')}>"
+        )
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the five files into a new folder, all or nothing, and return its path.

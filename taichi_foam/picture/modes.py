@@ -201,9 +201,9 @@ def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
 def _ticks(
     top: float, factor: float, unit: str = "", open_ended: bool = False
 ) -> tuple[tuple[float, str], ...]:
-    """Round figures up to `top` [SI], shown as `factor` times as many; the last may mean "and more".
+    """Round figures up to `top` [SI], shown as `factor` times as many; the last may mean "or more".
 
-    A round figure next to the top makes room for it.
+    Round figures make room for the last.
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -38,6 +38,7 @@ def paint(
     shape: NDArray[np.float64],
     shape_line: float = 0.0,
     theme: colours.Theme = colours.THEMES["light"],
+    threads: int | None = None,
 ) -> None:
     """Fill quadrilaterals and one convex outline over `image`, in place.
 
@@ -55,6 +56,7 @@ def paint(
         shape: convex outline (m, 2) [m], counter-clockwise, on top of all; m may be 0.
         shape_line: width of the line inside its edge [pixels].
         theme: tones of the outline.
+        threads: CPU threads to draw on; default all that Taichi was started with.
     """
     runtime.start()  # one that already works on another architecture draws just as well
     height, width = image.shape[:2]
@@ -86,7 +88,7 @@ def paint(
         max(0, box.top),
         min(width, box.right),
         min(height, box.bottom),
-        *_bands(height),
+        *_bands(height, threads),
         colours.packed_one(theme.steel_edge),
         colours.packed_one(theme.steel),
     )
@@ -98,11 +100,13 @@ def _scratch(height: int, width: int) -> NDArray[np.int32]:
     return np.empty((FINE * height, FINE * width), dtype=np.int32)
 
 
-def _bands(height: int) -> tuple[int, int]:
+def _bands(height: int, threads: int | None) -> tuple[int, int]:
     """How many bands to cut the picture into, and the loop iterations per band."""
     settings = runtime.settings()
     if settings["arch"] == "cpu":
-        return min(BANDS * int(settings["threads"]), height), STRIDE
+        # a single band stays on a single thread
+        count = 1 if threads == 1 else BANDS * (threads or int(settings["threads"]))
+        return min(count, height), STRIDE
     return height, 1  # a graphics device has threads for every row
 
 

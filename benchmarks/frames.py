@@ -1,0 +1,201 @@
+"""How long a frame takes, and what a live view costs the run: `python benchmarks/frames.py`.
+
+Frames are those of the wedge at 2.86 m/s after 20 ms, on its own 800 cells and on cells cut into
+many smaller ones, so that all show the same picture. Beside them stands Matplotlib, which fills
+the same cells as polygons at 720p. The view's cost is that of a whole run in the live view's
+process as fast as it goes, watched at 30 frames a second over unwatched; rounds alternate.
+`--quick` takes fewer of all. The tables go to standard output and to results/frames.md.
+"""
+
+import argparse
+import math
+import statistics
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from taichi_foam.engine import runtime
+from taichi_foam.folders import whole_file
+from taichi_foam.live.messages import Frame
+from taichi_foam.live.session import Session
+from taichi_foam.live.stage import FPS, Stage
+from taichi_foam.paper import paper_scene
+from taichi_foam.picture import cells, raster
+from taichi_foam.result import Snapshot
+from taichi_foam.scene import Scene
+from taichi_foam.scene_io import load_scene
+from taichi_foam.simulation import simulate
+
+CASE = "paper/wedge-2.86"
+TIME = 0.020  # s: crushed along the faces, a crack below the tip
+FINER = (1, 10, 50)  # cells on a side of one of the 800: 800, 80,000 and 2,000,000 cells
+SIZES = {"720p": (1280, 720), "1080p": (1920, 1080)}
+ROUNDS = 15
+VIEW_ROUNDS = 7
+RESULTS = Path(__file__).parent / "results" / "frames.md"
+
+
+def finer(snapshot: Snapshot, scene: Scene, times: int) -> tuple[Snapshot, Scene]:
+    """The same picture with each cell cut into `times` by `times`; cracks stay where they are."""
+    block = scene.block
+    counts = {"columns": times * block.columns, "rows": times * block.rows}
+    fine = scene.model_copy(update={"block": block.model_copy(update=counts)})
+
+    def reference(columns: int, rows: int) -> np.ndarray:
+        x = (np.arange(columns) - (columns - 1) / 2) * block.width / columns
+        y = (np.arange(rows) + 0.5) * block.height / rows
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+
+    def cut(values: np.ndarray) -> np.ndarray:
+        return np.repeat(np.repeat(values, times, axis=0), times, axis=1)
+
+    shift = snapshot.position - reference(block.columns, block.rows)
+    broken_a, broken_b = (
+        np.full(shape, math.nan)
+        for shape in ((counts["columns"] - 1, counts["rows"]),
+                      (counts["columns"], counts["rows"] - 1))
+    )  # fmt: skip
+    broken_a[times - 1 :: times] = np.repeat(snapshot.break_time_a, times, axis=1)
+    broken_b[:, times - 1 :: times] = np.repeat(snapshot.break_time_b, times, axis=0)
+    return Snapshot(
+        time=snapshot.time,
+        impactor_y=snapshot.impactor_y,
+        position=reference(counts["columns"], counts["rows"]) + cut(shift),
+        velocity=cut(snapshot.velocity),
+        e_min_a=cut(np.pad(snapshot.e_min_a, ((0, 1), (0, 0)), mode="edge"))[:-1],
+        e_min_b=cut(np.pad(snapshot.e_min_b, ((0, 0), (0, 1)), mode="edge"))[:, :-1],
+        break_time_a=broken_a,
+        break_time_b=broken_b,
+    ), fine
+
+
+def by_matplotlib(snapshot: Snapshot, scene: Scene) -> None:
+    """Fill the cells and nothing else."""
+    width, height = SIZES["720p"]
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    axis = figure.add_axes((0, 0, 1, 1))
+    block = scene.block
+    shapes = cells.corners(
+        snapshot.position, snapshot.e_min_a, snapshot.e_min_b,
+        snapshot.broken_a, snapshot.broken_b, block.dx, block.dy,
+    ).reshape(-1, 4, 2)  # fmt: skip
+    worst = np.zeros(shapes.shape[0])
+    axis.add_collection(PolyCollection(list(shapes), array=worst, cmap=mpl.colormaps["magma_r"]))
+    axis.set_xlim(-0.125, 0.125)
+    axis.set_ylim(-0.01, 0.16)
+    canvas.draw()
+
+
+def timed(work: Callable[[], object], rounds: int) -> list[float]:
+    """Wall times of `work` [s], once warm."""
+    work()
+    found = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - start)
+    return found
+
+
+def frame_rows(rounds: int) -> list[str]:
+    coarse = load_scene(paper_scene(CASE))
+    state = next(s for s in simulate(coarse) if s.time >= TIME)
+    rows = []
+    for times in FINER:
+        snapshot, scene = finer(state, coarse, times)
+        found = []
+        for size in SIZES.values():
+            for threads in (1, None):
+                draw = partial(raster.frame, snapshot, scene, size, threads=threads)
+                found.append(statistics.median(timed(draw, rounds)))
+        ours = found[0]
+        theirs = statistics.median(timed(partial(by_matplotlib, snapshot, scene), 3))
+        shown = " | ".join(f"{1e3 * each:.1f}" for each in found)
+        rows.append(
+            f"| {scene.block.columns * scene.block.rows:,} | {shown} | {theirs / ours:.1f} |"
+        )
+    return rows
+
+
+def run_seconds(session: Session, scene: Scene, watch: Callable[[], object] | None) -> float:
+    """Wall time of the engine in a drop from its first to its last step [s]."""
+    session.start(scene)
+    while not session.ended:
+        if watch is None:
+            session.poll(0.05)
+        else:
+            start = time.perf_counter()
+            watch()
+            time.sleep(max(0.0, 1 / FPS - (time.perf_counter() - start)))
+    session.ask()
+    while session.last is None or not session.last.ended:
+        session.poll(0.05)
+    return session.last.wall
+
+
+def view_rows(rounds: int) -> list[str]:
+    """A run alone, one whose frames are only taken, and one whose pictures are drawn, too."""
+    scene = paper_scene(CASE)
+    ratios: dict[str, list[float]] = {"frames taken": [], "frames drawn": []}
+    counts: dict[str, list[float]] = {name: [] for name in ratios}
+    with Stage(scene, pace=None) as stage:
+        session = stage.session
+        while not session.ended:  # compile
+            stage.update(0.1)
+            stage.picture(SIZES["720p"])
+        for _ in range(rounds):
+            alone = run_seconds(session, scene, None)
+            for name, ratio in ratios.items():
+                seen: list[Frame] = []
+
+                def watch(name: str = name, seen: list[Frame] = seen) -> None:
+                    stage.update(0.0)
+                    last = session.last
+                    if last is not None and (not seen or seen[-1] is not last):
+                        seen.append(last)
+                        if name == "frames drawn":
+                            stage.picture(SIZES["720p"])
+
+                taken = run_seconds(session, scene, watch)
+                ratio.append(taken / alone)
+                counts[name].append(len(seen) / taken)
+    return [
+        f"| {name} | {statistics.median(counts[name]):.0f} | "
+        f"{statistics.median(ratio):.2f} ({min(ratio):.2f} to {max(ratio):.2f}) |"
+        for name, ratio in ratios.items()
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    quick = parser.parse_args().quick
+    runtime.start()
+    threads = runtime.settings()["threads"]
+    lines = [
+        f"| cells | 720p, 1 thread, ms | 720p, {threads} threads | 1080p, 1 thread "
+        f"| 1080p, {threads} threads | Matplotlib's polygons at 720p, over 1 thread |",
+        "|---|---|---|---|---|---|",
+        *frame_rows(3 if quick else ROUNDS),
+        "",
+        "| 800 nodes, as fast as they go | frames a second | time of the run over that unwatched |",
+        "|---|---|---|",
+        *view_rows(2 if quick else VIEW_ROUNDS),
+    ]
+    text = "\n".join(lines) + "\n"
+    print(text)
+    if not quick:
+        with whole_file(RESULTS) as file:
+            file.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

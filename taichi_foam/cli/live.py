@@ -1,0 +1,77 @@
+"""`run --live`: drops in a window, each kept in a folder of its own as it ends."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from taichi_foam import films
+from taichi_foam.cli import tables
+from taichi_foam.cli.outcome import INTERRUPTED, say_where
+from taichi_foam.folders import check_output_folder
+from taichi_foam.live import window
+from taichi_foam.measures import summary
+from taichi_foam.progress import Bars
+from taichi_foam.result import Result, storage_bytes
+from taichi_foam.scene import Scene
+
+
+def run_live(
+    scene: Scene,
+    folder: str,
+    overwrite: bool,
+    arch: str,
+    threads: int | None,
+    bars: Bars,
+    console: Console,
+    errors: Console,
+) -> None:
+    """Watch drops of `scene` until the window is closed; then draw their films, and say what came.
+
+    The first drop becomes `folder`, the next `folder`-2 and so on.
+    """
+    window.check_display()
+    check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
+    kept: list[Path] = []
+
+    def keep(result: Result) -> None:
+        path = _next_folder(Path(folder), len(kept))
+        result.save(path, overwrite and not kept)
+        kept.append(path)
+
+    was_cut = window.watch(scene, keep, arch=arch, threads=threads, shots=Path(f"{folder}-shots"))
+    if not kept:
+        raise KeyboardInterrupt("the window was closed before there was anything to save")
+    has_films = _draw_films(kept, bars)
+    console.print(tables.key_figures(summary(Result.load(kept[-1]))))
+    for path in kept:
+        say_where(console, str(path))
+    if was_cut:
+        errors.print(f"closed before its end: what there was is in {kept[-1]}", soft_wrap=True)
+    if was_cut or not has_films:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _next_folder(first: Path, number: int) -> Path:
+    """The folder of drop `number`: `first`, or the next of its kind that is free."""
+    if number == 0:
+        return first
+    wanted = (first.with_name(f"{first.name}-{n}") for n in count(number + 1))
+    return next(path for path in wanted if not path.exists())
+
+
+def _draw_films(folders: list[Path], bars: Bars) -> bool:
+    """Draw the films of stored runs into their folders; whether Ctrl-C let it."""
+    try:
+        for folder in folders:
+            result = Result.load(folder)
+            frames = films.frames_to_draw(result)
+            if frames:
+                with bars.counting("films", f"films of {folder}", frames, "frames") as on_frame:
+                    films.write(result, folder, on_frame)
+    except KeyboardInterrupt:
+        return False
+    return True

@@ -1,0 +1,48 @@
+"""Watch a drop while it is computed, wherever Python runs: in a window, or in a notebook's cell."""
+
+from __future__ import annotations
+
+from taichi_foam.errors import RunError
+from taichi_foam.live import cell, window
+from taichi_foam.live.stage import PACE
+from taichi_foam.result import Result
+from taichi_foam.scene import Scene
+
+
+def watch(
+    scene: Scene,
+    *,
+    size: tuple[int, int] | None = None,
+    pace: float | None = PACE,
+    arch: str = "cpu",
+    threads: int | None = None,
+) -> Result:
+    """Drop `scene` before your eyes: in a notebook below the cell, elsewhere in a window.
+
+    In the window, keys pause, step, turn the impactor's speed and drop again (H shows them). In a
+    notebook the kernel's interrupt ends the drop early.
+
+    Args:
+        scene: what is dropped; `output.mode` and `output.theme` say how it is drawn.
+        size: of the picture [pixels]; default 1280 x 720, in a notebook 960 x 540.
+        pace: simulated seconds in one of watching at first; None: as fast as it goes.
+        arch, threads: what to compute on, as for `run`.
+
+    Returns:
+        The result of the last drop; `run["interrupted"]` tells whether it was cut short.
+
+    Raises:
+        UserError: no display, or an arch that cannot be had.
+        RunError: the drop gave nothing.
+    """
+    kept: list[Result] = []
+
+    def keep(result: Result) -> None:
+        kept[:] = [result]  # the last one only: a big lattice's results fill the memory
+
+    place = cell if cell.is_notebook() else window
+    shown = size or place.SIZE
+    place.watch(scene, keep, size=shown, arch=arch, threads=threads, pace=pace)
+    if not kept:
+        raise RunError(f"{scene.name}: it was closed before it gave anything", [])
+    return kept[0]

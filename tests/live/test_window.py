@@ -1,0 +1,224 @@
+"""The window on a virtual screen: opened, driven by keys, looked at, closed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageGrab
+
+from taichi_foam.picture import raster
+from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.inset import Curve
+from taichi_foam.result import Result
+
+SIZE = (1280, 720)
+PATIENCE = 120.0  # a busy machine that compiles [s]
+#: A wedge on a coarse block: 3 ms at 1:100 is over in a third of a second, 10 s never.
+COARSE = ["--set", "block.columns=20", "--set", "block.rows=10", "--set", "output.film=false"]
+
+pytestmark = pytest.mark.skipif(
+    not (shutil.which("Xvfb") and shutil.which("xdotool")),
+    reason="needs Xvfb and xdotool (Debian: xvfb, xdotool)",
+)
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    """A virtual screen of the window's size and a little more."""
+    reading, writing = os.pipe()
+    screen = ["-screen", "0", "1400x900x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), *screen],
+        pass_fds=[writing],
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as told:
+            yield f":{told.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+class Shown:
+    """`taichi-foam run --live` in a window on the virtual screen."""
+
+    def __init__(self, display: str, folder: Path, *options: str) -> None:
+        self.display, self.folder = display, folder
+        self._environment = {**os.environ, "DISPLAY": display, "SDL_VIDEODRIVER": "x11"}
+        command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
+        self.process = subprocess.Popen(
+            [*command, *COARSE, "--out", str(folder), *options],
+            env=self._environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def press(self, *keys: str) -> None:
+        subprocess.run(["xdotool", "key", *keys], env=self._environment, check=True)
+        time.sleep(0.15)
+
+    def screen(self) -> np.ndarray:
+        """The window as it is on the screen, uint8 (h, w, 3)."""
+        whole = np.asarray(ImageGrab.grab(xdisplay=self.display).convert("RGB"))
+        rows, columns = np.nonzero(whole.any(axis=-1))  # the screen around it is black
+        if not len(rows):
+            return np.zeros((0, 0, 3), dtype=np.uint8)
+        top, left = rows.min(), columns.min()
+        return whole[top : top + SIZE[1], left : left + SIZE[0]]
+
+    def wait(self, until: Callable[[], bool], what: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not until():
+            assert self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < end, what
+            time.sleep(0.1)
+
+    def wait_for_motion(self) -> None:
+        """Until the foam has been dented: the field is not that of the start any more."""
+        self.wait(lambda: self.screen().shape == (SIZE[1], SIZE[0], 3), "no window came up")
+        first = self.screen()
+        self.wait(lambda: share_that_differs(first, self.screen()) > 0.01, "nothing moved")
+
+    def wait_for_rest(self) -> np.ndarray:
+        """Until two looks are the same; what is then on the screen."""
+        seen = [self.screen()]
+
+        def is_still() -> bool:
+            time.sleep(0.4)
+            seen.append(self.screen())
+            return share_that_differs(seen[-2], seen[-1]) == 0.0
+
+        self.wait(is_still, "it went on moving")
+        return seen[-1]
+
+    def close(self) -> tuple[int, str, str]:
+        self.press("q")
+        out, err = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def show(display: str, tmp_path: Path) -> Iterator[Callable[..., Shown]]:
+    shown: list[Shown] = []
+
+    def start(*options: str) -> Shown:
+        shown.append(Shown(display, tmp_path / "run", *options))
+        return shown[-1]
+
+    yield start
+    for each in shown:
+        each.process.kill()
+        each.process.wait()
+
+
+def share_that_differs(a: np.ndarray, b: np.ndarray, by: int = 2) -> float:
+    """The share of pixels that are apart by more than `by` of 255 in any colour."""
+    if a.shape != b.shape:
+        return 1.0
+    return float(np.mean(np.any(np.abs(a.astype(int) - b.astype(int)) > by, axis=-1)))
+
+
+def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(
+    show: Callable[..., Shown],
+) -> None:
+    """Screens are compared by the share of pixels that differ by more than 2 of 255.
+
+    Paused, none may; another mode, theme or panel must change at least 2 %.
+    """
+    window = show("--set", "numerics.end=10")
+    window.wait_for_motion()
+    window.press("space")
+    paused = window.wait_for_rest()
+    time.sleep(0.5)
+    assert share_that_differs(paused, window.screen()) == 0.0
+
+    window.press("Right")
+    stepped = window.wait_for_rest()
+    assert 0.0 < share_that_differs(paused, stepped) < 0.2  # a step is a third of a millisecond
+
+    window.press("s")
+    window.wait(lambda: any(Path(f"{window.folder}-shots").glob("*.png")), "no screenshot")
+    saved = np.asarray(Image.open(Path(f"{window.folder}-shots") / "shot-001.png"))
+    below_title = slice(60, None)  # beside the title stands another hint
+    assert share_that_differs(saved[below_title], window.screen()[below_title]) < 1e-3
+
+    seen = stepped
+    for key in ("h", "h", "m", "shift+m", "t", "t", "g", "c"):
+        window.press(key)
+        now = window.wait_for_rest()
+        assert share_that_differs(seen, now) > 0.005, key
+        seen = now
+
+    window.press("t")
+    dark = window.wait_for_rest()
+    assert tuple(dark[715, 5]) == THEMES["dark"].page
+
+    code, _, err = window.close()
+    assert code == 130, err
+    assert "closed before its end" in err
+    result = Result.load(window.folder)
+    assert result.run["interrupted"]
+    assert len(result.snapshots) >= 2
+
+
+def test_the_window_shows_the_run_that_it_saves(show: Callable[..., Shown]) -> None:
+    """At its end, against the stored run drawn afresh: 1 % of the pixels may be apart.
+
+    The curve is cut and smoothed from the same rows; text is drawn by the same fonts.
+    """
+    window = show("--set", "numerics.end=0.003")
+    window.wait_for_motion()
+    seen = window.wait_for_rest()
+    code, out, err = window.close()
+    assert code == 0, err
+    assert "maximum displacement" in out or "energy residual" in out
+    result = Result.load(window.folder)
+    assert not result.run["interrupted"]
+    curve = Curve.of(result.history, last=0.01)
+    note = "at its end · H help"
+    last = raster.frame(result.snapshots[-1], result.scene, SIZE, note=note, curve=curve)
+    assert share_that_differs(seen, last) < 0.01
+
+
+def test_another_shape_and_speed_are_dropped_and_kept_beside_the_first(
+    show: Callable[..., Shown],
+) -> None:
+    window = show("--set", "numerics.end=0.002", "--set", "output.history_interval=5e-5")
+    window.wait_for_motion()
+    window.wait_for_rest()
+    window.press("i")
+    window.wait(lambda: Path(f"{window.folder}-2").is_dir(), "the second drop was not kept")
+    window.press("Up")
+    window.wait(lambda: Path(f"{window.folder}-3").is_dir(), "the third drop was not kept")
+    code, _, err = window.close()
+    assert code == 0, err
+    found = [Result.load(f"{window.folder}{end}").scene.impactor for end in ("", "-2", "-3")]
+    assert [impactor.shape for impactor in found] == ["wedge", "flat", "flat"]
+    assert found[2].velocity == pytest.approx(2.96)
+
+
+def test_without_a_display_the_page_is_named(tmp_path: Path) -> None:
+    clean = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "run")],
+        env=clean,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "taichi-foam serve" in done.stderr
+    assert not (tmp_path / "run").exists()
