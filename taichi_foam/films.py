@@ -1,8 +1,10 @@
-"""The pictures of a run in its folder: frames/*.png, film.mp4 and film.gif, as its scene asks."""
+"""Films and frames of a run, as its scene asks, and films of two runs side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
@@ -10,15 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from taichi_foam.picture import movie, raster
+from taichi_foam.folders import output_folder
+from taichi_foam.picture import comparison, movie, raster
+from taichi_foam.picture.comparison import Pair
 from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.look import Look
 from taichi_foam.result import Result, Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.scene.options import Output
 
 Image8 = NDArray[np.uint8]
 
 #: GIFs count in hundredths of a second, and viewers slow down those of more frames per second.
 GIF_FPS = 25
+
+#: Width of a GIF of two runs [pixels].
+PAIR_GIF_WIDTH = 960
 
 # Generous bytes per pixel of one frame: as a PNG, and in both films together.
 _PNG_BYTES, _FILM_BYTES = 0.3, 0.05
@@ -32,40 +41,73 @@ def storage_bytes(scene: Scene) -> int:
     return int(count * output.width * output.height * each)
 
 
-def frames_to_draw(result: Result) -> int:
+@dataclass(frozen=True)
+class Names:
+    """What pictures in motion are called in their folder; None: not wanted.
+
+    frames is a folder, with frame_00000.png and so on.
+    """
+
+    mp4: str | None = None
+    gif: str | None = None
+    frames: str | None = None
+
+    @classmethod
+    def of(cls, output: Output) -> Names:
+        """What a scene asks for."""
+        mp4, gif = ("film.mp4", "film.gif") if output.film else (None, None)
+        return cls(mp4, gif, "frames" if output.frames else None)
+
+
+PAIR_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
+
+
+def frames_to_draw(result: Result, names: Names | None = None) -> int:
     """How many frames `write` draws: those of MP4 and GIF apart, so that both are sharp."""
     output = result.scene.output
-    snapshots = len(result.snapshots)
-    full = snapshots if output.film or output.frames else 0
-    return full + (len(_thinned(result)) if output.film else 0)
+    return _count(names or Names.of(output), result.snapshots, output.fps)
 
 
 def write(
-    result: Result, folder: Path, on_frame: Callable[[], object] = lambda: None
+    result: Result,
+    folder: Path,
+    on_frame: Callable[[], object] = lambda: None,
+    names: Names | None = None,
+    overwrite: bool = False,
 ) -> list[Path]:
-    """Draw what `result.scene.output` asks for into an existing folder; return the paths.
+    """Draw a run into an existing folder; return the paths.
+
+    Size, pace, mode and theme are those of `result.scene.output`. Each film and the folder of
+    frames appears when it is complete or not at all.
 
     Args:
         on_frame: called after each frame drawn, `frames_to_draw` times.
+        names: what to draw; default what `result.scene.output` asks for.
+        overwrite: replace a folder of frames that has content; older films are always replaced.
 
     Raises:
-        UserError: a film that cannot be written.
+        UserError: a film that cannot be written, a folder of frames that may not be replaced.
         OSError: a frame that cannot be written.
     """
     output = result.scene.output
+    names = names or Names.of(output)
     if not result.snapshots:
         return []
     written: list[Path] = []
-    pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame)
-    if output.frames:
-        written.append(folder / "frames")
-        pictures = _stored(pictures, written[0])
-    if output.film:
-        written.append(movie.save_mp4(pictures, folder / "film.mp4", output.fps))
-        written.append(write_gif(result, folder / "film.gif", on_frame=on_frame))
-    else:
-        for _ in pictures if output.frames else ():
-            pass
+    if names.mp4 or names.frames:
+        pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame)
+        with ExitStack() as open_:
+            if names.frames:
+                written.append(folder / names.frames)
+                stored = _stored(pictures, written[0], overwrite)
+                pictures = open_.enter_context(closing(stored))
+            if names.mp4:
+                written.append(movie.save_mp4(pictures, folder / names.mp4, output.fps))
+            else:
+                for _ in pictures:
+                    pass
+    if names.gif:
+        written.append(write_gif(result, folder / names.gif, on_frame=on_frame))
     return written
 
 
@@ -78,23 +120,65 @@ def write_gif(
 ) -> Path:
     """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
     output = result.scene.output
-    snapshots = _thinned(result)[::every]
-    # The pace stays that of the film.
-    fps = max(1, round(output.fps / (_stride(output.fps) * every)))
-    size = _scaled(output.width, output.height, width)
-    pictures = _drawn(result, snapshots, size, on_frame)
+    stride = _stride(output.fps) * every
+    fps = max(1, round(output.fps / stride))  # the pace stays that of the film
+    size = scaled(output.width, output.height, width)
+    pictures = _drawn(result, result.snapshots[::stride], size, on_frame)
     return movie.save_gif(pictures, path, fps, width)
 
 
-def _thinned(result: Result) -> list[Snapshot]:
-    return result.snapshots[:: _stride(result.scene.output.fps)]
+def pair_frames_to_draw(pair: Pair, names: Names = PAIR_NAMES) -> int:
+    """How many frames `write_pair` draws."""
+    return _count(names, pair.times, pair.a.scene.output.fps)
+
+
+def write_pair(
+    pair: Pair,
+    folder: Path,
+    on_frame: Callable[[], object] = lambda: None,
+    names: Names = PAIR_NAMES,
+) -> list[Path]:
+    """Draw two runs side by side as an MP4 and a GIF into an existing folder; return the paths.
+
+    Size, pace, mode and theme are those of the first run's scene. Older films are replaced.
+
+    Args:
+        on_frame: called after each frame drawn, `pair_frames_to_draw` times.
+        names: of the films; frames are not written.
+
+    Raises:
+        UserError: a film that cannot be written.
+    """
+    output, look = pair.a.scene.output, Look.of(pair.a.scene)
+
+    def drawn(times: Sequence[float], size: tuple[int, int]) -> Iterator[Image8]:
+        for time in times:
+            picture = comparison.frame(pair, time, size, look=look)
+            on_frame()
+            yield picture
+
+    written: list[Path] = []
+    size, stride = (output.width, output.height), _stride(output.fps)
+    if names.mp4:
+        frames = drawn(pair.times, size)
+        written.append(movie.save_mp4(frames, folder / names.mp4, output.fps))
+    if names.gif:
+        frames = drawn(pair.times[::stride], scaled(*size, PAIR_GIF_WIDTH))
+        fps = max(1, round(output.fps / stride))
+        written.append(movie.save_gif(frames, folder / names.gif, fps, PAIR_GIF_WIDTH))
+    return written
+
+
+def _count(names: Names, instants: Sequence[object], fps: int) -> int:
+    full = len(instants) if names.mp4 or names.frames else 0
+    return full + (len(instants[:: _stride(fps)]) if names.gif else 0)
 
 
 def _stride(fps: int) -> int:
     return ceil(fps / GIF_FPS)
 
 
-def _scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
+def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
     """A size of the same shape, at most `wanted` wide, even, and not too small to draw."""
     share, (narrowest, lowest) = min(1.0, wanted / width), raster.SMALLEST
     return max(narrowest, 2 * round(share * width / 2)), max(lowest, 2 * round(share * height / 2))
@@ -115,9 +199,11 @@ def _drawn(
         yield picture
 
 
-def _stored(pictures: Iterable[Image8], folder: Path) -> Iterator[Image8]:
+def _stored(
+    pictures: Iterable[Image8], folder: Path, overwrite: bool
+) -> Generator[Image8, None, None]:
     """Write each picture as a PNG on its way."""
-    folder.mkdir()
-    for number, picture in enumerate(pictures):
-        Image.fromarray(picture).save(folder / f"frame_{number:05d}.png", compress_level=3)
-        yield picture
+    with output_folder(folder, overwrite) as staging:
+        for number, picture in enumerate(pictures):
+            Image.fromarray(picture).save(staging / f"frame_{number:05d}.png", compress_level=3)
+            yield picture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from typing import Annotated
 
@@ -10,32 +9,27 @@ import typer
 from rich.console import Console
 
 from taichi_foam import __version__
-from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
+from taichi_foam.cli import replay, serve
+from taichi_foam.cli.options import (
+    Arch,
+    Choices,
+    Dt,
+    Frames,
+    Live,
+    NoFilm,
+    Out,
+    Overwrite,
+    Set,
+    Threads,
+)
+from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.folders import check_output_folder, output_folder
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.progress import Bars
 from taichi_foam.result import Result, storage_bytes
-from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene import Scene
 from taichi_foam.scene_io import list_scenes, load_scene
-
-Out = Annotated[str | None, typer.Option(help="Folder for the result; default runs/NAME.")]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Set one value, e.g. block.rows=40; repeatable."
-    ),
-]
-Choices = Annotated[
-    str | None,
-    typer.Option(metavar="|".join(CHOICE_SETS), help="Readings of what the paper leaves open."),
-]
-Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
-Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]
-Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
-NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
-Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]
 
 # An energy residual beyond this tells of a step size that is too large.
 _RESIDUAL_LIMIT = 0.01
@@ -73,9 +67,10 @@ def run_script(scene: Scene) -> None:
         overwrite: Overwrite = False,
         no_film: NoFilm = False,
         frames: Frames = False,
+        live: Live = False,
     ) -> None:
         overrides = _overrides(set_, dt, no_film, frames)
-        _run(scene, out, choices, overrides, arch, threads, overwrite)
+        _run(scene, out, choices, overrides, arch, threads, overwrite, live)
 
     script()
 
@@ -110,10 +105,11 @@ def run_command(
     overwrite: Overwrite = False,
     no_film: NoFilm = False,
     frames: Frames = False,
+    live: Live = False,
 ) -> None:
     """Run one scene and write its result: histories, snapshots, measures, a GIF and an MP4."""
     overrides = _overrides(set_, dt, no_film, frames)
-    _run(scene, out, choices, overrides, arch, threads, overwrite)
+    _run(scene, out, choices, overrides, arch, threads, overwrite, live)
 
 
 @_app.command("scenes")
@@ -123,6 +119,11 @@ def scenes_command() -> None:
     width = max(map(len, known)) + 2
     for name, about in known.items():
         typer.echo(f"{name:<{width}}{about}")
+
+
+_app.command("render")(replay.render_command)
+_app.command("compare")(replay.compare_command)
+_app.command("serve")(serve.serve_command)
 
 
 @_app.command("reproduce")
@@ -165,7 +166,7 @@ def reproduce_command(
         console.print(tables.study(content))
         if content["ensemble"]:
             console.print(tables.scores(content))
-        _say_where(console, out)
+        say_where(console, out)
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
@@ -191,6 +192,7 @@ def _run(
     arch: str,
     threads: int | None,
     overwrite: bool,
+    live: bool,
 ) -> None:
     """Load, check, compute, save, show."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
@@ -199,6 +201,11 @@ def _run(
         scene = load_scene(source, choices, overrides)
         folder = f"runs/{_file_name(scene.name)}" if out is None else out
         # Names and values are right: now what needs Taichi, and costs its import.
+        if live:
+            from taichi_foam.cli.live import run_live
+
+            run_live(scene, folder, overwrite, arch, threads, bars, console, errors)
+            return
         from taichi_foam import films, simulation
         from taichi_foam.engine import runtime
 
@@ -219,7 +226,7 @@ def _run(
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
         figures = summary(result)
         console.print(tables.key_figures(figures))
-        _say_where(console, folder)
+        say_where(console, folder)
         residual = figures["energy_residual"]
         if failure is None and residual is not None and abs(residual) > _RESIDUAL_LIMIT:
             errors.print(
@@ -257,10 +264,3 @@ def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: 
 def _file_name(name: str) -> str:
     """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
     return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
-
-
-def _say_where(console: Console, folder: str) -> None:
-    """Name the files just written, those for people first."""
-    order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
-    names = sorted(os.listdir(folder), key=lambda n: (order.index(n) if n in order else 99, n))
-    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)

@@ -1,8 +1,9 @@
-"""From exceptions to a clear line on stderr and an exit code."""
+"""How a command ends: where its files are, or what is wrong and an exit code."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 
 import typer
@@ -37,6 +38,13 @@ def exit_codes(console: Console) -> Iterator[None]:
             raise
         text = f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
         raise _told(console, text, REFUSED) from None
+
+
+def say_where(console: Console, folder: str) -> None:
+    """Name the files just written, those for people first."""
+    order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
+    names = sorted(os.listdir(folder), key=lambda n: (order.index(n) if n in order else 99, n))
+    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
 
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:

@@ -136,13 +136,23 @@ def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _
         write(image, place, text, face, anchor="lm", colour=tones.ink)
 
 
-def level_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
-    """Colour key across `box`: title on the left, the bar with its ticks below to the right."""
+def level_key(
+    image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT, *, under: bool = False
+) -> None:
+    """Colour key across `box`: title on the left, the bar with its ticks below to the right.
+
+    With `under` the bar is as wide as the box, under its title.
+    """
     face = font(size)
     title = " ".join(key.words)
     middle = (box.top + box.bottom) / 2 - 0.65 * size
-    write(image, (box.left, middle), title, face, anchor="lm", colour=tones.ink)
-    start = box.left + math.ceil(face.getlength(title) + 0.9 * size)
+    if under:
+        write(image, (box.left, middle - 1.5 * size), title, face, anchor="lm", colour=tones.ink)
+        # The first tick's text is centred on the bar's end.
+        start = box.left + math.ceil(face.getlength(key.ticks[0][1]) / 2)
+    else:
+        write(image, (box.left, middle), title, face, anchor="lm", colour=tones.ink)
+        start = box.left + math.ceil(face.getlength(title) + 0.9 * size)
     bar = Box(start, round(middle - 0.55 * size), box.right, round(middle + 0.55 * size))
     steps = np.linspace(0, 255, bar.width).round().astype(int)
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][None]

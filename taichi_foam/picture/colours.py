@@ -31,6 +31,7 @@ class Theme:
     steel: Rgb
     steel_edge: Rgb
     curve: Rgb
+    other_curve: Rgb  # of a second run beside the first
 
 
 THEMES = {
@@ -46,6 +47,7 @@ THEMES = {
         steel=(158, 166, 176),
         steel_edge=(56, 64, 74),
         curve=(0, 114, 178),
+        other_curve=(213, 94, 0),
     ),
     "dark": Theme(
         page=(22, 24, 28),
@@ -59,6 +61,7 @@ THEMES = {
         steel=(120, 130, 144),
         steel_edge=(206, 214, 224),
         curve=(86, 180, 233),
+        other_curve=(240, 170, 60),
     ),
 }
 

@@ -165,22 +165,14 @@ def energy_ledger(history: History) -> Figure:
     Args:
         history: columns time_s and those of LEDGER [J]; energies that only a few runs have may
             be absent.
+
+    Raises UserError for a history without energy.
     """
     time = 1e3 * history["time_s"]
-    parts, names, tones = [], [], []
-    for columns, name, colour in LEDGER:
-        total = sum((history[c] for c in columns if c in history), start=np.zeros_like(time))
-        if np.any(np.abs(total) > 0):
-            parts.append(total)
-            names.append(name)
-            tones.append(colour)
-    if not parts:
-        raise UserError("energy ledger: the history holds no energy to show")
+    names, layers, tones = ledger_layers(history)
     with mpl.rc_context(STYLE):
         figure = blank(9.0, 5.2)
         axis = figure.subplots()
-        # A part may dip below zero by rounding; a stack of areas has no place for that.
-        layers = [np.maximum(part, 0.0) for part in parts]
         axis.stackplot(time, layers, colors=tones, edgecolor="white", linewidth=0.6)
         axis.set_xlim(time[0], time[-1])
         axis.set_ylim(0, 1.04 * float(np.max(np.sum(layers, axis=0))))
@@ -211,6 +203,25 @@ def energy_ledger(history: History) -> Figure:
                 },
             )
     return figure
+
+
+def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
+    """Names, energies (n,) [J] and colours of the parts of LEDGER that a history has.
+
+    Raises UserError where there are none.
+    """
+    names, layers, tones = [], [], []
+    for columns, name, colour in LEDGER:
+        nothing = np.zeros_like(history["time_s"])
+        total = sum((history[c] for c in columns if c in history), start=nothing)
+        if np.any(np.abs(total) > 0):
+            # A part may dip below zero by rounding; a stack of areas has no place for that.
+            layers.append(np.maximum(total, 0.0))
+            names.append(name)
+            tones.append(colour)
+    if not layers:
+        raise UserError("energy ledger: the history holds no energy to show")
+    return names, layers, tones
 
 
 def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) -> None:

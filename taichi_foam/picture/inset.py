@@ -1,8 +1,8 @@
-"""The deceleration until now, as a small diagram inside a frame."""
+"""Decelerations until now, of one run or of two, as a small diagram inside a frame."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from taichi_foam.picture import annotate
-from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.colours import THEMES, Rgb
 from taichi_foam.picture.view import Box
 
 Array = NDArray[np.float64]
@@ -28,19 +28,32 @@ class Curve:
 
     time, deceleration  (n,) [s], [m/s2], until now
     last, top           ends of the axes [s], [m/s2]; the same over a film
+    name                what it is called where there are several
+    second              it is the other run's, and has its colour
     """
 
     time: Array
     deceleration: Array
     last: float
     top: float
+    name: str = ""
+    second: bool = False
 
     @classmethod
-    def of(cls, history: Mapping[str, Array], last: float | None = None) -> Curve:
+    def of(
+        cls,
+        history: Mapping[str, Array],
+        last: float | None = None,
+        name: str = "",
+        second: bool = False,
+    ) -> Curve:
         """The smoothed deceleration of a run, whole or so far, on axes that just hold it."""
         time, values = history["time_s"], history["deceleration_smoothed_m_s2"]
         top = float(np.nanmax(values, initial=0.0))
-        return cls(time, values, _round_up(last or float(time[-1])), _round_up(1.05 * top or 1.0))
+        end = last or float(np.max(time, initial=0.0))
+        # runs end a step after a round time
+        ends = _round_up(0.998 * end), _round_up(1.05 * top or 1.0)
+        return cls(time, values, *ends, name, second)
 
     def until(self, time: float) -> Curve:
         """The part up to a time [s], on the same axes."""
@@ -56,26 +69,36 @@ def _round_up(value: float) -> float:
     return float(next(s for s in steps if s * power >= value * (1 - 1e-9)) * power)
 
 
-def draw(image: Image8, box: Box, curve: Curve, theme: str, unit: float) -> None:
-    """Draw the diagram over `image` (h, w, 3) in `box`, in place; `unit` as in `raster.draw`."""
-    panel, plot = _panel(box.width, box.height, curve.last, curve.top, theme, unit)
+def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: float) -> None:
+    """Draw the diagram over `image` (h, w, 3) in `box`, in place; `unit` as in `raster.draw`.
+
+    Two curves share the larger of their axes; the first lies on top, and their names stand above.
+    """
+    last, top = max(curve.last for curve in curves), max(curve.top for curve in curves)
+    names = tuple((curve.name, _tone(curve.second, theme)) for curve in curves if curve.name)
+    panel, plot = _panel(box.width, box.height, last, top, names, theme, unit)
     picture = panel.copy()
-    points = _points(curve, plot)
-    if len(points):
-        tones = THEMES[theme]
-        patch = picture[plot.top : plot.bottom, plot.left : plot.right]
-        large = Image.fromarray(np.ascontiguousarray(patch)).resize(
-            (_FINE * plot.width, _FINE * plot.height), Image.Resampling.NEAREST
-        )
-        pen = ImageDraw.Draw(large)
-        thick = max(_FINE, round(2.2 * unit * _FINE))
+    patch = picture[plot.top : plot.bottom, plot.left : plot.right]
+    large = Image.fromarray(np.ascontiguousarray(patch)).resize(
+        (_FINE * plot.width, _FINE * plot.height), Image.Resampling.NEAREST
+    )
+    pen = ImageDraw.Draw(large)
+    thick = max(_FINE, round(2.2 * unit * _FINE))
+    for curve in reversed(curves):
+        tone = _tone(curve.second, theme)
+        points = _points(replace(curve, last=last, top=top), plot)
         if len(points) > 1:
-            pen.line(points, fill=tones.curve, width=thick, joint="curve")
-        (x, y), dot = points[-1], 1.6 * thick
-        pen.ellipse((x - dot, y - dot, x + dot, y + dot), fill=tones.curve)
-        small = large.resize((plot.width, plot.height), Image.Resampling.BOX)
-        picture[plot.top : plot.bottom, plot.left : plot.right] = np.asarray(small)
+            pen.line(points, fill=tone, width=thick, joint="curve")
+        if points:
+            (x, y), dot = points[-1], 1.6 * thick
+            pen.ellipse((x - dot, y - dot, x + dot, y + dot), fill=tone)
+    small = large.resize((plot.width, plot.height), Image.Resampling.BOX)
+    picture[plot.top : plot.bottom, plot.left : plot.right] = np.asarray(small)
     image[box.top : box.bottom, box.left : box.right] = picture
+
+
+def _tone(second: bool, theme: str) -> Rgb:
+    return THEMES[theme].other_curve if second else THEMES[theme].curve
 
 
 def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
@@ -91,14 +114,20 @@ def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
 
 @lru_cache(maxsize=32)
 def _panel(
-    width: int, height: int, last: float, top: float, theme: str, unit: float
+    width: int,
+    height: int,
+    last: float,
+    top: float,
+    names: tuple[tuple[str, Rgb], ...],
+    theme: str,
+    unit: float,
 ) -> tuple[Image8, Box]:
-    """The diagram without its curve, read-only, and where its plot lies."""
+    """The diagram without its curves, read-only, and where its plot lies."""
     tones = THEMES[theme]
     panel = annotate.blank(width, height, tones.page)
     size = 16 * unit
     face = annotate.font(size)
-    head, foot = round(1.9 * size), round(1.8 * size)
+    head, foot = round((3.2 if names else 1.9) * size), round(1.8 * size)
     side = round(face.getlength(f"{top:g}") + 1.1 * size)
     plot = Box(side, head, width - round(0.9 * size), height - foot)
     annotate.rectangle(panel, Box(0, 0, width, height), tones.frame)
@@ -106,6 +135,11 @@ def _panel(
     annotate.rectangle(panel, Box(line, line, width - line, height - line), tones.page)
     title = (0.5 * size, 1.3 * size)
     annotate.write(panel, title, f"{_TITLE} (m/s²)", face, colour=tones.ink)
+    room = (plot.right - plot.left) / max(1, len(names))
+    for k, (name, tone) in enumerate(names):
+        place = (plot.left + k * room, 2.6 * size)
+        bold = annotate.font(size, bold=True)
+        annotate.write(panel, place, annotate.shortened(name, bold, room - size), bold, colour=tone)
     for share in (0.0, 0.5, 1.0):
         row = plot.bottom - 1 - round(share * (plot.height - 1))
         tone = tones.ink if share == 0 else tones.frame

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
-from taichi_foam.picture.view import Box, fit, window
+from taichi_foam.picture.modes import Key
+from taichi_foam.picture.view import Box, Window, fit, window
 
 if TYPE_CHECKING:
     from taichi_foam.result import Snapshot
@@ -22,8 +23,10 @@ Image8 = NDArray[np.uint8]
 
 #: Width of a montage [pixels]; text is sized to be read at half of it.
 WIDTH = 1800
-_GAP = 14
-_TEXT = 30
+#: Below this width the words do not fit [pixels].
+NARROWEST = 640
+#: Between panels, of the text, and of the line below the panels, at that width [pixels].
+GAP, TEXT, FOOT = 14, 30, 90
 _NOTE = 0.8  # size of the note's text over that of the rest
 
 
@@ -57,21 +60,20 @@ def montage(
         uint8 (h, width, 3), h even.
 
     Raises:
-        UserError: no snapshots, or fewer than one instant asked for.
+        UserError: no snapshots, fewer than one instant asked for, a width below NARROWEST.
     """
+    check_width(width)
     chosen = choose(snapshots, times, n)
     look = look or Look.of(scene)
     tones = look.tones
     across = columns or _columns(len(chosen))
     down = math.ceil(len(chosen) / across)
     unit = width / WIDTH
-    gap, text = round(_GAP * unit), _TEXT * unit
+    gap, text = round(GAP * unit), TEXT * unit
     world = window(scene, side=0.14, above=0.42)
     panel_width = (width - gap * (across + 1)) // across
-    panel_height = round(panel_width * (world.y_max - world.y_min) / (world.x_max - world.x_min))
-    # A long bar still needs room for its time; a tall column must not fill the page.
-    panel_height = int(np.clip(panel_height, 3 * text, 1.5 * panel_width))
-    head, foot = round(2.1 * text), round(3.0 * text)
+    panel_height = height_of(panel_width, world, text)
+    head, foot = round(2.1 * text), round(FOOT * unit)
     line = round(1.3 * _NOTE * text)
     above = head + down * (panel_height + gap) + foot
     height = above + len(note) * line + (round(0.5 * line) if note else 0)
@@ -80,29 +82,63 @@ def montage(
     bold = annotate.font(1.15 * text, bold=True)
     name = annotate.shortened(name, bold, width - 2 * gap)
     annotate.write(image, (gap + 2, 1.45 * text), name, bold, colour=tones.ink)
-    label = annotate.font(text, bold=True)
-    view = None
+    key, scale = look.shown.key(scene), 1.0
     for k, snapshot in enumerate(chosen):
         left = gap + (k % across) * (panel_width + gap)
         top = head + (k // across) * (panel_height + gap)
-        view = fit(world, Box(left, top, left + panel_width, top + panel_height))
-        annotate.field(image, view, unit, tones)
-        raster.draw(image, snapshot, scene, view, 0.85 * unit, look)
-        place = (left + 0.4 * text, top + 1.2 * text)
-        words = f"{1e3 * snapshot.time:.1f} ms"
-        annotate.write(image, place, words, label, colour=tones.ink)
-    if view is not None:
-        base = above - 0.5 * foot
-        foot_left, longest = (gap + 2, base + 0.4 * text), 0.16 * width
-        annotate.scale_bar(image, *foot_left, view.scale, longest, text, tones)
-        right = width - gap - round(1.2 * text)
-        key = Box(round(0.3 * width), above - foot, right, above)
-        annotate.level_key(image, key, text, look.shown.key(scene), tones)
+        box = Box(left, top, left + panel_width, top + panel_height)
+        scale = panel(image, box, snapshot, scene, world, unit, look, key)
+    foot_line(image, above, scale, unit, look, key)
     small = annotate.font(_NOTE * text)
     for k, words in enumerate(note):
         words = annotate.shortened(words, small, width - 2 * gap)
         annotate.write(image, (gap + 2, above + (k + 0.8) * line), words, small, colour=tones.ink)
     return image
+
+
+def check_width(width: int) -> None:
+    """Raises UserError for a montage that would be too narrow for its words [pixels]."""
+    if width < NARROWEST:
+        raise UserError(
+            f"montage: width = {width} pixels; must be at least {NARROWEST}, such as {WIDTH}"
+        )
+
+
+def height_of(panel_width: int, world: Window, text: float) -> int:
+    """Height [pixels] of a panel that shows `world`."""
+    height = round(panel_width * (world.y_max - world.y_min) / (world.x_max - world.x_min))
+    # A long bar still needs room for its time; a tall column must not fill the page.
+    return int(np.clip(height, 3 * text, 1.5 * panel_width))
+
+
+def panel(
+    image: Image8,
+    box: Box,
+    snapshot: Snapshot,
+    scene: Scene,
+    world: Window,
+    unit: float,
+    look: Look,
+    key: Key,
+) -> float:
+    """Draw one instant with its time into `box`, in place; return its scale [pixels/m]."""
+    view, text, ink = fit(world, box), TEXT * unit, look.tones.ink
+    annotate.field(image, view, unit, look.tones)
+    raster.draw(image, snapshot, scene, view, 0.85 * unit, look, key)
+    place, label = (box.left + 0.4 * text, box.top + 1.2 * text), annotate.font(text, bold=True)
+    annotate.write(image, place, f"{1e3 * snapshot.time:.1f} ms", label, colour=ink)
+    return view.scale
+
+
+def foot_line(image: Image8, bottom: int, scale: float, unit: float, look: Look, key: Key) -> None:
+    """Draw scale bar and colour key across the picture, FOOT units high, down to `bottom`."""
+    width, gap, text, foot = image.shape[1], round(GAP * unit), TEXT * unit, round(FOOT * unit)
+    bar = (gap + 2, bottom - 0.5 * foot + 0.4 * text)
+    annotate.scale_bar(image, *bar, scale, 0.16 * width, text, look.tones)
+    # the last tick's text is centred on the bar's end
+    room = round(max(1.2 * text, annotate.font(text).getlength(key.ticks[-1][1]) / 2))
+    box = Box(round(0.3 * width), bottom - foot, width - gap - room, bottom)
+    annotate.level_key(image, box, text, key, look.tones)
 
 
 def choose(

@@ -6,8 +6,6 @@ few frames. The file appears under its name only when it is complete.
 
 from __future__ import annotations
 
-import os
-import secrets
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.folders import whole_file
 from taichi_foam.picture import raster
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
@@ -101,20 +100,16 @@ def _encode(
         raise UserError(f"film {target}: the name must end in {ending}")
     if not target.parent.is_dir():
         raise UserError(f"film {target}: there is no folder {target.parent}; make it first")
-    # The ending stays last: ffmpeg takes the format from it.
-    partial = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.partial{ending}")
     try:
-        count = _feed(_alike(pictures, target), partial, fps, codec, pixels, options)
-        _check(partial, count, target)
-        os.replace(partial, target)
+        with whole_file(target) as partial:
+            count = _feed(_alike(pictures, target), partial, fps, codec, pixels, options)
+            _check(partial, count, target)
     except OSError as error:
         reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
         raise UserError(
             f"film {target}: it could not be written ({reason}); "
             "check the free space and the permissions of its folder"
         ) from error
-    finally:
-        partial.unlink(missing_ok=True)
     return target
 
 

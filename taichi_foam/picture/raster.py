@@ -53,6 +53,7 @@ def frame(
     displacement: float | None = None,
     world: Window | None = None,
     curve: Curve | None = None,
+    threads: int | None = None,
 ) -> Image8:
     """Draw one instant with title, time, impactor displacement, colour key and scale bar.
 
@@ -66,6 +67,7 @@ def frame(
         displacement: of the impactor from its start, downwards [m]; default from the snapshot.
         world: the part of the world to show; default `view.window(scene)`.
         curve: the deceleration until now, drawn into the field's upper left corner.
+        threads: CPU threads to draw on; default all. A live view leaves the others to the run.
 
     Returns:
         uint8 (height, width, 3). Below 320 x 180 pixels there is no text.
@@ -83,9 +85,9 @@ def frame(
     world, falls = world or window(scene), scene.impactor is not None
     page, view = _page(layout.size, world, name, look, key, bool(note), falls)
     image, unit = page.copy(), layout.unit
-    draw(image, snapshot, scene, view, unit, look)
+    draw(image, snapshot, scene, view, unit, look, threads=threads)
     if curve is not None and layout.curve is not None:
-        inset.draw(image, layout.curve, curve, look.theme, unit)
+        inset.draw(image, layout.curve, [curve], look.theme, unit)
     if layout.has_text:
         ink = look.tones.ink
         face = annotate.font(34 * unit, bold=True)
@@ -95,12 +97,22 @@ def frame(
             annotate.write(image, layout.note, note, small, anchor="rs", colour=look.tones.soft_ink)
         if scene.impactor is not None:
             if displacement is None:
-                start = scene.contact_height + scene.impactor.gap
-                displacement = start - snapshot.impactor_y
-            # Adding 0 turns -0.00 into 0.00.
-            depth = f"{round(1e2 * displacement, 2) + 0.0:.2f} cm"
-            annotate.write(image, layout.depth, depth, face, colour=ink)
+                displacement = sunk(snapshot, scene)
+            annotate.write(image, layout.depth, depth_text(displacement), face, colour=ink)
     return image
+
+
+def sunk(snapshot: Snapshot, scene: Scene) -> float:
+    """Displacement of the impactor from its start, downwards [m]; NaN without one."""
+    if scene.impactor is None:
+        return math.nan
+    return scene.contact_height + scene.impactor.gap - snapshot.impactor_y
+
+
+def depth_text(displacement: float) -> str:
+    """A displacement [m] as pictures show it."""
+    # Adding 0 turns -0.00 into 0.00.
+    return f"{round(1e2 * displacement, 2) + 0.0:.2f} cm"
 
 
 class Layout:
@@ -168,10 +180,13 @@ def draw(
     view: View,
     unit: float = 1.0,
     look: Look | None = None,
+    key: Key | None = None,
+    threads: int | None = None,
 ) -> None:
     """Draw cells and impactor over `image` (h, w, 3) within the view's box, in place.
 
-    `unit` is the width of a thin line in pixels; each pixel is the mean of 2 x 2 samples.
+    `unit` is the width of a thin line in pixels; each pixel is the mean of 2 x 2 samples. `key`
+    gives the colours; default that of the scene.
     """
     look = look or Look.of(scene)
     block = scene.block
@@ -185,7 +200,7 @@ def draw(
         block.dx,
         block.dy,
     )
-    key = look.shown.key(scene)
+    key = key or look.shown.key(scene)
     level = colours.levels(look.shown.values(snapshot, scene), key.top)
     sides = cells.open_sides(broken_a, broken_b)
     strokes = np.zeros_like(sides)
@@ -217,6 +232,7 @@ def draw(
         shape=outer,
         shape_line=2.5 * unit,
         theme=look.tones,
+        threads=threads,
     )
 
 
@@ -232,7 +248,8 @@ def _even(width: float) -> float:
 def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
     """Which sides lie on a grid of every so many cells, at least `apart` of them, (columns, rows).
 
-    Counted from the middle and drawn by the outer cell: the same from left and right where the number of columns is even.
+    Counted from the middle and drawn by the outer cell: the same from left and right where the
+    number of columns is even.
     """
     steps = (step * 10**power for power in range(7) for step in (1, 2, 5))
     stride = next(step for step in steps if step >= apart)
@@ -240,7 +257,7 @@ def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
     middle = columns // 2
     lines = np.flatnonzero((np.arange(columns) - middle) % stride == 0)
     grid[lines[lines >= middle]] |= cells.LEFT
-    grid[lines[(0 < lines) & (lines <= middle)] - 1] |= cells.RIGHT
+    grid[lines[(lines > 0) & (lines <= middle)] - 1] |= cells.RIGHT
     grid[:, np.arange(rows) % stride == 0] |= cells.BOTTOM
     grid.setflags(write=False)
     return grid

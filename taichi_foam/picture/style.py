@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from taichi_foam.errors import UserError
+from taichi_foam.folders import whole_file
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, YELLOW, GREY = (
     "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#F0E442", "#8C8C8C",
@@ -33,9 +34,33 @@ STYLE: Any = {
     "grid.linewidth": 0.8,
     "lines.linewidth": 2.0,
     "svg.fonttype": "path",
+    "pdf.fonttype": 42,  # TrueType: text stays text, and publishers take it
     "svg.hashsalt": "taichi-foam",  # the same figure gives the same file
     "figure.dpi": 100,
 }
+
+#: The look of figures for print, at their size on the page: text of 7 to 8 points.
+PRINT: Any = {
+    **STYLE,
+    "font.size": 7,
+    "axes.labelsize": 7.5,
+    "axes.titlesize": 7.5,
+    "axes.linewidth": 0.6,
+    "axes.labelpad": 2.5,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+}
+
+#: What a format's file says of when it was written: nothing, so that it is the same each time.
+_DATELESS = {".png": None, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+#: Of PNGs, and of what is an image inside a vector file.
+_SCREEN_DPI, _PRINT_DPI = 120, 600
 
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": "linecolor"}
 
@@ -47,24 +72,31 @@ def blank(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: str | Path, *, svg: bool = False) -> list[Path]:
-    """Write the figure as PNG, and as SVG beside it where asked for; return the paths.
+def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STYLE) -> list[Path]:
+    """Write the figure as PNG, SVG or PDF, by the path's ending; return the paths.
+
+    Args:
+        svg: write an SVG beside the PNG, too.
+        look: the settings that the figure was made with, `STYLE` or `PRINT`.
 
     Raises:
         UserError: another ending, or a file that cannot be written.
     """
-    png = Path(path)
-    if png.suffix.lower() != ".png":
-        raise UserError(f"figure {png}: the name must end in .png")
-    written = [png, png.with_suffix(".svg")] if svg else [png]
+    first = Path(path)
+    if first.suffix.lower() not in _DATELESS:
+        raise UserError(f"figure {first}: the name must end in .png, .svg or .pdf")
+    written = [first, first.with_suffix(".svg")] if svg else [first]
     try:
-        with mpl.rc_context(STYLE):
+        with mpl.rc_context(look):
             for target in written:
-                dateless = {"Date": None} if target.suffix == ".svg" else None
-                figure.savefig(target, dpi=120, facecolor="white", metadata=dateless)
+                ending = target.suffix.lower()
+                dpi = _SCREEN_DPI if ending == ".png" else _PRINT_DPI
+                with whole_file(target) as partial:
+                    metadata = _DATELESS[ending]
+                    figure.savefig(partial, dpi=dpi, facecolor="white", metadata=metadata)
     except OSError as error:
         raise UserError(
-            f"figure {error.filename or png}: it could not be written ({error.strerror}); "
+            f"figure {first}: it could not be written ({error.strerror}); "
             "check the folder, its permissions and the free space"
         ) from error
     return written

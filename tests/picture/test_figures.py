@@ -224,8 +224,8 @@ def test_figures_are_saved_as_png_and_svg_and_are_the_same_each_time(tmp_path: P
 
 def test_a_figure_that_cannot_be_saved_is_reported(tmp_path: Path) -> None:
     figure = figures.stress_strain({"elastic": ([0.0, -0.05], [0.0, -0.139e6])})
-    with pytest.raises(UserError, match=r"end in \.png"):
-        style.save(figure, tmp_path / "law.pdf")
+    with pytest.raises(UserError, match=r"end in \.png, \.svg or \.pdf"):
+        style.save(figure, tmp_path / "law.jpg")
     with pytest.raises(UserError, match="could not be written"):
         style.save(figure, tmp_path / "absent" / "law.png")
 

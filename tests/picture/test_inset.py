@@ -23,7 +23,7 @@ def ramp(last: float = 0.05, top: float = 100.0) -> Curve:
 def drawn(curve: Curve, theme: str = "light") -> np.ndarray:
     """Which pixels of the box have the curve's own colour."""
     image = annotate.blank(400, 200, (1, 2, 3))
-    inset.draw(image, BOX, curve, theme, 0.75)
+    inset.draw(image, BOX, [curve], theme, 0.75)
     outside = image.copy()
     outside[BOX.top : BOX.bottom, BOX.left : BOX.right] = (1, 2, 3)
     assert np.all(outside == (1, 2, 3))

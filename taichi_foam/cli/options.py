@@ -1,0 +1,58 @@
+"""Options that more than one command has."""
+
+from __future__ import annotations
+
+from typing import Annotated, get_args
+
+import typer
+
+from taichi_foam.scene import CHOICE_SETS
+from taichi_foam.scene.options import Output
+
+
+def _words(key: str) -> str:
+    """The words that an option of `Output` takes, for help texts."""
+    return "|".join(get_args(Output.model_fields[key].annotation))
+
+
+# of what computes
+Out = Annotated[str | None, typer.Option(help="Folder for the result; default runs/NAME.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Set one value, e.g. block.rows=40; repeatable."
+    ),
+]
+Choices = Annotated[
+    str | None,
+    typer.Option(metavar="|".join(CHOICE_SETS), help="Readings of what the paper leaves open."),
+]
+Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
+Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]
+Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
+NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
+Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]
+Live = Annotated[
+    bool,
+    typer.Option("--live", help="Watch it in a window while it is computed; H shows its keys."),
+]
+
+# of what draws stored runs
+Mode = Annotated[
+    str | None,
+    typer.Option(metavar=_words("mode"), help="What the colours show; default as the run says."),
+]
+Theme = Annotated[
+    str | None, typer.Option(metavar=_words("theme"), help="Tones; default as the run says.")
+]
+Size = Annotated[
+    str | None,
+    typer.Option(metavar="WIDTHxHEIGHT", help="Size of frames [pixels], even; of a PNG the width."),
+]
+Fps = Annotated[int | None, typer.Option(help="Frames of a film per second of watching.")]
+Gif = Annotated[bool, typer.Option("--gif", help="Write a GIF.")]
+Mp4 = Annotated[bool, typer.Option("--mp4", help="Write an MP4.")]
+OverwriteFiles = Annotated[
+    bool, typer.Option("--overwrite", help="Replace files that are there already.")
+]

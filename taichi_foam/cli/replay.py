@@ -1,0 +1,201 @@
+"""`render` and `compare`: pictures of stored runs, without computing them again."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from taichi_foam.cli.delivery import Job, deliver
+from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
+from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.errors import UserError
+from taichi_foam.folders import whole_file
+from taichi_foam.progress import Bars
+from taichi_foam.result import Result
+from taichi_foam.scene_io import load_scene
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+_RUN = "Folder of a stored run."
+
+
+def render_command(
+    run_dir: Annotated[str, typer.Argument(metavar="RUN_DIR", help=_RUN)],
+    mode: Mode = None,
+    theme: Theme = None,
+    size: Size = None,
+    fps: Fps = None,
+    curve: Annotated[
+        bool | None,
+        typer.Option("--curve/--no-curve", help="Draw the deceleration so far into each frame."),
+    ] = None,
+    gif: Gif = False,
+    mp4: Mp4 = False,
+    png: Annotated[bool, typer.Option("--png", help="Write eight instants as a PNG.")] = False,
+    frames: Annotated[bool, typer.Option("--frames", help="Write each frame as a PNG.")] = False,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Write eight instants and the curves as PDFs for print.")
+    ] = False,
+    svg: Annotated[bool, typer.Option("--svg", help="Write the same two as SVGs.")] = False,
+    column: Annotated[
+        str | None,
+        typer.Option(
+            metavar="single|double",
+            help="Width of --pdf and --svg: a column of 84 mm or of 174 mm; default double for "
+            "the instants, single for the curves.",
+        ),
+    ] = None,
+    out: Annotated[str | None, typer.Option(help="Folder for the files; default RUN_DIR.")] = None,
+    overwrite: OverwriteFiles = False,
+) -> None:
+    """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        result = _loaded(run_dir, mode, theme, size, fps, curve)
+        # names and values are right: now what loads Taichi and Matplotlib
+        from taichi_foam import films
+        from taichi_foam.picture import montage, printed
+
+        shown, jobs = result.scene.output.mode, []
+        if not (gif or mp4 or png or frames or pdf or svg):
+            gif = mp4 = True
+        moving = [
+            films.Names(
+                mp4=f"film-{shown}.mp4" if mp4 else None,
+                frames=f"frames-{shown}" if frames else None,
+            ),
+            films.Names(gif=f"film-{shown}.gif" if gif else None),
+        ]
+        for names in moving:
+            written = [name for name in (names.mp4, names.gif) if name]
+            written += [f"{names.frames}/"] if names.frames else []
+            if written:
+                pieces = films.frames_to_draw(result, names)
+                write = partial(films.write, result, names=names, overwrite=overwrite)
+                jobs.append(Job(tuple(written), pieces, write))
+        if png:
+            width = result.scene.output.width if size else montage.WIDTH
+            montage.check_width(width)
+            draw = partial(montage.montage, result.snapshots, result.scene, width=width)
+            jobs.append(_still(f"montage-{shown}.png", draw))
+        if pdf or svg:
+            instants = partial(printed.montage, result.snapshots, result.scene)
+            for name, figure, usual in (
+                (f"montage-{shown}", instants, "double"),
+                ("curves", partial(printed.curves, result.history, result.scene), "single"),
+            ):
+                wide = usual if column is None else column
+                printed.column_width(wide)
+                endings = [e for e, wanted in ((".pdf", pdf), (".svg", svg)) if wanted]
+                jobs += [_figure(name + e, partial(figure, column=wide)) for e in endings]
+        _deliver(jobs, run_dir if out is None else out, overwrite, console, errors)
+
+
+def compare_command(
+    run_a: Annotated[str, typer.Argument(metavar="RUN_A", help=_RUN)],
+    run_b: Annotated[str, typer.Argument(metavar="RUN_B", help="Folder of another.")],
+    mode: Mode = None,
+    theme: Theme = None,
+    size: Size = None,
+    fps: Fps = None,
+    gif: Gif = False,
+    mp4: Mp4 = False,
+    png: Annotated[bool, typer.Option("--png", help="Write four instants as a PNG.")] = False,
+    out: Annotated[str, typer.Option(help="Folder for the files.")] = "comparison",
+    overwrite: OverwriteFiles = False,
+) -> None:
+    """Show two stored runs side by side in time; without a kind, as GIF and MP4."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        a, b = _loaded(run_a, mode, theme, size, fps), _loaded(run_b)
+        from taichi_foam import films
+        from taichi_foam.picture import comparison, montage
+
+        folders = (Path(run_a).name, Path(run_b).name)
+        pair = comparison.Pair.of(a, b, folders if folders[0] != folders[1] else (run_a, run_b))
+        name = f"comparison-{a.scene.output.mode}"
+        if not (gif or mp4 or png):
+            gif = mp4 = True
+        jobs = []
+        for wanted, names in (
+            (mp4, films.Names(mp4=f"{name}.mp4")),
+            (gif, films.Names(gif=f"{name}.gif")),
+        ):
+            if wanted:
+                pieces = films.pair_frames_to_draw(pair, names)
+                write = partial(films.write_pair, pair, names=names)
+                jobs.append(Job((str(names.mp4 or names.gif),), pieces, write))
+        if png:
+            width = a.scene.output.width if size else montage.WIDTH
+            montage.check_width(width)
+            jobs.append(_still(f"{name}.png", partial(comparison.instants, pair, width=width)))
+        _deliver(jobs, out, overwrite, console, errors)
+
+
+def _loaded(
+    folder: str,
+    mode: str | None = None,
+    theme: str | None = None,
+    size: str | None = None,
+    fps: int | None = None,
+    curve: bool | None = None,
+) -> Result:
+    """A stored run, its scene asking for the pictures that the options give."""
+    result = Result.load(folder)
+    if not result.snapshots:
+        raise UserError(f"{folder}: the run has no snapshots to draw. Fix: run its scene again.")
+    given: dict[str, object] = {"mode": mode, "theme": theme, "fps": fps}
+    if curve is not None:
+        given["curve"] = "true" if curve else "false"
+    if size is not None:
+        parts = re.fullmatch(r"([0-9]{1,9})[x×]([0-9]{1,9})", size.strip().lower())
+        if parts is None:
+            raise UserError(f"size = {size!r}: must read WIDTHxHEIGHT in pixels, e.g. 1280x720")
+        given["width"], given["height"] = int(parts[1]), int(parts[2])
+    overrides = [f"output.{key}={value}" for key, value in given.items() if value is not None]
+    return replace(result, scene=load_scene(result.scene, overrides=overrides))
+
+
+def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
+    """A picture as a PNG."""
+
+    def write(folder: Path, on_piece: Callable[[], None]) -> None:
+        from PIL import Image
+
+        picture = Image.fromarray(draw())
+        with whole_file(folder / name) as partial_:
+            picture.save(partial_, optimize=True)
+        on_piece()
+
+    return Job((name,), 1, write)
+
+
+def _figure(name: str, draw: Callable[[], Figure]) -> Job:
+    """A figure for print."""
+
+    def write(folder: Path, on_piece: Callable[[], None]) -> None:
+        from taichi_foam.picture import style
+
+        style.save(draw(), folder / name, look=style.PRINT)
+        on_piece()
+
+    return Job((name,), 1, write)
+
+
+def _deliver(
+    jobs: list[Job], folder: str, overwrite: bool, console: Console, errors: Console
+) -> None:
+    """Draw, and name what was written."""
+    names = deliver(jobs, folder, overwrite, Bars(errors))
+    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)

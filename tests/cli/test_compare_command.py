@@ -1,0 +1,159 @@
+"""`compare`: two stored runs side by side, in files of their own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from command_line import COARSE, tree
+from PIL import Image
+from PIL.GifImagePlugin import GifImageFile
+
+from taichi_foam import Result, load_scene, run
+from taichi_foam.picture import raster
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs on a coarse lattice: 6 ms of a wedge, and 9 ms of one that is faster."""
+    base = tmp_path_factory.mktemp("runs")
+    for name, settings in (
+        ("slow", ["numerics.end=6e-3"]),
+        ("fast", ["numerics.end=9e-3", "impactor.velocity=5"]),
+    ):
+        scene = load_scene("paper/wedge-2.86", overrides=[*COARSE, *settings])
+        run(scene).save(base / name)
+    return base
+
+
+@pytest.fixture
+def runs(stored: Path, tmp_path: Path) -> Path:
+    """Copies of both in the current folder."""
+    for name in ("slow", "fast"):
+        shutil.copytree(stored / name, tmp_path / name)
+    return tmp_path
+
+
+def assert_refused(result, *fragments: str) -> None:
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    for fragment in fragments:
+        assert fragment in result.stderr
+
+
+def test_films_without_a_kind_named(invoke: Callable, runs: Path) -> None:
+    before = tree(runs)
+    result = invoke("compare", "slow", "fast")
+    assert result.exit_code == 0, result.output
+    names = ["comparison-worst-strain.mp4", "comparison-worst-strain.gif"]
+    assert result.stdout == f"in comparison: {', '.join(names)}\n"
+    after = tree(runs)
+    assert {name: after[name] for name in before} == before
+    assert sorted(os.listdir(runs / "comparison")) == sorted(names)
+    count = len(Result.load(runs / "fast").snapshots)
+    assert f"({2 * count} pictures)" in result.stderr
+    film = iio.imread(runs / "comparison" / names[0], plugin="FFMPEG")
+    assert film.shape == (count, 180, 320, 3)
+    with GifImageFile(runs / "comparison" / names[1]) as gif:
+        assert (gif.n_frames, gif.size) == (count, (320, 180))
+
+
+def test_runs_that_change_places_change_halves(invoke: Callable, runs: Path) -> None:
+    options = ["--mode", "speed", "--theme", "dark", "--size", "640x360", "--fps", "10", "--mp4"]
+    for a, b in (("slow", "fast"), ("fast", "slow")):
+        result = invoke("compare", a, b, *options, "--out", f"{a}-{b}")
+        assert result.exit_code == 0, result.output
+    one, other = (
+        iio.imread(runs / name / "comparison-speed.mp4", plugin="FFMPEG").astype(int)
+        for name in ("slow-fast", "fast-slow")
+    )
+    assert one.shape == other.shape
+    meta = iio.immeta(runs / "slow-fast" / "comparison-speed.mp4", plugin="FFMPEG")
+    assert meta["fps"] == 10
+    rows, left, right = slice(50, 230), slice(12, 310), slice(328, 626)  # well inside the fields
+    a, b = one[-1, rows, left], one[-1, rows, right]
+    assert np.abs(a - other[-1, rows, right]).mean() < 3
+    assert np.abs(b - other[-1, rows, left]).mean() < 3
+    assert np.abs(a - b).mean() > 10
+    # the slow run ended at 6 ms: its half stays, while the other goes on
+    assert np.abs(one[6, rows, left] - a).mean() < 3
+    assert np.abs(one[6, rows, right] - b).mean() > 3
+
+
+def test_a_still_has_two_rows(invoke: Callable, runs: Path) -> None:
+    result = invoke("compare", "slow", "fast", "--png", "--mode", "stress", "--size", "1200x720")
+    assert result.exit_code == 0, result.output
+    assert os.listdir(runs / "comparison") == ["comparison-stress.png"]
+    with Image.open(runs / "comparison" / "comparison-stress.png") as picture:
+        assert picture.width == 1200
+
+
+def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path) -> None:
+    assert invoke("compare", "slow", "fast", "--png").exit_code == 0
+    before = tree(runs)
+    refused = invoke("compare", "slow", "fast", "--png", "--gif")
+    assert_refused(refused, "comparison/comparison-worst-strain.png", "--overwrite")
+    assert tree(runs) == before
+    dark = ["--png", "--theme", "dark", "--overwrite"]
+    assert invoke("compare", "slow", "fast", *dark).exit_code == 0
+    name = "comparison/comparison-worst-strain.png"
+    assert tree(runs)[name] != before[name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragment"),
+    [
+        (["slow", "nowhere"], "nowhere: there is no such folder"),
+        (["nowhere", "fast"], "nowhere: there is no such folder"),
+        (["slow"], "RUN_B"),
+        (["slow", "fast", "--mode", "heat"], "output.mode = 'heat'"),
+        (["slow", "fast", "--size", "63x63"], "output.width = 63"),
+        (["slow", "fast", "--size", "640x361"], "output.height = 361: must be even"),
+        (["slow", "fast", "--fps", "0"], "output.fps = 0"),
+        (["slow", "fast", "--png", "--size", "64x64"], "must be at least 640"),
+        (["slow", "fast", "--out", "slow/scene.toml"], "that is a file"),
+        (["slow", "torn"], "not a complete result"),
+    ],
+)
+def test_bad_requests_are_refused_before_drawing(
+    arguments: list[str],
+    fragment: str,
+    invoke: Callable,
+    runs: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*given: object, **options: object) -> None:
+        raise AssertionError("the request should have been refused before drawing")
+
+    monkeypatch.setattr(raster, "draw", refuse)
+    shutil.copytree(runs / "fast", runs / "torn")
+    (runs / "torn" / "history.csv").unlink()
+    before = tree(runs)
+    assert_refused(invoke("compare", *arguments), fragment)
+    assert tree(runs) == before
+
+
+def test_ctrl_c_keeps_what_was_complete(
+    invoke: Callable, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw, drawn = raster.draw, 0
+    limit = 2 * len(Result.load(runs / "fast").snapshots) + 3
+
+    def press(*arguments: object, **options: object) -> None:
+        nonlocal drawn
+        drawn += 1
+        if drawn > limit:
+            raise KeyboardInterrupt
+        draw(*arguments, **options)
+
+    monkeypatch.setattr(raster, "draw", press)
+    result = invoke("compare", "slow", "fast")
+    assert result.exit_code == 130, result.output
+    assert "what was complete is in comparison: comparison-worst-strain.mp4" in result.stderr
+    assert os.listdir(runs / "comparison") == ["comparison-worst-strain.mp4"]
