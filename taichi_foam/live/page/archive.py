@@ -1,0 +1,182 @@
+"""Drops that are over: saved one after another in folders of their own, and listed."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taichi_foam.errors import UserError
+from taichi_foam.folders import check_output_folder
+from taichi_foam.live.page.curve import thinned
+from taichi_foam.result import storage_bytes
+
+if TYPE_CHECKING:
+    from taichi_foam.result import Result
+    from taichi_foam.scene import Scene
+
+#: Drops that are listed, and former curves that are shown.
+MOST_LISTED, MOST_CURVES = 50, 5
+#: Results that may wait for a disk to have room; beyond that no drop begins, so that none is lost.
+MOST_WAITING = 4
+#: How long to wait before trying a disk again [s].
+TRY_AGAIN = 10.0
+
+#: What can be downloaded of a drop, and what has to be drawn first.
+FILES = ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.json")
+FILMS = ("film.mp4", "film.gif")
+
+
+@dataclass
+class Finished:
+    """A drop that is over.
+
+    about    how its scene differs from the one that is served, and how it ended
+    result   what it gave, until that is saved
+    folder   where it is saved
+    problem  why it is not saved yet
+    figures  its measures, once saved
+    films    by file name: "waiting", "drawing", "ready", or why there is none
+    """
+
+    number: int
+    about: list[str]
+    ended: str
+    result: Result | None
+    folder: Path | None = None
+    problem: str | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+    films: dict[str, str] = field(default_factory=dict)
+    curve: dict[str, list[float]] = field(default_factory=dict)
+
+
+class Archive:
+    """Saves what drops have given, in a thread of its own, and keeps the list of them."""
+
+    def __init__(self, out: Path, on_change: Callable[[], object]) -> None:
+        """`on_change` is called, by any thread, when the list has changed."""
+        self._out = out
+        self._on_change = on_change
+        self._drops: list[Finished] = []
+        self._state = threading.Condition()  # guards the list and what follows
+        self._is_closing = False
+        self._tries = 0  # grows when somebody asks to try again
+        self._thread = threading.Thread(target=self._save_all, name="archive", daemon=True)
+        self._thread.start()
+
+    def check(self, scene: Scene) -> None:
+        """Raise UserError if a result of this scene could not be saved."""
+        if len(self._waiting()) >= MOST_WAITING:
+            problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
+            raise UserError(f"{len(self._waiting())} drops wait to be saved; {problem}")
+        check_output_folder(self._free(scene.name), needed_bytes=storage_bytes(scene))
+
+    def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
+        """Save what a drop has given, soon."""
+        history = result.history
+        curve = thinned(history["time_s"], history["deceleration_smoothed_m_s2"])
+        drop = Finished(number, about, ended, result, curve=curve)
+        with self._state:
+            self._drops.append(drop)
+            del self._drops[:-MOST_LISTED]
+            for old in self._drops[:-MOST_CURVES]:
+                old.curve = {}
+            self._state.notify()
+        self._on_change()
+
+    def find(self, number: int) -> Finished | None:
+        """The drop of this number, if it is over and still listed."""
+        with self._state:
+            return next((drop for drop in self._drops if drop.number == number), None)
+
+    def set_film(self, drop: Finished, name: str, standing: str | None) -> None:
+        """Say how far a film is; None: nobody has asked for it."""
+        with self._state:
+            drop.films.pop(name, None)
+            if standing is not None:
+                drop.films[name] = standing
+        self._on_change()
+
+    def told(self) -> dict[str, Any]:
+        """The list as the page shows it, the latest first."""
+        with self._state:
+            return {"drops": [_told(drop) for drop in reversed(self._drops)]}
+
+    def curves(self) -> dict[str, Any]:
+        """The curves of the last drops, the latest first."""
+        with self._state:
+            shown = [drop for drop in reversed(self._drops) if drop.curve]
+            return {"curves": [{"drop": drop.number, **drop.curve} for drop in shown]}
+
+    def try_again(self) -> None:
+        """Save at once what could not be saved."""
+        with self._state:
+            self._tries += 1
+            self._state.notify()
+
+    def close(self) -> list[Finished]:
+        """Save all that waits, and return what could not be saved."""
+        with self._state:
+            self._is_closing = True
+            self._state.notify()
+        self._thread.join()
+        return self._waiting()
+
+    def _waiting(self) -> list[Finished]:
+        with self._state:
+            return [drop for drop in self._drops if drop.result is not None]
+
+    def _save_all(self) -> None:
+        while True:
+            tries = self._tries
+            for drop in self._waiting():
+                self._save(drop)
+            with self._state:
+                waiting = [drop for drop in self._drops if drop.result is not None]
+                if self._is_closing and all(drop.problem for drop in waiting):
+                    return
+                if any(drop.problem is None for drop in waiting) or self._tries != tries:
+                    continue
+                self._state.wait(TRY_AGAIN if waiting else None)
+
+    def _save(self, drop: Finished) -> None:
+        result = drop.result
+        assert result is not None
+        try:
+            folder = result.save(self._free(result.scene.name))
+            figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        except (UserError, OSError, ValueError) as error:
+            with self._state:
+                drop.problem = str(error)
+        else:
+            with self._state:
+                drop.folder, drop.figures = folder, figures
+                drop.result = drop.problem = None
+        self._on_change()
+
+    def _free(self, name: str) -> Path:
+        """A folder that is not there yet: the scene's name and the next number."""
+        stem = re.sub(r"[^\w.+-]+", "-", name.partition(" with ")[0]).strip("-.") or "scene"
+        taken = [0]
+        if self._out.is_dir():
+            tails = (p.name[len(stem) + 1 :] for p in self._out.glob(f"{stem}-*"))
+            taken += [int(tail) for tail in tails if tail.isdecimal()]
+        return self._out / f"{stem}-{max(taken) + 1:03d}"
+
+
+def _told(drop: Finished) -> dict[str, Any]:
+    figures = drop.figures
+    keys = ("max_displacement_m", "impact_duration_s", "plateau_deceleration_m_s2")
+    return {
+        "number": drop.number,
+        "about": drop.about,
+        "ended": drop.ended,
+        "figures": {key: figures.get(key) for key in keys},
+        "folder": str(drop.folder) if drop.folder else None,
+        "problem": drop.problem,
+        "films": dict(drop.films),
+    }

@@ -1,0 +1,186 @@
+// The page: one socket, the picture, the readouts and the transport. Numbers come in SI units.
+import { Controls } from "./controls.js";
+import { Curve } from "./curve.js";
+import { Tables } from "./tables.js";
+
+const HEADER = 24; // bytes in front of a picture: drop, time [s], displacement [m], as doubles
+const $ = (id) => document.getElementById(id);
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+let socket = null;
+let waits = 500; // until the next try to connect [ms]
+let settings = { theme: "auto", pace: null };
+let scene = null;
+let paces = [];
+let step = 2e-4;
+let state = "";
+
+const send = (message) => {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+};
+const controls = new Controls(send);
+const curve = new Curve($("curve"));
+const tables = new Tables(send);
+
+function connect() {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  socket = new WebSocket(`${scheme}://${location.host}/live`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { waits = 500; lost(null); watch(); };
+  socket.onmessage = ({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : draw(data));
+  socket.onclose = ({ reason }) => {
+    lost(reason || "connection lost");
+    setTimeout(connect, waits);
+    waits = Math.min(2 * waits, 8000);
+  };
+}
+
+function hear(message) {
+  switch (message.kind) {
+    case "hello":
+      paces = message.paces;
+      step = message.step;
+      $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
+      $("mode").replaceChildren(...message.modes.map(([name, about]) => new Option(about, name)));
+      controls.build(message.controls);
+      tables.build(message);
+      break;
+    case "settings": take(message); break;
+    case "scene": show(message); break;
+    case "numbers": tell(message); break;
+    case "curve": curve.add(message); break;
+    case "curves": curve.former(message.curves); break;
+    case "drops": tables.list(message.drops); break;
+    case "problem": controls.problem(message.text); break;
+  }
+}
+
+function take(message) {
+  settings = message;
+  controls.take(message);
+  $("mode").value = message.mode;
+  $("theme").value = message.theme;
+  $("grid").checked = message.grid;
+  const n = paces.indexOf(message.pace);
+  if (n < 0) { // a pace that somebody has set without this page
+    paces.push(message.pace);
+    $("pace").append(new Option(paceWords(message.pace), paces.length - 1));
+  }
+  $("pace").value = paces.indexOf(message.pace);
+  $("slower").disabled = n === 0;
+  $("faster").disabled = n === paces.length - 1;
+  dress();
+}
+
+const tone = () => (settings.theme === "auto" ? (dark.matches ? "dark" : "light") : settings.theme);
+
+function dress() {
+  if (document.documentElement.dataset.theme === tone()) return;
+  document.documentElement.dataset.theme = tone();
+  curve.paint();
+  watch();
+}
+
+const watch = () => send({ do: "watch", on: !document.hidden, tone: tone() });
+
+function show(message) {
+  scene = message;
+  const changes = message.changes.join(", ");
+  $("name").textContent = message.name;
+  $("changes").textContent = changes && `with ${changes}`;
+  document.title = changes ? `${message.name}, ${changes}` : message.name;
+  $("picture").style.aspectRatio = `${message.size[0]} / ${message.size[1]}`;
+  $("key-words").textContent = message.key.words;
+  $("key-bar").style.background = `linear-gradient(90deg, ${message.key.colours.join(", ")})`;
+  $("key-ticks").replaceChildren(...message.key.ticks.map(([share, text]) => {
+    const tick = document.createElement("span");
+    tick.style.left = `${100 * share}%`;
+    tick.textContent = text;
+    return tick;
+  }));
+  curve.begin(message);
+  tables.begin(message);
+  controls.problem("");
+}
+
+async function draw(data) {
+  try {
+    const [, time, sunk] = new Float64Array(data, 0, 3);
+    const canvas = $("picture"), blob = new Blob([new Uint8Array(data, HEADER)]);
+    let image = await createImageBitmap(blob);
+    const width = Math.min(image.width, Math.round(canvas.clientWidth * devicePixelRatio));
+    if (width < image.width) { // browsers shrink canvases roughly, and thin lines would flicker
+      const height = Math.round((width * image.height) / image.width);
+      image = await createImageBitmap(image, { resizeWidth: width, resizeHeight: height, resizeQuality: "high" });
+    }
+    Object.assign(canvas, { width: image.width, height: image.height });
+    canvas.getContext("2d").drawImage(image, 0, 0);
+    image.close();
+    $("time").textContent = (1e3 * time).toFixed(2);
+    $("displacement").textContent = scene && scene.falls ? (1e2 * sunk).toFixed(2) : "–";
+  } finally {
+    send({ do: "next" });
+  }
+}
+
+const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "at its end",
+  "cut short": "cut short", failed: "failed", died: "stopped" };
+
+function tell(message) {
+  if (message.state !== state || $("state").dataset.state === "lost") {
+    state = message.state;
+    $("state").dataset.state = state;
+    $("state").textContent = WORDS[state];
+    $("pause").textContent = state === "paused" ? "Go on" : "Pause";
+    for (const id of ["pause", "step"]) $(id).disabled = !["running", "paused", "preparing"].includes(state);
+  }
+  const remedy = state === "died" ? ". Drop starts it again." : "";
+  alarm(message.message ? `${message.message}${remedy}` : "");
+  $("fraction").value = message.fraction;
+  const fixed = (value, digits) => (value === undefined || value === null ? "–" : value.toFixed(digits));
+  const falls = scene && scene.falls;
+  $("velocity").textContent = falls ? fixed(message.velocity, 2) : "–";
+  $("deceleration").textContent = falls ? fixed(message.deceleration, 1) : "–";
+  $("speed").textContent = state === "running" ? speedWords(message) : `${message.steps.toLocaleString("en")} steps`;
+  tables.tell(message);
+}
+
+function speedWords({ pace, steps, steps_per_s }) {
+  const words = [`${steps.toLocaleString("en")} steps`];
+  if (pace > 0) words.push(`goes at ${paceWords(pace)}`);
+  if (steps_per_s) words.push(`${Number(steps_per_s.toPrecision(2)).toLocaleString("en")} steps/s while it computes`);
+  return words.join(" · ");
+}
+
+function paceWords(rate) {
+  if (rate === null) return "fastest";
+  const ratio = 1 / rate;
+  return `1 : ${ratio < 10 ? Number(ratio.toPrecision(2)) : Math.round(ratio).toLocaleString("en")}`;
+}
+
+function alarm(text) {
+  if ($("alert").textContent !== text) $("alert").textContent = text;
+  $("alert").hidden = !text;
+}
+
+function lost(reason) {
+  document.body.classList.toggle("lost", Boolean(reason));
+  if (!reason) return;
+  $("state").dataset.state = "lost";
+  $("state").textContent = `${reason}; trying again`;
+}
+
+const look = () => send({ do: "look", mode: $("mode").value, theme: $("theme").value, grid: $("grid").checked });
+for (const id of ["mode", "theme", "grid"]) $(id).addEventListener("change", look);
+const pace = (n) => send({ do: "pace", rate: paces[n] });
+$("pace").addEventListener("change", () => pace(Number($("pace").value)));
+$("slower").addEventListener("click", () => pace(Math.max(0, Number($("pace").value) - 1)));
+$("faster").addEventListener("click", () => pace(Math.min(paces.length - 1, Number($("pace").value) + 1)));
+$("pause").addEventListener("click", () => send({ do: "pause", on: state !== "paused" }));
+$("step").addEventListener("click", () => send({ do: "step", seconds: step }));
+document.addEventListener("visibilitychange", watch);
+dark.addEventListener("change", dress);
+
+if (location.search) history.replaceState(null, "", location.pathname); // the cookie has the token now
+dress();
+connect();

@@ -1,0 +1,105 @@
+// Tables: key figures, where the energy is, and the drops that are over with their files.
+const $ = (id) => document.getElementById(id);
+const FILES = [["history.csv", "CSV", "histories"], ["scene.toml", "TOML", "the scene; it runs again by itself"],
+  ["summary.json", "JSON", "all measures"], ["snapshots.npz", "NPZ", "the lattice at each interval, for NumPy"],
+  ["film.mp4", "MP4", "film; drawn when first asked for"], ["film.gif", "GIF", "film; drawn when first asked for"]];
+// A phone has no room for the head of the table of drops: its words stand over each figure.
+const LABELS = ["", "", "displacement, cm", "duration, ms", "plateau, m/s²", "ended by", ""];
+const dash = (value, digits, factor = 1) => (value === null || value === undefined ? "–" : (factor * value).toFixed(digits));
+
+function row(head, ...cells) {
+  const tr = document.createElement("tr"), th = document.createElement("th");
+  th.scope = "row";
+  th.textContent = head;
+  tr.append(th, ...cells.map((content) => {
+    const td = document.createElement("td");
+    td.append(content);
+    return td;
+  }));
+  return tr;
+}
+
+export class Tables {
+  constructor(send) {
+    this.send = send;
+    this.figures = [];
+    this.energies = [];
+    this.falls = true;
+  }
+
+  build({ figures, energies }) {
+    this.figures = figures.map(([key, label, unit, factor, digits]) => {
+      const tr = row(label, "–", "");
+      tr.firstChild.insertAdjacentHTML("beforeend", ` <span class="unit"></span>`);
+      tr.firstChild.lastChild.textContent = unit;
+      tr.children[2].className = "measured";
+      return { key, factor, digits, tr };
+    });
+    $("figures").tBodies[0].replaceChildren(...this.figures.map(({ tr }) => tr));
+    this.energies = energies.map(([key, label]) => {
+      const bar = document.createElement("i");
+      return { key, bar, tr: row(label, "–", bar) };
+    });
+    $("energies").tBodies[0].replaceChildren(...this.energies.map(({ tr }) => tr));
+  }
+
+  begin({ measured, falls }) {
+    $("figures").classList.toggle("known", Boolean(measured));
+    for (const { key, factor, digits, tr } of this.figures) {
+      tr.children[2].textContent = measured && measured[key] !== undefined ? dash(measured[key], digits, factor) : "";
+    }
+    this.falls = falls;
+  }
+
+  tell({ figures, energies }) {
+    for (const { key, factor, digits, tr } of this.figures) {
+      tr.children[1].textContent = dash(figures && figures[key], digits, factor);
+    }
+    const all = energies ?? {};
+    const most = Math.max(1e-12, ...Object.values(all).map(Math.abs));
+    for (const { key, bar, tr } of this.energies) {
+      tr.children[1].textContent = dash(all[key], 2);
+      bar.style.width = `${(100 * Math.abs(all[key] ?? 0)) / most}%`;
+    }
+  }
+
+  list(drops) {
+    $("no-drops").hidden = drops.length > 0;
+    $("list").parentElement.hidden = drops.length === 0;
+    $("list").tBodies[0].replaceChildren(...drops.map((drop) => {
+      const f = drop.figures;
+      const tr = row(`drop ${drop.number}`, drop.about.join(", ") || "as given", dash(f.max_displacement_m, 2, 1e2),
+        dash(f.impact_duration_s, 1, 1e3), dash(f.plateau_deceleration_m_s2, 1), drop.ended, this.files(drop));
+      LABELS.forEach((label, n) => { if (label) tr.children[n].dataset.label = label; });
+      return tr;
+    }));
+  }
+
+  files({ number, folder, problem, films }) {
+    const content = document.createDocumentFragment(), says = document.createElement("span");
+    if (folder) {
+      for (const [name, label, about] of FILES) {
+        const link = document.createElement("a");
+        Object.assign(link, { href: `/drops/${number}/${name}`, textContent: label, title: about, download: "" });
+        content.append(link);
+      }
+      const waits = Object.entries(films).filter(([, standing]) => standing !== "ready");
+      says.className = waits.some(([, standing]) => !["waiting", "drawing"].includes(standing)) ? "bad" : "wait";
+      says.textContent = waits.map(([name, standing]) =>
+        ({ waiting: `${name} waits for its turn…`, drawing: `drawing ${name}…` })[standing] ?? standing).join(" ");
+    } else if (problem) {
+      const again = document.createElement("button");
+      again.type = "button";
+      again.textContent = "Save again";
+      again.addEventListener("click", () => this.send({ do: "save" }));
+      says.className = "bad";
+      says.textContent = `not saved: ${problem} `;
+      content.append(again);
+    } else {
+      says.className = "wait";
+      says.textContent = "saving…";
+    }
+    content.append(says);
+    return content;
+  }
+}

@@ -1,0 +1,66 @@
+"""What viewers are shown: the latest of each kind, written once, read by as many as like."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from taichi_foam.live.page.curve import Curve
+from taichi_foam.live.page.figures import plain
+
+Tone = str  # "light" or "dark"
+
+_EMPTY = np.empty(0)
+
+
+class Board:
+    """The latest of everything. The show writes, viewers read, whatever thread they are in.
+
+    notes     by kind: a number that grows with each change, and the message
+    pictures  by tone: the same, and the picture as it is sent
+    curve     the same of the current drop's curve
+    """
+
+    def __init__(self) -> None:
+        self.notes: dict[str, tuple[int, str]] = {}
+        self.pictures: dict[Tone, tuple[int, bytes]] = {}
+        self.curve = (0, Curve(0, _EMPTY, _EMPTY))
+        self.wake: Callable[[], object] = lambda: None
+        self._wanted: set[Tone] = set()
+        self._lock = threading.Lock()  # guards the tones
+
+    def post(self, kind: str, content: dict[str, Any]) -> None:
+        """Show this from now on; the same again is no change."""
+        text = json.dumps({"kind": kind, **plain(content)}, separators=(",", ":"), allow_nan=False)
+        number, before = self.notes.get(kind, (0, ""))
+        if text != before:
+            self.notes[kind] = (number + 1, text)
+            self.wake()
+
+    def hang(self, tone: Tone, picture: bytes) -> None:
+        """Show this picture from now on."""
+        number, _ = self.pictures.get(tone, (0, b""))
+        self.pictures[tone] = (number + 1, picture)
+        self.wake()
+
+    def plot(self, curve: Curve) -> None:
+        """Show this curve from now on; the same again is no change."""
+        number, before = self.curve
+        if curve is not before:
+            self.curve = (number + 1, curve)
+            self.wake()
+
+    def want(self, tone: Tone) -> None:
+        """Some viewer is ready for the next picture in this tone."""
+        with self._lock:
+            self._wanted.add(tone)
+
+    def take_wanted(self) -> set[Tone]:
+        """The tones in which a picture is wanted; whoever asks has to draw them."""
+        with self._lock:
+            wanted, self._wanted = self._wanted, set()
+        return wanted

@@ -1,0 +1,108 @@
+"""What a viewer may tell the show: messages as JSON, each checked before anything heeds it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+#: Settings of controls by key, in SI units; None empties an optional one.
+Values: TypeAlias = dict[
+    Annotated[str, Field(max_length=60)], Annotated[int | float | None, Field()]
+]
+
+
+class _Command(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
+    )
+
+
+class Next(_Command):
+    """The last picture has come: the next may."""
+
+    do: Literal["next"]
+
+
+class Watch(_Command):
+    """Whether the viewer wants pictures, and for which page."""
+
+    do: Literal["watch"]
+    on: bool
+    tone: Literal["light", "dark"]
+
+
+class Set(_Command):
+    """Controls have been moved; nothing is dropped yet."""
+
+    do: Literal["set"]
+    shape: Annotated[str, Field(max_length=20)]
+    values: Annotated[Values, Field(max_length=64)]
+
+
+class Let(_Command):
+    """Drop with these settings; what is left out stays."""
+
+    do: Literal["drop"]
+    shape: Annotated[str, Field(max_length=20)]
+    values: Annotated[Values, Field(max_length=64)]
+
+
+class Reset(_Command):
+    """Drop the scene that the server was given."""
+
+    do: Literal["reset"]
+
+
+class Pause(_Command):
+    """Stand still, or go on."""
+
+    do: Literal["pause"]
+    on: bool
+
+
+class Step(_Command):
+    """Go on by so much simulated time [s] and stand still."""
+
+    do: Literal["step"]
+    seconds: Annotated[float, Field(gt=0, le=0.1)]
+
+
+class Pace(_Command):
+    """Simulated seconds in a second; None: as fast as it goes."""
+
+    do: Literal["pace"]
+    rate: Annotated[float, Field(ge=1e-6, le=1)] | None
+
+
+class Looks(_Command):
+    """How pictures are drawn."""
+
+    do: Literal["look"]
+    mode: Annotated[str, Field(max_length=20)]
+    theme: Literal["auto", "light", "dark"]
+    grid: bool
+
+
+class Save(_Command):
+    """Try again to save what could not be saved."""
+
+    do: Literal["save"]
+
+
+#: What concerns the viewer alone, and what concerns the show.
+Own: TypeAlias = Next | Watch
+Shared: TypeAlias = Set | Let | Reset | Pause | Step | Pace | Looks | Save
+Command: TypeAlias = Own | Shared
+
+_READER: TypeAdapter[Command] = TypeAdapter(Annotated[Own | Shared, Field(discriminator="do")])
+
+
+def read(text: str) -> Command:
+    """A viewer's message. Raises ValueError that says what is wrong with it."""
+    try:
+        return _READER.validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        where = ".".join(str(step)[:60] for step in first["loc"])
+        raise ValueError(f"message refused: {where}{': ' * bool(where)}{first['msg']}") from None

@@ -1,0 +1,227 @@
+"""Which keys of a scene the page offers; ranges and words are those of the scene's own fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene import Block, Foam, Scene
+from taichi_foam.scene.messages import SHAPES
+from taichi_foam.scene.options import Numerics
+from taichi_foam.scene_io import load_scene
+
+Value = int | float | None
+
+#: Scenes from the page have at most so many mass points, or as many as the scene served.
+MOST_NODES = 100_000
+
+#: What a scene without an impactor has for a shape.
+NO_SHAPE = "none"
+_OFFERED = ("flat", "cylinder", "wedge")
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One control.
+
+    low, high, step  of its slider, which covers what is usual [unit]
+    unit             as people read it, `factor` SI units each
+    shapes           impactors that have it; none: it is no matter of the impactor's shape
+    log              the slider goes by ratios
+    """
+
+    group: str
+    key: str
+    label: str
+    low: float
+    high: float
+    step: float
+    unit: str = ""
+    factor: float = 1.0
+    shapes: tuple[str, ...] = ()
+    log: bool = False
+
+
+KNOBS = (
+    Knob("impactor", "impactor.velocity", "velocity", 0.5, 6.0, 0.02, "m/s"),
+    Knob("impactor", "impactor.mass", "mass", 1.0, 20.0, 0.1, "kg"),
+    Knob("impactor", "impactor.width", "width", 10, 150, 1, "mm", 1e-3, ("flat",)),
+    Knob("impactor", "impactor.radius", "radius", 5, 75, 0.5, "mm", 1e-3, ("cylinder",)),
+    Knob("impactor", "impactor.angle_deg", "angle", 30, 160, 1, "°", 1.0, ("wedge",)),
+    Knob("impactor", "impactor.friction", "friction", 0.0, 1.0, 0.01),
+    Knob("block", "block.thickness", "thickness", 10, 200, 1, "mm", 1e-3),
+    Knob("block", "block.columns", "columns", 10, 120, 2),
+    Knob("block", "block.rows", "rows", 5, 60, 1),
+    Knob("block", "block.density", "density", 10, 100, 0.1, "kg/m³"),
+    Knob("block", "numerics.gravity", "gravity", 0.0, 20.0, 0.01, "m/s²"),
+    Knob("foam", "foam.youngs_modulus", "Young's modulus", 0.3, 30, 0.01, "MPa", 1e6, log=True),
+    Knob("foam", "foam.shear_modulus", "shear modulus", 0.1, 10, 0.01, "MPa", 1e6, log=True),
+    Knob("foam", "foam.yield_strain", "yield strain", -0.2, -0.01, 0.001),
+    Knob("foam", "foam.densification_strain", "densification", -0.94, -0.3, 0.01),
+    Knob("foam", "foam.tensile_strain", "tensile limit", 0.01, 0.3, 0.001),
+    Knob("foam", "foam.shear_strain", "shear limit", 0.01, 0.5, 0.005),
+    Knob("foam", "foam.rate", "rate D", 100, 100_000, 10, "1/s", log=True),
+)
+"""All controls, in the page's order."""
+
+_KNOBS = {knob.key: knob for knob in KNOBS}
+
+
+class Controls:
+    """The controls for one scene that is served, and the scenes that they make of it."""
+
+    def __init__(self, given: Scene) -> None:
+        self.given = given
+        self.shape = given.impactor.shape if given.impactor else NO_SHAPE
+        first = () if self.shape in _OFFERED else (self.shape,)
+        self.shapes = (*first, *_OFFERED)
+        self.defaults = self.values_of(given)
+
+    def told(self) -> dict[str, Any]:
+        """What the page needs to build the controls; numbers in the unit that is shown."""
+        return {"shapes": self.shapes, "knobs": [self._told(knob) for knob in KNOBS]}
+
+    def values_of(self, scene: Scene) -> dict[str, Value]:
+        """Each control's value in a scene [SI]; what its shape lacks has its default."""
+        return {knob.key: _value(scene, knob) for knob in KNOBS}
+
+    def check(self, shape: str, values: Mapping[str, Value]) -> None:
+        """Raise UserError for a shape or a key that there is not, or a value out of its range."""
+        if shape not in self.shapes:
+            raise UserError(f"impactor.shape = {shape!r}: must be one of {', '.join(self.shapes)}")
+        for key, value in values.items():
+            knob = _KNOBS.get(key)
+            if knob is None:
+                raise UserError(f"{key}: the page has no such control")
+            _check_range(knob, value)
+
+    def scene_of(self, shape: str, values: Mapping[str, Value]) -> Scene:
+        """The scene with these settings, named by what is new. Raises UserError as `load_scene`."""
+        self.check(shape, values)
+        settings = [f"impactor.shape={shape}"] if shape != self.shape else []
+        if settings and "height" in SHAPES[shape].model_fields:
+            # that of the old shape may be too low for the new one
+            settings.append(f"impactor.height={SHAPES[shape].model_fields['height'].default!r}")
+        for key, value in values.items():
+            if self._has(shape, _KNOBS[key]) and value != self.defaults[key]:
+                settings.append(f"{key}={'none' if value is None else repr(value)}")
+        if not settings:
+            return self.given
+        scene = load_scene(self.given, overrides=settings)
+        nodes, most = _nodes(scene), max(MOST_NODES, _nodes(self.given))
+        if nodes > most:
+            raise UserError(
+                f"block.columns = {scene.block.columns}, block.rows = {scene.block.rows}: "
+                f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
+                "that size"
+            )
+        name = f"{self.given.name} with {', '.join(self.changes(scene))}"
+        short = name if len(name) <= 100 else f"{name[:99]}…"
+        return scene.model_copy(update={"name": short})
+
+    def changes(self, scene: Scene) -> list[str]:
+        """How a scene differs from the one that is served, for people."""
+        told = []
+        shape = scene.impactor.shape if scene.impactor else NO_SHAPE
+        if shape != self.shape:
+            told.append(shape)
+        for knob in KNOBS:
+            value = _value(scene, knob)
+            if self._has(shape, knob) and value != self.defaults[knob.key]:
+                told.append(f"{knob.label} {_shown(knob, value)}")
+        return told
+
+    def _has(self, shape: str, knob: Knob) -> bool:
+        """Whether a control matters with this shape of impactor."""
+        if knob.group == "impactor" and shape == NO_SHAPE:
+            return False
+        return not knob.shapes or shape in knob.shapes
+
+    def _told(self, knob: Knob) -> dict[str, Any]:
+        schema = _schema(knob)
+        limits = {
+            "above": schema.get("exclusiveMinimum"),
+            "": schema.get("minimum"),
+            "to": schema.get("maximum"),
+            "below": schema.get("exclusiveMaximum"),
+        }
+        given = {word: limit / knob.factor for word, limit in limits.items() if limit is not None}
+        spoken = " ".join(f"{word} {_grouped(limit)}".strip() for word, limit in given.items())
+        allowed = f"{spoken} {knob.unit}".strip()
+        about, _, _ = schema["description"].partition(" [")
+        return {
+            "group": knob.group,
+            "key": knob.key,
+            "label": knob.label,
+            "unit": knob.unit,
+            "factor": knob.factor,
+            "low": knob.low,
+            "high": knob.high,
+            "step": knob.step,
+            "log": knob.log,
+            "shapes": knob.shapes,
+            "whole": schema["type"] == "integer",
+            "optional": schema["optional"],
+            "min": given.get("", given.get("above")),
+            "max": given.get("to", given.get("below")),
+            "open": [word for word in ("above", "below") if word in given],
+            "about": about,
+            "allowed": f"none, or {allowed}" if schema["optional"] else allowed,
+        }
+
+
+def _part(key: str) -> type[Any]:
+    """The class of a scene's part that holds a key."""
+    head, field = key.split(".")
+    parts = {"block": [Block], "foam": [Foam], "numerics": [Numerics]}
+    return next(p for p in parts.get(head, list(SHAPES.values())) if field in p.model_fields)
+
+
+@lru_cache(maxsize=64)
+def _schema(knob: Knob) -> dict[str, Any]:
+    """The field's JSON schema, of its number where it may be none."""
+    schema = _part(knob.key).model_json_schema()["properties"][knob.key.split(".")[1]]
+    numbers = [each for each in schema.get("anyOf", []) if each["type"] != "null"]
+    return {**schema, **(numbers[0] if numbers else {}), "optional": bool(numbers)}
+
+
+def _value(scene: Scene, knob: Knob) -> Value:
+    head, field = knob.key.split(".")
+    part = getattr(scene, head)
+    if hasattr(part, field) and (not knob.shapes or part.shape in knob.shapes):
+        return getattr(part, field)
+    return _part(knob.key).model_fields[field].default
+
+
+def _check_range(knob: Knob, value: Value) -> None:
+    """Raise UserError, as a scene would, for a value out of a field's own range."""
+    schema = _schema(knob)
+    if value is None:
+        fits = schema["optional"]
+    else:
+        fits = (
+            schema.get("minimum", value) <= value <= schema.get("maximum", value)
+            and not value <= schema.get("exclusiveMinimum", value - 1)
+            and not value >= schema.get("exclusiveMaximum", value + 1)
+            and (schema["type"] != "integer" or isinstance(value, int))
+        )
+    if not fits:
+        shown = "none" if value is None else f"{value:.12g}"
+        kind = "a whole number, " if schema["type"] == "integer" else ""
+        raise UserError(f"{knob.key} = {shown}: must be {kind}{schema['allowed']}; {schema['fix']}")
+
+
+def _shown(knob: Knob, value: Value) -> str:
+    return "none" if value is None else f"{value / knob.factor:.6g} {knob.unit}".rstrip()
+
+
+def _grouped(number: float) -> str:
+    """A limit as people read it: 1,000,000 and 1e11."""
+    return f"{number:,.0f}" if 1000 <= abs(number) < 1e8 else f"{number:.12g}"
+
+
+def _nodes(scene: Scene) -> int:
+    return scene.block.columns * scene.block.rows

@@ -1,0 +1,88 @@
+"""What the page's tables and curve show beside the run itself: names, units, measured figures."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_foam.paper import MEASURED, NAMES, paper_scene
+from taichi_foam.scene import CHOICE_SETS
+
+if TYPE_CHECKING:
+    from taichi_foam.scene import Scene
+
+FIGURES = (
+    ("max_displacement_m", "displacement", "cm", 1e2, 2),
+    ("impact_duration_s", "duration", "ms", 1e3, 1),
+    ("plateau_deceleration_m_s2", "plateau", "m/s²", 1.0, 1),
+    ("energy_per_volume_J_m3", "energy per volume", "10⁵ J/m³", 1e-5, 2),
+    ("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
+    ("initial_peak_m_s2", "initial peak", "m/s²", 1.0, 0),
+    ("rebound_velocity_m_s", "rebound", "m/s", 1.0, 2),
+    ("crushed_width_m", "crushed width", "cm", 1e2, 1),
+    ("crushed_height_m", "crushed height", "cm", 1e2, 1),
+    ("pieces", "pieces", "", 1.0, 0),
+    ("broken_connections", "broken connections", "", 1.0, 0),
+    ("energy_residual", "unaccounted for", "%", 1e2, 3),
+)
+"""Key in `measures.summary`, words, unit, units in one SI unit, decimals."""
+
+ENERGIES = (
+    ("impactor_kinetic_J", "impactor, kinetic"),
+    ("foam_kinetic_J", "foam, kinetic"),
+    ("strain_J", "elastic strain"),
+    ("crushing_J", "crushing"),
+    ("shear_J", "shear"),
+    ("damping_J", "damping"),
+    ("friction_J", "friction"),
+    ("contact_J", "impactor contact"),
+    ("self_contact_J", "pieces' contact"),
+    ("fracture_J", "fracture"),
+    ("base_J", "base"),
+    ("gravity_J", "gravity"),
+    ("residual_J", "unaccounted for"),
+)
+"""Columns of the history and their words, in the ledger's order."""
+
+
+def measured(scene: Scene) -> dict[str, float] | None:
+    """What the paper measured in the test that a scene is; None if it is none of them.
+
+    A test is its impactor and its block, whatever constants the foam's model has.
+    """
+    found = _tests().get(_conditions(scene))
+    if found is None:
+        return None
+    figures = dataclasses.asdict(MEASURED[found])
+    return {"test": found, **{key: value for key, value in figures.items() if value is not None}}
+
+
+def _conditions(scene: Scene) -> tuple[Any, ...] | None:
+    impactor, block = scene.impactor, scene.block
+    if impactor is None:
+        return None
+    shape = impactor.model_dump(exclude={"friction", "gap"})
+    return (*shape.items(), block.width, block.height, block.thickness)
+
+
+@lru_cache(maxsize=1)
+def _tests() -> dict[tuple[Any, ...] | None, str]:
+    """The paper's tests by their conditions; a choice set may read a size differently."""
+    return {_conditions(paper_scene(name, c)): name for name in NAMES for c in CHOICE_SETS}
+
+
+def plain(value: Any, digits: int = 6) -> Any:
+    """A value that JSON can hold: numbers to so many digits, None for what is not finite."""
+    if isinstance(value, dict):
+        return {str(key): plain(item, digits) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, digits) for item in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return plain(value.tolist(), digits)
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}") if math.isfinite(value) else None
+    return value

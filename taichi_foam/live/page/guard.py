@@ -1,0 +1,119 @@
+"""Who may come in: on loopback only pages of this machine, elsewhere only who has the token."""
+
+from __future__ import annotations
+
+import secrets
+from html import escape
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
+from starlette.requests import cookie_parser
+from starlette.responses import HTMLResponse
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+#: Names of this machine for itself. A page elsewhere that has its own name point here (DNS
+#: rebinding) still sends that name.
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
+    "style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",  # the first address holds the token
+}
+
+
+class Guard:
+    """Lets requests and WebSockets through to an app, or refuses them.
+
+    With a token: every request needs it, as ?token= or as the cookie that the first one sets.
+    Without: every request must name this machine. A WebSocket must come from this very page.
+    """
+
+    def __init__(self, app: ASGIApp, token: str | None, port: int) -> None:
+        self._app = app
+        self._token = token
+        self._cookie = f"taichi-foam-{port}"  # cookies of one host are those of all its ports
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        given = QueryParams(scope["query_string"]).get("token")
+        problem = self._problem(scope["type"], headers, given)
+        if problem is not None:
+            await _refuse(scope, receive, send, *problem)
+            return
+
+        async def send_on(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                answer = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    answer[name] = value
+                if given is not None and self._token is not None:
+                    cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
+                    answer.append("Set-Cookie", cookie)
+            await send(message)
+
+        await self._app(scope, receive, send_on)
+
+    def _problem(
+        self, kind: str, headers: Headers, given: str | None
+    ) -> tuple[HTTPStatus, str] | None:
+        """Status and words for what is refused."""
+        host = headers.get("host", "")
+        origin = headers.get("origin")
+        if kind == "websocket" and origin is not None and urlsplit(origin).netloc != host:
+            return HTTPStatus.FORBIDDEN, "This page was opened by another one."
+        if self._token is None:
+            if _name(host) not in LOOPBACK:
+                return (
+                    HTTPStatus.FORBIDDEN,
+                    "This server answers to its own machine only. Open it as localhost, or start "
+                    "it with --host and use the address that it prints.",
+                )
+            return None
+        kept = cookie_parser(headers.get("cookie", "")).get(self._cookie)
+        if not any(self._is_token(each) for each in (given, kept)):
+            return (
+                HTTPStatus.UNAUTHORIZED,
+                "This page needs its token. Open the whole address that taichi-foam serve has "
+                "printed, with ?token= and what follows; the browser keeps it from then on. The "
+                "token is new each time that the server starts.",
+            )
+        return None
+
+    def _is_token(self, given: str | None) -> bool:
+        """In a time that does not tell how much of it is right."""
+        assert self._token is not None
+        return given is not None and secrets.compare_digest(given.encode(), self._token.encode())
+
+
+def _name(host: str) -> str:
+    """The name in a Host header, without its port."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+async def _refuse(
+    scope: Scope, receive: Receive, send: Send, status: HTTPStatus, words: str
+) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008, "reason": words[:100]})
+        return
+    page = (
+        f"<!doctype html><meta charset=utf-8><title>{status.phrase}</title>"
+        '<meta name=viewport content="width=device-width">'
+        "<body style='font:16px/1.5 system-ui,sans-serif;max-width:34rem;margin:4rem auto;"
+        f"padding:0 1rem'><h1>{status.phrase}</h1><p>{escape(words)}</p>"
+    )
+    await HTMLResponse(page, status)(scope, receive, send)

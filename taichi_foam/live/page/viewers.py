@@ -1,0 +1,186 @@
+"""Those who look: each gets what is new on the board, as fast as it takes it and no faster."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from taichi_foam.live.page import commands
+from taichi_foam.live.page.curve import Cursor
+
+if TYPE_CHECKING:
+    from taichi_foam.live.page.show import Show
+
+MOST_VIEWERS = 100
+#: A viewer that takes longer to acknowledge a picture, or to take a message, is let go [s].
+MOST_WAIT = 30.0
+#: Answers that wait for a viewer; older ones give way.
+MOST_ANSWERS = 16
+
+TRY_LATER, TOO_SLOW = 1013, 1008  # close codes of WebSockets
+
+
+class Viewer:
+    """One page that is open somewhere. Costs a few numbers and, on its way, one picture."""
+
+    def __init__(self, socket: WebSocket, show: Show) -> None:
+        self._socket = socket
+        self._show = show
+        self._tone = "light"
+        self._is_watching = False
+        self._sent_at: float | None = None  # when the picture went that is not acknowledged yet
+        self._has: dict[str, int] = {}  # of each note on the board the number that was sent
+        self._has_picture = 0
+        self._cursor = Cursor()
+        self._answers: deque[str] = deque(maxlen=MOST_ANSWERS)
+        self._news = asyncio.Event()
+        self._news.set()
+
+    def wake(self) -> None:
+        """Something on the board has changed."""
+        self._news.set()
+
+    def answer(self, problem: str) -> None:
+        """Tell this viewer, and no other, what speaks against its message."""
+        self._answers.append(json.dumps({"kind": "problem", "text": problem}))
+        self._news.set()
+
+    async def serve(self) -> None:
+        """Send and listen, until the viewer leaves or is too slow."""
+        await self._socket.accept()
+        tasks = [asyncio.create_task(each) for each in (self._send_all(), self._hear_all())]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        except TimeoutError:
+            with contextlib.suppress(Exception):
+                close = self._socket.close(TOO_SLOW, "too slow: no answer for too long")
+                await asyncio.wait_for(close, 1.0)
+        except (WebSocketDisconnect, RuntimeError, OSError):
+            pass  # it has left
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _hear_all(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            try:
+                if text is None:
+                    raise ValueError("message refused: must be text, not binary")
+                command = commands.read(text)
+            except ValueError as error:
+                self.answer(str(error))
+                continue
+            if isinstance(command, commands.Next):
+                self._sent_at = None
+                self._news.set()
+            elif isinstance(command, commands.Watch):
+                if command.tone != self._tone:
+                    self._has_picture = 0
+                self._is_watching, self._tone = command.on, command.tone
+                self._news.set()
+            else:
+                self._show.tell(
+                    command, lambda text: loop.call_soon_threadsafe(self.answer, text)
+                )
+
+    async def _send_all(self) -> None:
+        board = self._show.board
+        while True:
+            await self._wait()
+            while self._answers:
+                await self._send(self._answers.popleft())
+            for kind, (number, text) in tuple(board.notes.items()):
+                if self._has.get(kind) != number:
+                    self._has[kind] = number
+                    await self._send(text)
+            number, curve = board.curve
+            if self._has.get("curve") != number:
+                self._has["curve"] = number
+                text, self._cursor = curve.since(self._cursor)
+                await self._send(text)
+            if self._is_watching and self._sent_at is None:
+                number, picture = board.pictures.get(self._tone, (0, b""))
+                if number > self._has_picture:
+                    self._has_picture, self._sent_at = number, time.monotonic()
+                    await self._send(picture)
+                else:
+                    board.want(self._tone)
+
+    async def _wait(self) -> None:
+        """Until there is news. Raises TimeoutError if a picture stays unacknowledged."""
+        left = None
+        if self._sent_at is not None:
+            left = max(0.0, self._sent_at + MOST_WAIT - time.monotonic())
+            if left == 0.0:
+                raise TimeoutError
+        try:
+            await asyncio.wait_for(self._news.wait(), left)
+        except asyncio.TimeoutError:  # Python 3.10 has an own one
+            raise TimeoutError from None
+        self._news.clear()
+
+    async def _send(self, content: str | bytes) -> None:
+        """Raises TimeoutError if the viewer does not take it."""
+        binary = isinstance(content, bytes)
+        send = self._socket.send_bytes(content) if binary else self._socket.send_text(content)
+        try:
+            await asyncio.wait_for(send, MOST_WAIT)
+        except asyncio.TimeoutError:
+            raise TimeoutError from None
+
+
+class Hub:
+    """All viewers of a show."""
+
+    def __init__(self, show: Show) -> None:
+        self._show = show
+        self._viewers: set[Viewer] = set()
+
+    def open(self) -> None:
+        """Begin to listen to the board; in the loop that serves."""
+        loop = asyncio.get_running_loop()
+        is_due = False
+
+        def wake_all() -> None:
+            nonlocal is_due
+            is_due = False
+            for viewer in self._viewers:
+                viewer.wake()
+
+        def wake() -> None:
+            nonlocal is_due
+            if not is_due:  # once is enough for all that comes until then
+                is_due = True
+                with contextlib.suppress(RuntimeError):  # the loop has gone
+                    loop.call_soon_threadsafe(wake_all)
+
+        self._show.board.wake = wake
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One viewer, from its coming to its going."""
+        if len(self._viewers) >= MOST_VIEWERS:
+            await socket.accept()
+            await socket.close(TRY_LATER, f"there are {MOST_VIEWERS} viewers already")
+            return
+        viewer = Viewer(socket, self._show)
+        self._viewers.add(viewer)
+        self._show.watchers = len(self._viewers)
+        try:
+            await viewer.serve()
+        finally:
+            self._viewers.discard(viewer)
+            self._show.watchers = len(self._viewers)
