@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable
@@ -79,13 +80,11 @@ def watch(
     window = _Window(size, shots)
     try:
         with Stage(scene, keep, arch=arch, threads=threads, pace=pace) as stage:
-            try:
+            with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C closes it, too
                 window.show(stage)
-            finally:
-                was_cut = stage.finish()
+            return stage.finish()
     finally:
         window.close()
-    return was_cut
 
 
 class _Window:

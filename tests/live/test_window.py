@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -206,6 +207,17 @@ def test_another_shape_and_speed_are_dropped_and_kept_beside_the_first(
     found = [Result.load(f"{window.folder}{end}").scene.impactor for end in ("", "-2", "-3")]
     assert [impactor.shape for impactor in found] == ["wedge", "flat", "flat"]
     assert found[2].velocity == pytest.approx(2.96)
+
+
+def test_ctrl_c_closes_the_window_and_keeps_what_there_is(show: Callable[..., Shown]) -> None:
+    window = show("--set", "numerics.end=10")
+    window.wait_for_motion()
+    window.process.send_signal(signal.SIGINT)
+    _, err = window.process.communicate(timeout=PATIENCE)
+    assert window.process.returncode == 130, err
+    assert "closed before its end" in err
+    assert "Traceback" not in err
+    assert Result.load(window.folder).run["interrupted"]
 
 
 def test_without_a_display_the_page_is_named(tmp_path: Path) -> None:
