@@ -1,11 +1,11 @@
-"""Films and frames of a run, as its scene asks, and films of two runs side by side."""
+"""Films and frames of a run, as its scene asks, and films of runs side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, prod, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from PIL import Image
 
 from taichi_foam.folders import output_folder
 from taichi_foam.picture import comparison, movie, raster
-from taichi_foam.picture.comparison import Pair
+from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.result import Result, Snapshot
@@ -26,8 +26,8 @@ Image8 = NDArray[np.uint8]
 #: GIFs count in hundredths of a second, and viewers slow down those of more frames per second.
 GIF_FPS = 25
 
-#: Width of a GIF of two runs [pixels].
-PAIR_GIF_WIDTH = 960
+#: A GIF of several runs has at most as many pixels as this.
+LINEUP_GIF = (960, 540)
 
 # Generous bytes per pixel of one frame: as a PNG, and in both films together.
 _PNG_BYTES, _FILM_BYTES = 0.3, 0.05
@@ -59,7 +59,7 @@ class Names:
         return cls(mp4, gif, "frames" if output.frames else None)
 
 
-PAIR_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
+LINEUP_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
 
 
 def frames_to_draw(result: Result, names: Names | None = None) -> int:
@@ -127,45 +127,48 @@ def write_gif(
     return movie.save_gif(pictures, path, fps, width)
 
 
-def pair_frames_to_draw(pair: Pair, names: Names = PAIR_NAMES) -> int:
-    """How many frames `write_pair` draws."""
-    return _count(names, pair.times, pair.a.scene.output.fps)
+def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
+    """How many frames `write_lineup` draws."""
+    return _count(names, lineup.times, lineup.runs[0].scene.output.fps)
 
 
-def write_pair(
-    pair: Pair,
+def write_lineup(
+    lineup: Lineup,
     folder: Path,
     on_frame: Callable[[], object] = lambda: None,
-    names: Names = PAIR_NAMES,
+    names: Names = LINEUP_NAMES,
 ) -> list[Path]:
-    """Draw two runs side by side as an MP4 and a GIF into an existing folder; return the paths.
+    """Draw runs side by side as an MP4 and a GIF into an existing folder; return the paths.
 
     Size, pace, mode and theme are those of the first run's scene. Older films are replaced.
 
     Args:
-        on_frame: called after each frame drawn, `pair_frames_to_draw` times.
+        on_frame: called after each frame drawn, `lineup_frames_to_draw` times.
         names: of the films; frames are not written.
 
     Raises:
         UserError: a film that cannot be written.
     """
-    output, look = pair.a.scene.output, Look.of(pair.a.scene)
+    first = lineup.runs[0].scene
+    output, look = first.output, Look.of(first)
 
     def drawn(times: Sequence[float], size: tuple[int, int]) -> Iterator[Image8]:
         for time in times:
-            picture = comparison.frame(pair, time, size, look=look)
+            picture = comparison.frame(lineup, time, size, look=look)
             on_frame()
             yield picture
 
     written: list[Path] = []
     size, stride = (output.width, output.height), _stride(output.fps)
     if names.mp4:
-        frames = drawn(pair.times, size)
+        frames = drawn(lineup.times, size)
         written.append(movie.save_mp4(frames, folder / names.mp4, output.fps))
     if names.gif:
-        frames = drawn(pair.times[::stride], scaled(*size, PAIR_GIF_WIDTH))
+        share = sqrt(prod(LINEUP_GIF) / prod(size))
+        small = scaled(*size, round(share * size[0]))
+        frames = drawn(lineup.times[::stride], small)
         fps = max(1, round(output.fps / stride))
-        written.append(movie.save_gif(frames, folder / names.gif, fps, PAIR_GIF_WIDTH))
+        written.append(movie.save_gif(frames, folder / names.gif, fps, small[0]))
     return written
 
 

@@ -6,6 +6,7 @@ defaults of `taichi_foam.scene`; they stand here again in the paper's words for 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -112,6 +113,11 @@ _SHAPE: dict[str, type[FlatBlock] | type[Cylinder] | type[Wedge]] = {
     "wedge": Wedge,
 }
 
+# For titles, by the shape of a scene's impactor.
+_WORDS = {"flat": "flat block", "cylinder": "cylinder", "wedge": "wedge", "polygon": "polygon"}
+# What the runs of an ensemble vary by, 0.5 %, and what rounding adds to it.
+_ITS_OWN = 0.00501
+
 
 def describe(name: str) -> str:
     """Return one line about a test: shape, velocity, where the paper treats it."""
@@ -120,6 +126,20 @@ def describe(name: str) -> str:
     return (
         f"6 kg {words[shape]} at {velocity:.2f} m/s (Table {_TABLE[shape]}{_FIGURE.get(name, '')})"
     )
+
+
+def title(scene: Scene) -> str:
+    """What a scene is called for people: "wedge, 2.86 m/s" if it is a test or made of one.
+
+    Shape and velocity are those of the scene. Within 0.5 % the velocity is the test's own, as for
+    the runs of an ensemble. Any other scene is called by its name.
+    """
+    if scene.name not in MEASURED or scene.impactor is None:
+        return scene.name
+    velocity, own = scene.impactor.velocity, _split(scene.name)[1]
+    if math.isclose(velocity, own, rel_tol=_ITS_OWN):
+        velocity = own
+    return f"{_WORDS[scene.impactor.shape]}, {velocity:.2f} m/s"
 
 
 def paper_scene(name: str, choices: str = "calibrated") -> Scene:

@@ -103,8 +103,10 @@ def render_command(
 
 
 def compare_command(
-    run_a: Annotated[str, typer.Argument(metavar="RUN_A", help=_RUN)],
-    run_b: Annotated[str, typer.Argument(metavar="RUN_B", help="Folder of another.")],
+    runs: Annotated[
+        list[str],
+        typer.Argument(metavar="RUN", help="Folders of two to four stored runs."),
+    ],
     mode: Mode = None,
     theme: Theme = None,
     size: Size = None,
@@ -115,16 +117,19 @@ def compare_command(
     out: Annotated[str, typer.Option(help="Folder for the files.")] = "comparison",
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Show two stored runs side by side in time; without a kind, as GIF and MP4."""
+    """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
-        a, b = _loaded(run_a, mode, theme, size, fps), _loaded(run_b)
+        results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
         from taichi_foam import films
         from taichi_foam.picture import comparison, montage
 
-        folders = (Path(run_a).name, Path(run_b).name)
-        pair = comparison.Pair.of(a, b, folders if folders[0] != folders[1] else (run_a, run_b))
-        name = f"comparison-{a.scene.output.mode}"
+        folders = [Path(run).name for run in runs]
+        lineup = comparison.Lineup.of(
+            results, folders if len(set(folders)) == len(folders) else runs
+        )
+        output = results[0].scene.output
+        name = f"comparison-{output.mode}"
         if not (gif or mp4 or png):
             gif = mp4 = True
         jobs = []
@@ -133,13 +138,13 @@ def compare_command(
             (gif, films.Names(gif=f"{name}.gif")),
         ):
             if wanted:
-                pieces = films.pair_frames_to_draw(pair, names)
-                write = partial(films.write_pair, pair, names=names)
+                pieces = films.lineup_frames_to_draw(lineup, names)
+                write = partial(films.write_lineup, lineup, names=names)
                 jobs.append(Job((str(names.mp4 or names.gif),), pieces, write))
         if png:
-            width = a.scene.output.width if size else montage.WIDTH
+            width = output.width if size else montage.WIDTH
             montage.check_width(width)
-            jobs.append(_still(f"{name}.png", partial(comparison.instants, pair, width=width)))
+            jobs.append(_still(f"{name}.png", partial(comparison.instants, lineup, width=width)))
         _deliver(jobs, out, overwrite, console, errors)
 
 

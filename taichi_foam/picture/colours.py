@@ -30,8 +30,7 @@ class Theme:
     crack_on_dark: Rgb  # the line of a crack through foam in a dark colour
     steel: Rgb
     steel_edge: Rgb
-    curve: Rgb
-    other_curve: Rgb  # of a second run beside the first
+    curves: tuple[Rgb, Rgb, Rgb, Rgb]  # of runs beside one another; one alone has the first
 
 
 THEMES = {
@@ -46,8 +45,8 @@ THEMES = {
         crack_on_dark=(46, 34, 30),
         steel=(158, 166, 176),
         steel_edge=(56, 64, 74),
-        curve=(0, 114, 178),
-        other_curve=(213, 94, 0),
+        # blue, vermillion, bluish green and reddish purple of Okabe & Ito, the last a little darker
+        curves=((0, 114, 178), (213, 94, 0), (0, 158, 115), (194, 108, 157)),
     ),
     "dark": Theme(
         page=(22, 24, 28),
@@ -60,8 +59,7 @@ THEMES = {
         crack_on_dark=(186, 176, 190),
         steel=(120, 130, 144),
         steel_edge=(206, 214, 224),
-        curve=(86, 180, 233),
-        other_curve=(240, 170, 60),
+        curves=((86, 180, 233), (240, 170, 60), (0, 158, 115), (204, 121, 167)),
     ),
 }
 

@@ -1,4 +1,4 @@
-"""Two runs side by side: one clock, one scale, one colour key, and both decelerations."""
+"""Runs side by side: one clock, one scale, one colour key, and all decelerations."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam import paper
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, inset, montage, raster
 from taichi_foam.picture.inset import Curve
@@ -25,77 +26,90 @@ if TYPE_CHECKING:
 
 Image8 = NDArray[np.uint8]
 
+#: How many runs can stand side by side.
+FEWEST, MOST = 2, 4
 #: Instants of a montage.
 INSTANTS = 4
 #: Words need a picture of at least this share of 1280 x 720.
 _LEAST_UNIT = 0.5
+#: A page wider than so many times its height has no room for the diagram.
+_WIDE = 2.5
+#: A field narrower than this, in units of a layout, has shorter words above it.
+_NARROW = 450
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two finished runs to be shown together.
+class Lineup:
+    """Two to four finished runs to be shown together.
 
-    a, b   left or upper run, right or lower run; each with a snapshot at least
-    names  what they are called in the pictures
-    shared what both are called, if the names are only what differs
+    runs    from left to right or downwards; each with a snapshot at least
+    names   what they are called in the pictures
+    shared  what all are called, if the names are only what differs
 
-    Raises UserError for a run without snapshots.
+    Raises UserError for fewer or more runs, and for one without snapshots.
     """
 
-    a: Result
-    b: Result
-    names: tuple[str, str]
+    runs: tuple[Result, ...]
+    names: tuple[str, ...]
     shared: str = ""
 
     def __post_init__(self) -> None:
+        if not FEWEST <= len(self.runs) <= MOST:
+            raise UserError(f"runs to compare: {len(self.runs)} given, must be {FEWEST} to {MOST}")
         for result, name in zip(self.runs, self.names, strict=True):
             if not result.snapshots:
                 raise UserError(f"{name}: the run has no snapshots to show; run it again")
 
     @classmethod
-    def of(cls, a: Result, b: Result, folders: tuple[str, str] = ("first", "second")) -> Pair:
-        """Two runs under names that tell them apart: their scenes', what differs, or `folders`."""
-        if a.scene.name != b.scene.name:
-            return cls(a, b, (a.scene.name, b.scene.name))
-        return cls(a, b, told_apart(a.scene, b.scene) or folders, a.scene.name)
-
-    @property
-    def runs(self) -> tuple[Result, Result]:
-        return self.a, self.b
+    def of(cls, runs: Sequence[Result], folders: Sequence[str] = ()) -> Lineup:
+        """Runs under names that tell them apart: their titles, what differs, or `folders`."""
+        folders = folders or [f"run {k + 1}" for k in range(len(runs))]
+        scenes = [run.scene for run in runs]
+        names = [paper.title(scene) for scene in scenes]
+        called = dict.fromkeys(names)
+        if len(called) == 1:
+            return cls(tuple(runs), told_apart(scenes) or tuple(folders), names[0])
+        for name in called:
+            places = [k for k, other in enumerate(names) if other == name]
+            if len(places) > 1:
+                words = told_apart([scenes[k] for k in places]) or [folders[k] for k in places]
+                for k, word in zip(places, words, strict=True):
+                    names[k] = f"{name}: {word}"
+        return cls(tuple(runs), tuple(names))
 
     @cached_property
     def times(self) -> list[float]:
-        """Instants of a film [s]: the finer run's snapshots, then what the other has after them.
+        """Instants of a film [s]: the finest run's snapshots, then what others have after them.
 
-        Of two equally fine the longer one's.
+        Of equally fine ones the longest comes first.
         """
 
         def rank(run: Result) -> tuple[float, float]:
             return run.scene.output.snapshot_interval, -run.snapshots[-1].time
 
-        finer, other = sorted(self.runs, key=rank)
-        times = [snapshot.time for snapshot in finer.snapshots]
-        return [*times, *(s.time for s in other.snapshots if s.time > times[-1])]
+        times: list[float] = []
+        for run in sorted(self.runs, key=rank):
+            times += [s.time for s in run.snapshots if not times or s.time > times[-1]]
+        return times
 
     @cached_property
     def window(self) -> Window:
-        """The part of the world that both halves show [m]."""
-        return _together(window(self.a.scene), window(self.b.scene))
+        """The part of the world that all fields show [m]."""
+        return _together([window(run.scene) for run in self.runs])
 
     @cached_property
     def curves(self) -> list[Curve]:
         """The decelerations of the runs that have an impactor, by name."""
         last = max(self.times[-1], 1e-9)
         return [
-            Curve.of(run.history, last, name, second)
-            for run, name, second in zip(self.runs, self.names, (False, True), strict=True)
+            Curve.of(run.history, last, name, place)
+            for place, (run, name) in enumerate(zip(self.runs, self.names, strict=True))
             if run.scene.impactor is not None
         ]
 
     def key(self, look: Look) -> Key:
-        """The key of the first scene, or of the second where that goes further."""
-        a, b = (look.shown.key(run.scene) for run in self.runs)
-        return b if b.top > a.top else a
+        """The key of the scene whose key goes furthest, of the first such one."""
+        return max((look.shown.key(run.scene) for run in self.runs), key=lambda key: key.top)
 
 
 def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
@@ -105,9 +119,9 @@ def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
 
 
 def frame(
-    pair: Pair, time: float, size: tuple[int, int] = (1280, 720), *, look: Look | None = None
+    lineup: Lineup, time: float, size: tuple[int, int] = (1280, 720), *, look: Look | None = None
 ) -> Image8:
-    """Draw one instant of both runs, with names, impactor displacements, time, key and curves.
+    """Draw one instant of all runs, with names, impactor displacements, time, key and curves.
 
     Args:
         time: of the instant [s]; a run that has ended before stays as it ended.
@@ -115,7 +129,8 @@ def frame(
         look: mode, theme and grid; default those of the first run's scene.
 
     Returns:
-        uint8 (height, width, 3). Below half of 1280 x 720 pixels there is no text.
+        uint8 (height, width, 3). Below half of 1280 x 720 pixels there is no text; a page wider
+        than two and a half times its height has no curves.
 
     Raises:
         UserError: a size below 64 x 64.
@@ -123,39 +138,34 @@ def frame(
     width, height = size
     if width < raster.SMALLEST[0] or height < raster.SMALLEST[1]:
         raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
-    look = look or Look.of(pair.a.scene)
-    shape = (pair.window.y_max - pair.window.y_min) / (pair.window.x_max - pair.window.x_min)
-    tones, layout, key = look.tones, _Layout(size, look.words, shape), pair.key(look)
+    look = look or Look.of(lineup.runs[0].scene)
+    tones, layout, key = look.tones, _Layout.best(lineup, size, look.words), lineup.key(look)
     image, unit = annotate.blank(width, height, tones.page), layout.unit
     scale = 1.0
-    for run, box in zip(pair.runs, layout.fields, strict=True):
-        view = fit(pair.window, box)
+    for run, box in zip(lineup.runs, layout.fields, strict=True):
+        view = fit(lineup.window, box)
         scale = view.scale
         annotate.field(image, view, unit, tones)
         raster.draw(image, at(run.snapshots, time), run.scene, view, unit, look, key)
     if not layout.has_text:
         return image
-    for k in (0, 1):
-        _write_head(image, layout, pair, k, time, look)
-    strip = layout.strip
-    if pair.curves:
-        left = layout.fields[0]
-        diagram = Box(left.left, strip.top, left.right, strip.bottom)
-        shown = [curve.until(time) for curve in pair.curves]
-        inset.draw(image, diagram, shown, look.theme, 1.2 * unit)
-        strip = Box(layout.fields[1].left, strip.top, strip.right, strip.bottom)
-    _write_clock(image, strip, unit, time, scale, look, key)
+    for k in range(len(lineup.runs)):
+        _write_head(image, layout, lineup, k, time, look)
+    if layout.diagram and lineup.curves:
+        shown = [curve.until(time) for curve in lineup.curves]
+        inset.draw(image, layout.diagram, shown, look.theme, 1.2 * unit)
+    _write_clock(image, layout, time, scale, look, key)
     return image
 
 
 def instants(
-    pair: Pair,
+    lineup: Lineup,
     *,
     n: int = INSTANTS,
     width: int = montage.WIDTH,
     look: Look | None = None,
 ) -> Image8:
-    """Draw `n` instants of both runs as one picture `width` pixels wide, the first run above.
+    """Draw `n` instants of all runs as one picture `width` pixels wide, a row for each run.
 
     Returns uint8 (h, width, 3), h even. Raises UserError for fewer than one instant, and for
     a width that `montage.check_width` refuses.
@@ -163,20 +173,21 @@ def instants(
     montage.check_width(width)
     if n < 1:
         raise UserError(f"montage: n = {n}; must be at least 1")
-    look = look or Look.of(pair.a.scene)
-    tones, key = look.tones, pair.key(look)
+    look = look or Look.of(lineup.runs[0].scene)
+    tones, key = look.tones, lineup.key(look)
     unit = width / montage.WIDTH
     gap, text = round(montage.GAP * unit), montage.TEXT * unit
     across = (width - gap * (n + 1)) // n
-    world = _together(*(window(run.scene, side=0.14, above=0.42) for run in pair.runs))
+    world = _together([window(run.scene, side=0.14, above=0.42) for run in lineup.runs])
     high = montage.height_of(across, world, text)
     head, foot = round(1.9 * text), round(montage.FOOT * unit)
-    above = 2 * (head + high) + foot
+    above = len(lineup.runs) * (head + high) + foot
     image = annotate.blank(width, above + above % 2, tones.page)
-    shown, scale = np.linspace(pair.times[0], pair.times[-1], n), 1.0
-    for k, (run, top) in enumerate(zip(pair.runs, (head, 2 * head + high), strict=True)):
-        room = width - 2 * gap
-        _write_name(image, (gap + 2, top - 0.55 * text), pair, k, room, 1.0 * text, look)
+    shown, scale = np.linspace(lineup.times[0], lineup.times[-1], n), 1.0
+    for k, run in enumerate(lineup.runs):
+        top = head + k * (head + high)
+        place, room = (gap + 2, top - 0.55 * text), width - 2 * gap
+        _write_name(image, place, lineup, k, room, 1.0 * text, look)
         for column, time in enumerate(shown):
             left = gap + column * (across + gap)
             box = Box(left, top, left + across, top + high)
@@ -186,27 +197,26 @@ def instants(
     return image
 
 
-def told_apart(a: Scene, b: Scene) -> tuple[str, str] | None:
-    """What tells two scenes of one name apart, in a few words each; None if it takes too many.
+def told_apart(scenes: Sequence[Scene]) -> tuple[str, ...] | None:
+    """What tells scenes of one name apart, in a few words each; None if it takes too many.
 
     Names of `CHOICE_SETS`, or up to two keys with their values; `output` does not count.
     """
-    flat = [_flat(scene.model_dump()) for scene in (a, b)]
-    sets = [_choice_set(one) for one in flat]
-    if sets[0] and sets[1] and sets[0] != sets[1]:
-        return sets[0], sets[1]
-    keys = [
-        key for key in dict.fromkeys([*flat[0], *flat[1]]) if flat[0].get(key) != flat[1].get(key)
-    ]
+    flat = [_flat(scene.model_dump()) for scene in scenes]
+    sets = tuple(filter(None, (_choice_set(one) for one in flat)))
+    if len(set(sets)) == len(scenes):
+        return sets
+    every = dict.fromkeys(key for one in flat for key in one)
+    keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
     if "impactor.shape" in keys:
         keys = ["impactor.shape"]
     if not 1 <= len(keys) <= 2:
         return None
-    first, second = (
+    words = tuple(
         ", ".join(f"{key} = {_shown(one.get(key))}{_unit(scene, key)}" for key in keys)
-        for one, scene in zip(flat, (a, b), strict=True)
+        for one, scene in zip(flat, scenes, strict=True)
     )
-    return first, second
+    return words if len(set(words)) == len(words) else None
 
 
 def _flat(table: dict[str, Any], head: str = "") -> dict[str, Any]:
@@ -248,94 +258,138 @@ def _unit(scene: Scene, key: str) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _together(a: Window, b: Window) -> Window:
-    """The smallest window that holds both."""
+def _together(windows: Sequence[Window]) -> Window:
+    """The smallest window that holds all."""
     return Window(
-        min(a.x_min, b.x_min), max(a.x_max, b.x_max), min(a.y_min, b.y_min), max(a.y_max, b.y_max)
+        min(w.x_min for w in windows),
+        max(w.x_max for w in windows),
+        min(w.y_min for w in windows),
+        max(w.y_max for w in windows),
     )
 
 
 class _Layout:
     """Where the parts of a frame lie [pixels]; with `words`, if they have room.
 
-    `shape` is what the fields show: height over width. What they leave free the diagram takes.
+    The fields stand in `columns`; what they leave free below them the diagram takes. `beside` puts
+    clock and diagram at their right instead. On a wide page clock and key are one line.
     """
 
-    def __init__(self, size: tuple[int, int], words: bool, shape: float) -> None:
-        width, height = size
-        unit = self.unit = min(width / 1280, height / 720)
+    diagram: Box | None = None
+
+    def __init__(
+        self, lineup: Lineup, size: tuple[int, int], words: bool, columns: int, beside: bool
+    ) -> None:
+        (width, height), world = size, lineup.window
+        self.is_level, self.beside = width > _WIDE * height, beside
+        unit = self.unit = min(width / 1280, height / (460 if self.is_level else 720))
         self.has_text = words and unit >= _LEAST_UNIT - 1e-9
-        margin = max(2, round(18 * unit))
-        head, foot = (round(80 * unit), round(214 * unit)) if self.has_text else (margin, margin)
-        half = (width - 3 * margin) // 2
-        tall = min(height - head - foot, round(half * shape))
-        gap = round(12 * unit)
-        low = foot - gap - margin  # height of the strip below the fields
+        rows = -(-len(lineup.runs) // columns)
+        margin, gap = max(2, round(18 * unit)), round(12 * unit)
+        head, foot, side = margin, margin, 0
         if self.has_text:
-            low = min(max(low, round(0.6 * half)), height - head - tall - gap - margin)
-        # What is still free on an upright page is shared between its top and its foot.
-        self.rise = (height - head - tall - gap - low - margin) // 2 if self.has_text else 0
-        top = head + self.rise
-        self.fields = tuple(
-            Box(left, top, left + half, top + tall) for left in (margin, width - margin - half)
-        )
-        top += tall + gap
-        self.strip = Box(margin, top, width - margin, top + low)
+            head = round(80 * unit)
+            side = round(372 * unit) + margin if beside else 0
+            foot = margin if beside else round((110 if self.is_level else 214) * unit)
+        shape = (world.y_max - world.y_min) / (world.x_max - world.x_min)
+        across = (width - side - (columns + 1) * margin) // columns
+        tall = min((height - rows * head - foot) // rows, round(across * shape))
+        self.pixels = min(across, tall / shape)  # how wide the world is drawn
+        used, half = rows * (head + tall), (width - 3 * margin) // 2
+        low = foot - gap - margin  # height of what stands below the fields
+        if self.has_text and not (self.is_level or beside):
+            low = min(max(low, round(0.6 * half)), height - used - gap - margin)
+        # What is still free on the page is shared between its top and its foot.
+        rise = (height - used - gap - low - margin) // 2 if self.has_text else 0
+        step = (width - side - 2 * margin - across) / max(1, columns - 1)
+        self.fields: list[Box] = []
+        for k in range(len(lineup.runs)):
+            left = round(margin + k % columns * step)
+            top = rise + head + k // columns * (head + tall)
+            self.fields.append(Box(left, top, left + across, top + tall))
+        top, foot = rise + used + gap, rise + used + gap + low
+        self.clock = Box(margin, top, width - margin, foot)
+        if beside:
+            left, foot = width - side, rise + used
+            middle = foot - round(0.62 * (side - margin))
+            self.clock = Box(left, rise + head, width - margin, middle - gap)
+            self.diagram = Box(left, middle, width - margin, foot)
+        elif lineup.curves and not self.is_level:
+            self.diagram = Box(margin, top, margin + half, foot)
+            self.clock = Box(width - margin - half, top, width - margin, foot)
+
+    @classmethod
+    def best(cls, lineup: Lineup, size: tuple[int, int], words: bool) -> _Layout:
+        """The one with the largest fields: all in a row, three below one another, four as 2 x 2."""
+        grids = {2: [(2, False)], 3: [(3, False), (1, False)]}
+        four = [(4, False), (2, False), (2, True)]
+        found = [cls(lineup, size, words, *grid) for grid in grids.get(len(lineup.runs), four)]
+        return max(found, key=lambda layout: layout.pixels)
 
 
 def _write_head(
-    image: Image8, layout: _Layout, pair: Pair, k: int, time: float, look: Look
+    image: Image8, layout: _Layout, lineup: Lineup, k: int, time: float, look: Look
 ) -> None:
     """The name above a field, and below it displacement and, once it is over, the run's end."""
-    box, unit, tones, run = layout.fields[k], layout.unit, look.tones, pair.runs[k]
-    _write_name(image, (box.left, layout.rise + 36 * unit), pair, k, box.width, 26 * unit, look)
+    box, unit, tones, run = layout.fields[k], layout.unit, look.tones, lineup.runs[k]
+    head = box.top - round(80 * unit)
+    _write_name(image, (box.left, head + 36 * unit), lineup, k, box.width, 26 * unit, look)
     plain, bold = annotate.font(21 * unit), annotate.font(24 * unit, bold=True)
-    foot, last = layout.rise + 68 * unit, run.snapshots[-1].time
+    foot, last, start = head + 68 * unit, run.snapshots[-1].time, float(box.left)
     if run.scene.impactor is not None:
-        words = "displacement "
         depth = raster.depth_text(raster.sunk(at(run.snapshots, time), run.scene))
-        annotate.write(image, (box.left, foot), words, plain, colour=tones.soft_ink)
-        start = box.left + plain.getlength(words)
-        annotate.write(image, (start, foot), depth, bold, colour=tones.ink)
+        parts = [("displacement ", plain, tones.soft_ink), (depth, bold, tones.ink)]
+        if box.width < _NARROW * unit:
+            parts = [parts[1], (" deep", plain, tones.soft_ink)]
+        for words, face, tone in parts:
+            annotate.write(image, (start, foot), words, face, colour=tone)
+            start += face.getlength(words)
     if time > last * (1 + 1e-9):
         ended = f"ended at {1e3 * last:.1f} ms"
+        if start + 0.5 * 21 * unit + plain.getlength(ended) > box.right:
+            ended = "ended"
         annotate.write(image, (box.right, foot), ended, plain, anchor="rs", colour=tones.soft_ink)
 
 
 def _write_name(
     image: Image8,
     place: tuple[float, float],
-    pair: Pair,
+    lineup: Lineup,
     k: int,
     room: float,
     size: float,
     look: Look,
 ) -> None:
-    """A run's name in the colour of its curve, then what both are called, where there is room."""
+    """A run's name in the colour of its curve, then what all are called, where there is room."""
     bold, plain = annotate.font(size, bold=True), annotate.font(0.8 * size)
-    tone = (look.tones.curve, look.tones.other_curve)[k]
-    name = annotate.shortened(pair.names[k], bold, room)
-    annotate.write(image, place, name, bold, colour=tone)
+    name = annotate.shortened(lineup.names[k], bold, room)
+    annotate.write(image, place, name, bold, colour=look.tones.curves[k])
     start = bold.getlength(name) + 0.7 * size
-    if pair.shared and start + plain.getlength(pair.shared) <= room:
+    if lineup.shared and start + plain.getlength(lineup.shared) <= room:
         after = (place[0] + start, place[1])
-        annotate.write(image, after, pair.shared, plain, colour=look.tones.soft_ink)
+        annotate.write(image, after, lineup.shared, plain, colour=look.tones.soft_ink)
 
 
 def _write_clock(
-    image: Image8, box: Box, unit: float, time: float, scale: float, look: Look, key: Key
+    image: Image8, layout: _Layout, time: float, scale: float, look: Look, key: Key
 ) -> None:
-    """Time and scale bar, and the key below them."""
+    """Time, scale bar and key: the key below them, in one line with them, or upright."""
+    box, unit, level = layout.clock, layout.unit, layout.is_level
     ink, plain = look.tones.ink, annotate.font(21 * unit)
     foot = box.top + 58 * unit
     annotate.write(image, (box.left, box.top + 20 * unit), "time", plain, colour=ink)
     big = annotate.font(34 * unit, bold=True)
     annotate.write(image, (box.left, foot), f"{1e3 * time:.1f} ms", big, colour=ink)
-    middle = box.left + 0.5 * box.width
+    middle = box.left + (0.16 if level else 0.5) * box.width
     annotate.scale_bar(image, middle, foot, scale, 170 * unit, 21 * unit, look.tones)
+    if layout.beside:
+        upright = Box(box.left, round(foot + 40 * unit), box.right, box.bottom)
+        annotate.upright_key(image, upright, 21 * unit, key, look.tones)
+        return
     # The last tick's text is centred on the bar's end.
     room = plain.getlength(key.ticks[-1][1]) / 2
-    place = Box(
-        box.left, round(foot + 40 * unit), round(box.right - room), round(foot + 126 * unit)
-    )
-    annotate.level_key(image, place, 21 * unit, key, look.tones, under=True)
+    left, top, high = box.left, foot + 40 * unit, 86 * unit
+    if level:
+        left, top, high = box.left + 0.33 * box.width, box.top, box.height
+    place = Box(round(left), round(top), round(box.right - room), round(top + high))
+    annotate.level_key(image, place, 21 * unit, key, look.tones, under=not level)

@@ -1,7 +1,8 @@
-"""Decelerations until now, of one run or of two, as a small diagram inside a frame."""
+"""Decelerations until now, of one run or of a few, as a small diagram inside a frame."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -29,7 +30,7 @@ class Curve:
     time, deceleration  (n,) [s], [m/s2], until now
     last, top           ends of the axes [s], [m/s2]; the same over a film
     name                what it is called where there are several
-    second              it is the other run's, and has its colour
+    place               whose it is among the runs shown, from 0: its colour
     """
 
     time: Array
@@ -37,7 +38,7 @@ class Curve:
     last: float
     top: float
     name: str = ""
-    second: bool = False
+    place: int = 0
 
     @classmethod
     def of(
@@ -45,7 +46,7 @@ class Curve:
         history: Mapping[str, Array],
         last: float | None = None,
         name: str = "",
-        second: bool = False,
+        place: int = 0,
     ) -> Curve:
         """The smoothed deceleration of a run, whole or so far, on axes that just hold it."""
         time, values = history["time_s"], history["deceleration_smoothed_m_s2"]
@@ -53,7 +54,7 @@ class Curve:
         end = last or float(np.max(time, initial=0.0))
         # runs end a step after a round time
         ends = _round_up(0.998 * end), _round_up(1.05 * top or 1.0)
-        return cls(time, values, *ends, name, second)
+        return cls(time, values, *ends, name, place)
 
     def until(self, time: float) -> Curve:
         """The part up to a time [s], on the same axes."""
@@ -72,10 +73,12 @@ def _round_up(value: float) -> float:
 def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: float) -> None:
     """Draw the diagram over `image` (h, w, 3) in `box`, in place; `unit` as in `raster.draw`.
 
-    Two curves share the larger of their axes; the first lies on top, and their names stand above.
+    Several curves share the largest of their axes; the first lies on top, and their names stand
+    above where they have room.
     """
     last, top = max(curve.last for curve in curves), max(curve.top for curve in curves)
-    names = tuple((curve.name, _tone(curve.second, theme)) for curve in curves if curve.name)
+    tones = THEMES[theme].curves
+    names = tuple((curve.name, tones[curve.place]) for curve in curves if curve.name)
     panel, plot = _panel(box.width, box.height, last, top, names, theme, unit)
     picture = panel.copy()
     patch = picture[plot.top : plot.bottom, plot.left : plot.right]
@@ -85,7 +88,7 @@ def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: flo
     pen = ImageDraw.Draw(large)
     thick = max(_FINE, round(2.2 * unit * _FINE))
     for curve in reversed(curves):
-        tone = _tone(curve.second, theme)
+        tone = tones[curve.place]
         points = _points(replace(curve, last=last, top=top), plot)
         if len(points) > 1:
             pen.line(points, fill=tone, width=thick, joint="curve")
@@ -97,10 +100,6 @@ def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: flo
     image[box.top : box.bottom, box.left : box.right] = picture
 
 
-def _tone(second: bool, theme: str) -> Rgb:
-    return THEMES[theme].other_curve if second else THEMES[theme].curve
-
-
 def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
     """The curve in pixels of the enlarged plot, at most some points to a column."""
     known = np.isfinite(curve.deceleration)
@@ -110,6 +109,19 @@ def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
     x = _FINE * (plot.width - 1) * time[keep] / curve.last
     y = _FINE * (plot.height - 1) * (1 - np.clip(values[keep] / curve.top, -0.02, 1))
     return list(zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _names_across(names: Sequence[str], width: int, size: float) -> int:
+    """How many names stand in a line `width` wide: all, or two; 0 if there is no room for them.
+
+    The names of one run or two are shortened, where need be. Those of more can be left out, since
+    a comparison has them above its fields, too.
+    """
+    if len(names) <= 2:
+        return len(names)
+    bold = annotate.font(size, bold=True)
+    widest = max(bold.getlength(name) for name in names) + size
+    return next((across for across in (len(names), 2) if across * widest <= width), 0)
 
 
 @lru_cache(maxsize=32)
@@ -126,19 +138,21 @@ def _panel(
     tones = THEMES[theme]
     panel = annotate.blank(width, height, tones.page)
     size = 16 * unit
-    face = annotate.font(size)
-    head, foot = round((3.2 if names else 1.9) * size), round(1.8 * size)
+    face, bold = annotate.font(size), annotate.font(size, bold=True)
     side = round(face.getlength(f"{top:g}") + 1.1 * size)
-    plot = Box(side, head, width - round(0.9 * size), height - foot)
+    right = width - round(0.9 * size)
+    across = _names_across([name for name, _ in names], right - side, size)
+    lines = math.ceil(len(names) / across) if across else 0
+    head, foot = round((1.9 + 1.3 * lines) * size), round(1.8 * size)
+    plot = Box(side, head, right, height - foot)
     annotate.rectangle(panel, Box(0, 0, width, height), tones.frame)
     line = max(1, round(unit))
     annotate.rectangle(panel, Box(line, line, width - line, height - line), tones.page)
     title = (0.5 * size, 1.3 * size)
     annotate.write(panel, title, f"{_TITLE} (m/s²)", face, colour=tones.ink)
-    room = (plot.right - plot.left) / max(1, len(names))
-    for k, (name, tone) in enumerate(names):
-        place = (plot.left + k * room, 2.6 * size)
-        bold = annotate.font(size, bold=True)
+    room = plot.width / max(1, across)
+    for k, (name, tone) in enumerate(names if across else ()):
+        place = (plot.left + k % across * room, (2.6 + 1.3 * (k // across)) * size)
         annotate.write(panel, place, annotate.shortened(name, bold, room - size), bold, colour=tone)
     for share in (0.0, 0.5, 1.0):
         row = plot.bottom - 1 - round(share * (plot.height - 1))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam import paper
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, cells, colours, inset
 from taichi_foam.picture.inset import Curve
@@ -62,7 +63,7 @@ def frame(
         scene: what was run; block, impactor and start fix the window over a whole run.
         size: width and height [pixels].
         look: mode, theme and grid; default those of the scene.
-        title: text above the picture; default the scene's name.
+        title: text above the picture; default `paper.title` of the scene.
         note: a few words at the right of the title.
         displacement: of the impactor from its start, downwards [m]; default from the snapshot.
         world: the part of the world to show; default `view.window(scene)`.
@@ -81,7 +82,7 @@ def frame(
     look = look or Look.of(scene)
     layout = Layout(size, look.words)
     key = look.shown.key(scene)
-    name = scene.name if title is None else title
+    name = paper.title(scene) if title is None else title
     world, falls = world or window(scene), scene.impactor is not None
     page, view = _page(layout.size, world, name, look, key, bool(note), falls)
     image, unit = page.copy(), layout.unit

@@ -14,7 +14,7 @@ from PIL import Image
 
 from taichi_foam import films
 from taichi_foam.measures import NOSE_RISE_LIMIT_M, absorption_curve, impact
-from taichi_foam.paper import MEASURED
+from taichi_foam.paper import MEASURED, title
 from taichi_foam.picture import figures, overview, style
 from taichi_foam.picture.decelerations import Deceleration, decelerations
 from taichi_foam.picture.figures import Absorption
@@ -173,16 +173,16 @@ def _curves(folder: Path, key: str, group: Sequence[Case]) -> Plate:
 
 
 def _montage(folder: Path, key: str, case: Case) -> Plate:
-    kind, title = KINDS[key], _title(key, case)
+    kind, head = KINDS[key], _title(case)
     path = folder / f"montage-{key}.png"
     scene, snapshots = case.result.scene, case.result.snapshots
-    picture = Image.fromarray(montage(snapshots, scene, title=title, note=kind.reported))
+    picture = Image.fromarray(montage(snapshots, scene, title=head, note=kind.reported))
     # Flat colours: a palette takes a third of the bytes and no eye sees it.
     picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
     return _plate(
         path,
-        f"{title}{_which(case)}, as in Fig. {kind.montage_figure}. Each cell has the colour of the "
+        f"{head}{_which(case)}, as in Fig. {kind.montage_figure}. Each cell has the colour of the "
         "worst compressive strain that it has met; gaps are cracks.",
         f"Eight instants of the {kind.name.lower()} sinking into the foam at "
         f"{case.velocity:.2f} m/s.",
@@ -197,7 +197,7 @@ def _film(folder: Path, key: str, case: Case) -> Plate:
         film.seek(getattr(film, "n_frames", 1) - 1)
         film.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(still, optimize=True)
     slower = 1 / (output.fps * output.snapshot_interval)
-    caption = f"{_title(key, case)}{_which(case)}, slowed down {slower:.0f} times."
+    caption = f"{_title(case)}{_which(case)}, slowed down {slower:.0f} times."
     alt = f"Animation of the {KINDS[key].name.lower()} sinking into the foam."
     plate = _plate(path, caption, alt, still=_uri(still))
     still.unlink()
@@ -205,12 +205,12 @@ def _film(folder: Path, key: str, case: Case) -> Plate:
 
 
 def _ledger(folder: Path, key: str, case: Case) -> Plate:
-    title = _title(key, case)
+    head = _title(case)
     return _saved(
         figures.energy_ledger(case.result.history),
         folder / f"energy-ledger-{key}.png",
-        f"{title}{_which(case)}: where the energy is at each instant.",
-        f"Stacked areas of energy by mechanism over time; {title}. Its last instant stands in the "
+        f"{head}{_which(case)}: where the energy is at each instant.",
+        f"Stacked areas of energy by mechanism over time; {head}. Its last instant stands in the "
         "table of energies.",
     )
 
@@ -273,8 +273,9 @@ def _absorption(case: Case) -> Absorption:
     return Absorption(case.velocity, *curve)
 
 
-def _title(key: str, case: Case) -> str:
-    return f"{KINDS[key].name}, {case.velocity:.2f} m/s"
+def _title(case: Case) -> str:
+    """What a test is called at the head of a picture or a sentence."""
+    return title(case.scene).capitalize()
 
 
 def _which(case: Case) -> str:

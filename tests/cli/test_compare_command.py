@@ -1,4 +1,4 @@
-"""`compare`: two stored runs side by side, in files of their own."""
+"""`compare`: stored runs side by side, in files of their own."""
 
 from __future__ import annotations
 
@@ -86,6 +86,29 @@ def test_runs_that_change_places_change_halves(invoke: Callable, runs: Path) -> 
     assert np.abs(one[6, rows, right] - b).mean() > 3
 
 
+def test_three_runs_on_a_wide_page(invoke: Callable, runs: Path) -> None:
+    options = ["--size", "1280x480", "--gif", "--png"]
+    result = invoke("compare", "slow", "fast", "slow", *options)
+    assert result.exit_code == 0, result.output
+    count = len(Result.load(runs / "fast").snapshots)
+    with GifImageFile(runs / "comparison" / "comparison-worst-strain.gif") as gif:
+        assert gif.n_frames == count
+        width, height = gif.size
+        assert width * height <= 1.01 * 960 * 540
+        assert width / height == pytest.approx(1280 / 480, rel=0.01)
+        gif.seek(count - 1)
+        last = np.asarray(gif.convert("RGB")).astype(int)
+    # the first and the third field show one run; a field and a margin further comes the next
+    margin = round(18 * width / 1280)
+    step = (width - margin) / 3
+    rows, across = slice(round(0.2 * height), round(0.7 * height)), round(0.9 * step)
+    left, middle, right = (last[rows, margin + round(k * step) :][:, :across] for k in range(3))
+    assert np.abs(left - right).mean() < 6
+    assert np.abs(left - middle).mean() > 10
+    with Image.open(runs / "comparison" / "comparison-worst-strain.png") as picture:
+        assert picture.width == 1280
+
+
 def test_a_still_has_two_rows(invoke: Callable, runs: Path) -> None:
     result = invoke("compare", "slow", "fast", "--png", "--mode", "stress", "--size", "1200x720")
     assert result.exit_code == 0, result.output
@@ -111,7 +134,10 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path)
     [
         (["slow", "nowhere"], "nowhere: there is no such folder"),
         (["nowhere", "fast"], "nowhere: there is no such folder"),
-        (["slow"], "RUN_B"),
+        (["slow"], "runs to compare: 1 given, must be 2 to 4"),
+        (["slow", "fast", "slow", "fast", "slow"], "runs to compare: 5 given, must be 2 to 4"),
+        ([], "RUN"),
+        (["slow", "fast", "nowhere"], "nowhere: there is no such folder"),
         (["slow", "fast", "--mode", "heat"], "output.mode = 'heat'"),
         (["slow", "fast", "--size", "63x63"], "output.width = 63"),
         (["slow", "fast", "--size", "640x361"], "output.height = 361: must be even"),

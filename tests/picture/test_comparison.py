@@ -1,4 +1,4 @@
-"""Two runs side by side: each on its side, on one scale and key, and no word over another."""
+"""Runs side by side: each in its place, on one scale and key, and no word over another."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from picture_states import dented, intact, scene_of, split
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, comparison, inset, raster
-from taichi_foam.picture.comparison import Pair, told_apart
+from taichi_foam.picture.comparison import Lineup, told_apart
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
@@ -42,16 +42,37 @@ def cut(name: str = "cut", count: int = 31) -> Result:
     return result_of(scene, [split(scene, 0.004 * k, time=1e-3 * k) for k in range(count)], 40.0)
 
 
-def layout_of(pair: Pair, image: np.ndarray) -> comparison._Layout:
+def lean(name: str = "lean", count: int = 26) -> Result:
+    """A block with a dent, cut and leaning, with the impactor standing still."""
+    scene = scene_of(20, 10).model_copy(update={"name": name})
+    return result_of(scene, [split(scene, 0.1, time=1e-3 * k) for k in range(count)], 55.0)
+
+
+def shallow(name: str = "shallow", count: int = 16) -> Result:
+    """A flat block that sinks 1 mm every millisecond."""
+    scene = scene_of(20, 10).model_copy(update={"name": name})
+    return result_of(scene, [dented(scene, 0.001 * k, time=1e-3 * k) for k in range(count)], 30.0)
+
+
+def lineup_of(count: int) -> Lineup:
+    """So many different runs."""
+    return Lineup.of([dent(), cut(), lean(), shallow()][:count])
+
+
+def of_paper(name: str, *settings: str) -> Result:
+    """A test of the paper on a coarse lattice, before anything has happened."""
+    scene = load_scene(f"paper/{name}", overrides=["block.columns=20", *settings])
+    return result_of(scene, [intact(scene)])
+
+
+def layout_of(lineup: Lineup, image: np.ndarray) -> comparison._Layout:
     """Where the parts of a frame lie."""
-    world = pair.window
-    shape = (world.y_max - world.y_min) / (world.x_max - world.x_min)
-    return comparison._Layout((image.shape[1], image.shape[0]), True, shape)
+    return comparison._Layout.best(lineup, (image.shape[1], image.shape[0]), True)
 
 
-def halves(image: np.ndarray, pair: Pair) -> list[np.ndarray]:
-    """The two fields of a frame."""
-    fields = layout_of(pair, image).fields
+def fields_of(image: np.ndarray, lineup: Lineup) -> list[np.ndarray]:
+    """The fields of a frame."""
+    fields = layout_of(lineup, image).fields
     return [image[box.top : box.bottom, box.left : box.right] for box in fields]
 
 
@@ -61,38 +82,67 @@ def differing(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_when_the_runs_change_places_the_halves_do(theme: str) -> None:
-    a, b = dent(), cut()
-    one, other = Pair.of(a, b), Pair.of(b, a)
+@pytest.mark.parametrize("size", [SIZE, (1200, 432), (720, 1280)])
+@pytest.mark.parametrize("order", [(1, 0), (1, 2, 0), (2, 0, 3, 1)])
+def test_when_the_runs_change_places_the_fields_do(order: tuple, size, theme: str) -> None:
+    one = lineup_of(len(order))
+    other = Lineup.of([one.runs[k] for k in order])
     look = Look(theme=theme)
-    left, right = halves(comparison.frame(one, 0.015, SIZE, look=look), one)
-    left_2, right_2 = halves(comparison.frame(other, 0.015, SIZE, look=look), other)
-    assert differing(left, right_2) < 2e-3
-    assert differing(right, left_2) < 2e-3
-    assert differing(left, right) > 0.02
+    before = fields_of(comparison.frame(one, 0.015, size, look=look), one)
+    after = fields_of(comparison.frame(other, 0.015, size, look=look), other)
+    for place, k in enumerate(order):
+        assert differing(after[place], before[k]) < 3e-3
+        assert differing(after[place], before[place]) > 0.01
 
 
-def test_a_half_is_what_the_renderer_draws_of_that_run() -> None:
-    pair = Pair.of(dent(), cut())
-    image = comparison.frame(pair, 0.012, SIZE)
+@pytest.mark.parametrize(
+    ("count", "size", "grid"),
+    [
+        (2, (1280, 720), (2, 1)), (2, (720, 1280), (2, 1)), (2, (1200, 432), (2, 1)),
+        (3, (1280, 720), (3, 1)), (3, (720, 1280), (1, 3)), (3, (1200, 432), (3, 1)),
+        (4, (1280, 720), (2, 2)), (4, (720, 1280), (2, 2)), (4, (1600, 500), (4, 1)),
+    ],
+)  # fmt: skip
+def test_fields_stand_as_the_page_has_room_for_them(count: int, size, grid) -> None:
+    lineup = lineup_of(count)
+    boxes = comparison._Layout.best(lineup, size, True).fields
+    assert (len({box.left for box in boxes}), len({box.top for box in boxes})) == grid
+    assert [(box.top, box.left) for box in boxes] == sorted((box.top, box.left) for box in boxes)
+    assert len({(box.width, box.height) for box in boxes}) == 1
+
+
+def test_four_tall_windows_stand_in_a_row() -> None:
+    tall = Scene(name="tall", block=Block(width=0.1, height=0.3, columns=10, rows=30),
+                 impactor=FlatBlock(width=0.03))  # fmt: skip
+    run = result_of(tall, [intact(tall)])
+    boxes = comparison._Layout.best(Lineup.of([run] * 4), SIZE, True).fields
+    assert len({box.top for box in boxes}) == 1
+
+
+def test_a_field_is_what_the_renderer_draws_of_that_run() -> None:
+    lineup = Lineup.of([dent(), cut()])
+    image = comparison.frame(lineup, 0.012, SIZE)
     shape = image.shape[:2]
-    for box, run in zip(layout_of(pair, image).fields, pair.runs, strict=True):
+    for box, run in zip(layout_of(lineup, image).fields, lineup.runs, strict=True):
         alone = annotate.blank(shape[1], shape[0])
-        view = raster.fit(pair.window, box)
+        view = raster.fit(lineup.window, box)
         annotate.field(alone, view, 1.0)
         raster.draw(alone, run.snapshots[12], run.scene, view, 1.0)
         part = (slice(box.top, box.bottom), slice(box.left, box.right))
         np.testing.assert_array_equal(image[part], alone[part])
 
 
-def test_a_run_that_has_ended_stays_as_it_ended() -> None:
-    pair = Pair.of(dent(count=11), cut(count=31))
-    assert pair.times == pytest.approx([1e-3 * k for k in range(31)])
-    last = halves(comparison.frame(pair, 0.010, SIZE), pair)
-    later = halves(comparison.frame(pair, 0.025, SIZE), pair)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_run_that_has_ended_stays_as_it_ended(count: int) -> None:
+    lineup = Lineup.of([dent(count=11), cut(), cut("other"), cut("third")][:count])
+    assert lineup.times == pytest.approx([1e-3 * k for k in range(31)])
+    last = fields_of(comparison.frame(lineup, 0.010, SIZE), lineup)
+    later = fields_of(comparison.frame(lineup, 0.025, SIZE), lineup)
     np.testing.assert_array_equal(last[0], later[0])
-    assert differing(last[1], later[1]) > 0.005
-    assert comparison.at(pair.a.snapshots, 0.025) is pair.a.snapshots[-1]
+    for one, other in zip(last[1:], later[1:], strict=True):
+        assert differing(one, other) > 0.005
+    first = lineup.runs[0].snapshots
+    assert comparison.at(first, 0.025) is first[-1]
 
 
 def test_the_clock_is_that_of_the_finer_run_and_goes_on_to_the_end_of_the_longer() -> None:
@@ -101,21 +151,21 @@ def test_the_clock_is_that_of_the_finer_run_and_goes_on_to_the_end_of_the_longer
     output = fine.scene.output.model_copy(update={"snapshot_interval": 5e-4})
     half = [replace(s, time=s.time / 2) for s in fine.snapshots]
     fine = replace(fine, scene=fine.scene.model_copy(update={"output": output}), snapshots=half)
-    pair = Pair.of(coarse, fine)
+    lineup = Lineup.of([coarse, fine])
     expected = [5e-4 * k for k in range(11)] + [1e-3 * k for k in range(6, 31)]
-    assert pair.times == pytest.approx(expected)
+    assert lineup.times == pytest.approx(expected)
     assert comparison.at(coarse.snapshots, 0.0025).time == pytest.approx(0.002)
     assert comparison.at(coarse.snapshots, -1.0) is coarse.snapshots[0]
 
 
-def test_both_halves_have_one_scale_though_the_blocks_differ() -> None:
+def test_all_fields_have_one_scale_though_the_blocks_differ() -> None:
     small = Scene(name="small", block=Block(width=0.1, height=0.05, columns=20, rows=10),
                   impactor=FlatBlock(width=0.03))  # fmt: skip
-    pair = Pair.of(dent(), result_of(small, [intact(small)]))
-    image = comparison.frame(pair, 0.0, SIZE)
-    wide = [np.ptp(np.flatnonzero(_foam(half).any(axis=0))) for half in halves(image, pair)]
+    lineup = Lineup.of([dent(), result_of(small, [intact(small)])])
+    image = comparison.frame(lineup, 0.0, SIZE)
+    wide = [np.ptp(np.flatnonzero(_foam(field).any(axis=0))) for field in fields_of(image, lineup)]
     assert wide[0] / wide[1] == pytest.approx(2.0, rel=0.02)
-    feet = [np.flatnonzero(_foam(half).any(axis=1)).max() for half in halves(image, pair)]
+    feet = [np.flatnonzero(_foam(field).any(axis=1)).max() for field in fields_of(image, lineup)]
     assert abs(feet[0] - feet[1]) <= 1
 
 
@@ -124,28 +174,31 @@ def _foam(image: np.ndarray) -> np.ndarray:
     return image[..., 0].astype(int) - image[..., 2] > 40
 
 
-def test_a_colour_means_one_figure_on_both_sides() -> None:
-    """The key goes to the larger top, whichever side that is on."""
+def test_a_colour_means_one_figure_in_all_fields() -> None:
+    """The key goes to the largest top, wherever that is."""
     slow, fast = (dent(str(v), impactor=FlatBlock(velocity=v)) for v in (2.0, 5.0))
-    for pair in (Pair.of(slow, fast), Pair.of(fast, slow)):
-        assert pair.key(Look("speed")).top == pytest.approx(5.0)
-    same = Pair.of(slow, fast)
+    for order in ([slow, fast], [fast, slow], [slow, fast, slow]):
+        assert Lineup.of(order).key(Look("speed")).top == pytest.approx(5.0)
+    same = Lineup.of([slow, fast])
     assert same.key(Look("strain")) == MODES["strain"].key(slow.scene)
 
 
-def test_both_curves_grow_on_one_pair_of_axes() -> None:
-    pair = Pair.of(dent(count=21), cut(count=31))
-    first, second = pair.curves
-    assert (first.name, second.name) == ("dent", "cut")
-    assert first.last == second.last == pytest.approx(0.03)
-    assert (first.second, second.second) == (False, True)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_all_curves_grow_on_one_pair_of_axes(count: int) -> None:
+    lineup = lineup_of(count)
+    names = ["dent", "cut", "lean", "shallow"][:count]
+    assert [curve.name for curve in lineup.curves] == names
+    assert [curve.last for curve in lineup.curves] == pytest.approx([0.03] * count)
+    assert [curve.place for curve in lineup.curves] == list(range(count))
     tones = Look().tones
-    image = comparison.frame(pair, 0.020, SIZE)
-    strip = image[layout_of(pair, image).strip.top :, :640]
-    for tone in (tones.curve, tones.other_curve):
-        assert np.all(strip == tone, axis=-1).sum() > 200
+    image = comparison.frame(lineup, 0.020, SIZE)
+    box = layout_of(lineup, image).diagram
+    assert box is not None
+    strip = image[box.top : box.bottom, box.left : box.right]
+    for tone in tones.curves[:count]:
+        assert np.all(strip == tone, axis=-1).sum() > 100
     before, now, later = (
-        np.all(comparison.frame(pair, t, SIZE) == tones.other_curve, axis=-1).sum()
+        np.all(comparison.frame(lineup, t, SIZE) == tones.curves[1], axis=-1).sum()
         for t in (0.010, 0.020, 0.030)
     )
     assert before < now < later
@@ -153,12 +206,38 @@ def test_both_curves_grow_on_one_pair_of_axes() -> None:
 
 class TestNames:
     def test_are_those_of_the_scenes(self) -> None:
-        pair = Pair.of(dent("one"), cut("two"), ("runs/a", "runs/b"))
-        assert (pair.names, pair.shared) == (("one", "two"), "")
+        lineup = Lineup.of([dent("one"), cut("two"), lean("three")], ["runs/a", "runs/b", "c"])
+        assert (lineup.names, lineup.shared) == (("one", "two", "three"), "")
+
+    def test_are_the_titles_of_the_papers_tests(self) -> None:
+        lineup = Lineup.of([of_paper(name) for name in ("wedge-2.86", "rectangular-3.03")])
+        assert (lineup.names, lineup.shared) == (("wedge, 2.86 m/s", "flat block, 3.03 m/s"), "")
+        velocities = (2.5, 2.86, 4.0)
+        lineup = Lineup.of([of_paper("wedge-2.86", f"impactor.velocity={v}") for v in velocities])
+        assert lineup.names == tuple(f"wedge, {v:.2f} m/s" for v in velocities)
 
     def test_are_those_of_the_choice_sets(self) -> None:
         scenes = [load_scene("paper/wedge-2.86", s) for s in ("calibrated", "paper-literal")]
-        assert told_apart(*scenes) == ("calibrated", "paper-literal")
+        assert told_apart(scenes) == ("calibrated", "paper-literal")
+
+    def test_are_what_differs_among_three_and_four(self) -> None:
+        a = load_scene("paper/wedge-2.86")
+        rows = [load_scene(a, overrides=[f"block.rows={n}"]) for n in (20, 40, 10, 30)]
+        for count in (3, 4):
+            expected = tuple(f"block.rows = {n}" for n in (20, 40, 10, 30)[:count])
+            assert told_apart(rows[:count]) == expected
+        assert told_apart([a, rows[0], rows[1]]) is None  # the first two do not differ
+        runs = [of_paper("wedge-2.86", f"block.rows={n}") for n in (20, 40, 10)]
+        assert Lineup.of(runs).shared == "wedge, 2.86 m/s"
+
+    def test_of_some_that_are_called_the_same_have_more_behind_them(self) -> None:
+        settings = ("block.rows=20", "block.rows=40")
+        runs = [of_paper("wedge-2.86", one) for one in settings]
+        lineup = Lineup.of([runs[0], dent(), runs[1]], ["a", "b", "c"])
+        rows = [f"wedge, 2.86 m/s: block.rows = {n}" for n in (20, 40)]
+        assert (lineup.names, lineup.shared) == ((rows[0], "dent", rows[1]), "")
+        lineup = Lineup.of([runs[0], dent(), runs[0]], ["a", "b", "c"])
+        assert lineup.names == ("wedge, 2.86 m/s: a", "dent", "wedge, 2.86 m/s: c")
 
     @pytest.mark.parametrize(
         ("settings", "expected"),
@@ -181,12 +260,13 @@ class TestNames:
     )  # fmt: skip
     def test_are_what_differs(self, settings: list[str], expected: tuple | None) -> None:
         a = load_scene("paper/wedge-2.86")
-        assert told_apart(a, load_scene(a, overrides=settings)) == expected
+        assert told_apart([a, load_scene(a, overrides=settings)]) == expected
 
     def test_are_the_folders_where_nothing_else_helps(self) -> None:
         one = dent()
-        pair = Pair.of(one, one, ("runs/a", "runs/b"))
-        assert (pair.names, pair.shared) == (("runs/a", "runs/b"), "dent")
+        lineup = Lineup.of([one, one, one], ["runs/a", "runs/b", "c"])
+        assert (lineup.names, lineup.shared) == (("runs/a", "runs/b", "c"), "dent")
+        assert Lineup.of([one, one]).names == ("run 1", "run 2")
 
 
 @pytest.fixture
@@ -210,14 +290,22 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Iterator[list]:
 LONG = "a name that somebody has made rather longer than anybody needs it to be"
 
 
+SIZES = [(1280, 720), (1920, 1080), (640, 360), (720, 1280), (1200, 432), (1280, 480)]
+
+
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (640, 360), (720, 1280)])
-def test_no_word_of_a_frame_overlaps_or_is_cut(mode: str, size, written: list) -> None:
-    pair = Pair.of(dent(LONG, count=11), cut("b" + LONG))
-    image = comparison.frame(pair, 0.025, size, look=Look(mode, "dark"))
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_no_word_of_a_frame_overlaps_or_is_cut(count: int, mode: str, size, written: list) -> None:
+    runs = [dent(LONG, count=11), cut("b" + LONG), lean("short"), shallow("flat block, 3.03 m/s")]
+    lineup = Lineup.of(runs[:count])
+    image = comparison.frame(lineup, 0.025, size, look=Look(mode, "dark"))
     check_words(written)
-    assert {"displacement ", "ended at 10.0 ms", "25.0 ms", "2.00 cm"} <= {t for _, t, _ in written}
-    fields = [(b.left, b.top, b.right, b.bottom) for b in layout_of(pair, image).fields]
+    said = {text for _, text, _ in written}
+    assert {"25.0 ms", "2.00 cm"} <= said
+    assert said & {"displacement ", " deep"}
+    assert said & {"ended at 10.0 ms", "ended"}
+    fields = [(b.left, b.top, b.right, b.bottom) for b in layout_of(lineup, image).fields]
     for picture, text, box in written:
         if picture.shape == image.shape:
             assert not any(_meet(box, field) for field in fields), text
@@ -225,9 +313,22 @@ def test_no_word_of_a_frame_overlaps_or_is_cut(mode: str, size, written: list) -
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("width", [640, 1800])
-def test_no_word_of_a_montage_overlaps_or_is_cut(mode: str, width: int, written: list) -> None:
-    comparison.instants(Pair.of(dent(LONG), cut("cut")), width=width, look=Look(mode))
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_no_word_of_a_montage_overlaps_or_is_cut(
+    count: int, mode: str, width: int, written: list
+) -> None:
+    lineup = Lineup.of([dent(LONG), cut("cut"), lean(), shallow()][:count])
+    comparison.instants(lineup, width=width, look=Look(mode))
     check_words(written)
+
+
+def test_the_titles_of_the_papers_tests_are_whole_at_the_usual_size(written: list) -> None:
+    names = ("wedge-2.86", "cylinder-3.32", "rectangular-3.03", "wedge-3.60")
+    for count in (2, 3, 4):
+        written.clear()
+        lineup = Lineup.of([of_paper(name) for name in names[:count]])
+        comparison.frame(lineup, 0.0, SIZE)
+        assert set(lineup.names) <= {text for _, text, _ in written}
 
 
 def check_words(written: list) -> None:
@@ -246,42 +347,50 @@ def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def test_a_montage_has_the_first_run_above_at_the_same_instants(written: list) -> None:
-    pair = Pair.of(dent(count=11), cut(count=31))
-    image = comparison.instants(pair, n=4, width=1000)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_montage_has_a_row_for_each_run_at_the_same_instants(count: int, written: list) -> None:
+    runs = [dent(count=11), cut(count=31), lean(count=21), shallow(count=31)]
+    lineup = Lineup.of(runs[:count])
+    image = comparison.instants(lineup, n=4, width=1000)
     assert image.shape[1:] == (1000, 3)
     assert image.shape[0] % 2 == 0
     times = [text for _, text, _ in written if text.endswith(" ms")]
-    assert times == ["0.0 ms", "10.0 ms", "10.0 ms", "10.0 ms",
-                     "0.0 ms", "10.0 ms", "20.0 ms", "30.0 ms"]  # fmt: skip
+    ends = (10, 31, 20, 31)[:count]
+    assert times == [f"{min(t, end):.1f} ms" for end in ends for t in (0, 10, 20, 30)]
     high = {text: box[1] for _, text, box in written}
-    assert high["dent"] < high["cut"]
+    tops = [high[name] for name in lineup.names]
+    assert tops == sorted(tops)
+    assert len(set(tops)) == count
 
 
 def test_small_frames_have_fields_only(written: list) -> None:
-    pair = Pair.of(dent(), cut())
-    assert comparison.frame(pair, 0.01, (638, 360)).shape == (360, 638, 3)
-    assert comparison.frame(pair, 0.01, (64, 64)).shape == (64, 64, 3)
+    for count in (2, 3, 4):
+        lineup = lineup_of(count)
+        assert comparison.frame(lineup, 0.01, (638, 360)).shape == (360, 638, 3)
+        assert comparison.frame(lineup, 0.01, (64, 64)).shape == (64, 64, 3)
     assert written == []
 
 
 def test_runs_without_impactor_have_no_curves(written: list) -> None:
     scene = load_scene("gallery/shear-patch")
     start = result_of(scene, [intact(scene)])
-    pair = Pair.of(start, dent())
-    assert [curve.name for curve in pair.curves] == ["dent"]
-    comparison.frame(pair, 0.01)
+    lineup = Lineup.of([start, dent()])
+    assert [curve.name for curve in lineup.curves] == ["dent"]
+    comparison.frame(lineup, 0.01)
     assert [text for _, text, _ in written].count("displacement ") == 1
 
 
 def test_what_cannot_be_is_refused() -> None:
-    pair = Pair.of(dent(), cut())
+    lineup = Lineup.of([dent(), cut()])
     with pytest.raises(UserError, match="at least 64 x 64"):
-        comparison.frame(pair, 0.01, (63, 64))
+        comparison.frame(lineup, 0.01, (63, 64))
     with pytest.raises(UserError, match="n = 0; must be at least 1"):
-        comparison.instants(pair, n=0)
+        comparison.instants(lineup, n=0)
     with pytest.raises(UserError, match="width = 639 pixels; must be at least 640"):
-        comparison.instants(pair, width=639)
+        comparison.instants(lineup, width=639)
     scene = Scene(impactor=Wedge())
     with pytest.raises(UserError, match="empty: the run has no snapshots"):
-        Pair(dent(), result_of(scene, []), ("dent", "empty"))
+        Lineup((dent(), result_of(scene, [])), ("dent", "empty"))
+    for count in (0, 1, 5):
+        with pytest.raises(UserError, match=f"compare: {count} given, must be 2 to 4"):
+            Lineup.of([dent()] * count)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from picture_states import intact, scene_of
@@ -28,7 +30,7 @@ def drawn(curve: Curve, theme: str = "light") -> np.ndarray:
     outside[BOX.top : BOX.bottom, BOX.left : BOX.right] = (1, 2, 3)
     assert np.all(outside == (1, 2, 3))
     inside = image[BOX.top : BOX.bottom, BOX.left : BOX.right]
-    return np.all(inside == THEMES[theme].curve, axis=-1)
+    return np.all(inside == THEMES[theme].curves[0], axis=-1)
 
 
 @pytest.mark.parametrize("theme", THEMES)
@@ -78,3 +80,40 @@ def test_a_frame_has_the_curve_in_its_upper_left_corner_and_a_small_one_none() -
     assert columns.max() < field.left + 0.4 * field.width
     small = [raster.frame(state, scene, (160, 120), curve=c) for c in (None, ramp())]
     np.testing.assert_array_equal(*small)
+
+
+@pytest.mark.parametrize(
+    ("names", "width", "lines"),
+    [
+        (["a", "b"], 300, 1),
+        (["a name that is too long", "another that is too long"], 300, 1),
+        (["a", "b", "c"], 300, 1),
+        (["wedge, 2.86", "cylinder, 3.32", "flat, 3.03"], 300, 2),
+        (["wedge, 2.86", "cylinder, 3.32", "flat, 3.03", "wedge, 3.60"], 300, 2),
+        (["wedge, 2.86", "cylinder, 3.32", "flat, 3.03", "wedge, 3.60"], 200, 0),
+    ],
+)
+def test_names_stand_in_lines_above_the_diagram_where_they_have_room(
+    names, width, lines, monkeypatch
+) -> None:
+    written = {}
+    write = annotate.write
+
+    def record(image, xy, string, face, **options) -> None:
+        written[string] = xy
+        write(image, xy, string, face, **options)
+
+    monkeypatch.setattr(annotate, "write", record)
+    inset._panel.cache_clear()
+    image = annotate.blank(400, 200)
+    curves = [
+        replace(ramp(), deceleration=ramp().deceleration / (k + 1), name=name, place=k)
+        for k, name in enumerate(names)
+    ]
+    inset.draw(image, Box(10, 10, 10 + width, 190), curves, "light", 0.75)
+    inset._panel.cache_clear()
+    found = [xy for text, xy in written.items() if any(text[:4] == name[:4] for name in names)]
+    assert len({y for _, y in found}) == lines
+    assert len(found) == (len(names) if lines else 0)
+    for tone in THEMES["light"].curves[: len(names)]:
+        assert np.all(image == tone, axis=-1).any()

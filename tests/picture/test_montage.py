@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from picture_states import dented, intact, scene_of
 
+from taichi_foam import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.picture import colours
 from taichi_foam.picture.montage import choose, montage
@@ -76,3 +77,14 @@ def test_a_montage_of_nothing_is_refused(scene: Scene) -> None:
         montage(run_of(scene), scene, n=0)
     with pytest.raises(UserError, match="at least one"):
         montage(run_of(scene), scene, times=[])
+
+
+def test_a_test_of_the_paper_is_called_by_its_title() -> None:
+    scene = load_scene("paper/wedge-2.86", overrides=["block.columns=20", "block.rows=10"])
+    runs = run_of(scene_of(20, 10), 2)
+    default, given, name = (
+        montage(runs, scene, n=2, width=900, title=title)
+        for title in (None, "wedge, 2.86 m/s", scene.name)
+    )
+    np.testing.assert_array_equal(default, given)
+    assert np.any(default != name)

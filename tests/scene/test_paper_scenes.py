@@ -85,3 +85,33 @@ def test_unknown_names():
         paper.paper_scene("paper/wedge-9")
     with pytest.raises(UserError, match="calibrated, paper-literal"):
         paper.paper_scene("paper/wedge-2.86", "exact")
+
+
+def test_titles_are_for_people():
+    found = [paper.title(paper.paper_scene(name)) for name in paper.NAMES]
+    assert found[1:9:3] == ["flat block, 3.03 m/s", "cylinder, 2.94 m/s", "wedge, 2.86 m/s"]
+    assert len(set(found)) == 9
+
+
+@pytest.mark.parametrize(
+    ("velocity", "shown"),
+    [(2.86 * 1.005, "2.86"), (2.86 * 0.995, "2.86"), (2.9, "2.90"), (2.84, "2.84"), (5.0, "5.00")],
+)
+def test_a_title_has_the_velocity_of_the_test_or_the_one_that_was_set(velocity, shown):
+    """An ensemble's runs lie within 0.5 % of their test and are called by it."""
+    scene = paper.paper_scene("paper/wedge-2.86")
+    impactor = scene.impactor.model_copy(update={"velocity": velocity})
+    changed = scene.model_copy(update={"impactor": impactor})
+    assert paper.title(changed) == f"wedge, {shown} m/s"
+
+
+def test_a_title_names_the_shape_that_falls():
+    scene = paper.paper_scene("paper/wedge-2.86")
+    changed = scene.model_copy(update={"impactor": Cylinder(velocity=2.86)})
+    assert paper.title(changed) == "cylinder, 2.86 m/s"
+
+
+def test_other_scenes_are_called_by_their_names():
+    scene = paper.paper_scene("paper/wedge-2.86")
+    assert paper.title(scene.model_copy(update={"name": "an axe"})) == "an axe"
+    assert paper.title(scene.model_copy(update={"impactor": None})) == "paper/wedge-2.86"
