@@ -105,7 +105,7 @@ def _read(name: str) -> tuple[bytes, bytes, str]:
     if name == _PLOTLY:
         file = resources.files("plotly") / "package_data" / name
     else:
-        file = resources.files(__package__) / "assets" / name
+        file = resources.files("taichi_foam.live.page") / "assets" / name
     plain = file.read_bytes()
     tag = json.dumps(hashlib.sha256(plain).hexdigest()[:16])
     return plain, gzip.compress(plain, 6), tag

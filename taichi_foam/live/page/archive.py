@@ -66,7 +66,6 @@ class Archive:
         self._is_closing = False
         self._tries = 0  # grows when somebody asks to try again
         self._thread = threading.Thread(target=self._save_all, name="archive", daemon=True)
-        self._thread.start()
 
     def check(self, scene: Scene) -> None:
         """Raise UserError if a result of this scene could not be saved."""
@@ -81,6 +80,8 @@ class Archive:
         curve = thinned(history["time_s"], history["deceleration_smoothed_m_s2"])
         drop = Finished(number, about, ended, result, curve=curve)
         with self._state:
+            if self._thread.ident is None:
+                self._thread.start()
             self._drops.append(drop)
             del self._drops[:-MOST_LISTED]
             for old in self._drops[:-MOST_CURVES]:
@@ -123,7 +124,8 @@ class Archive:
         with self._state:
             self._is_closing = True
             self._state.notify()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
         return self._waiting()
 
     def _waiting(self) -> list[Finished]:

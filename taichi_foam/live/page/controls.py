@@ -149,7 +149,8 @@ class Controls:
             "below": schema.get("exclusiveMaximum"),
         }
         given = {word: limit / knob.factor for word, limit in limits.items() if limit is not None}
-        spoken = " ".join(f"{word} {_grouped(limit)}".strip() for word, limit in given.items())
+        spoken = " ".join(f"{word} {limit:,.12g}".strip() for word, limit in given.items())
+        spoken = spoken.replace(" below", ", below")
         allowed = f"{spoken} {knob.unit}".strip()
         about, _, _ = schema["description"].partition(" [")
         return {
@@ -216,11 +217,6 @@ def _check_range(knob: Knob, value: Value) -> None:
 
 def _shown(knob: Knob, value: Value) -> str:
     return "none" if value is None else f"{value / knob.factor:.6g} {knob.unit}".rstrip()
-
-
-def _grouped(number: float) -> str:
-    """A limit as people read it: 1,000,000 and 1e11."""
-    return f"{number:,.0f}" if 1000 <= abs(number) < 1e8 else f"{number:.12g}"
 
 
 def _nodes(scene: Scene) -> int:

@@ -49,10 +49,10 @@ ENERGIES = (
 """Columns of the history and their words, in the ledger's order."""
 
 
-def measured(scene: Scene) -> dict[str, float] | None:
-    """What the paper measured in the test that a scene is; None if it is none of them.
+def measured(scene: Scene) -> dict[str, Any] | None:
+    """What the paper measured in the test that a scene is, by keys of a summary, and its name.
 
-    A test is its impactor and its block, whatever constants the foam's model has.
+    None if it is none of them. A test is its impactor and its block, whatever the foam's law.
     """
     found = _tests().get(_conditions(scene))
     if found is None:

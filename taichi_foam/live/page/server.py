@@ -113,11 +113,13 @@ class _Quiet(uvicorn.Server):
 
 @contextlib.contextmanager
 def _stops_on_signals(stop: Callable[[], object]) -> Iterator[None]:
-    """Ctrl-C and a polite end of the process call `stop` while the block runs."""
+    """Ctrl-C, a polite end of the process and a lost terminal call `stop` during the block."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)  # a terminal, or the line to it, has gone
     before = [signal.signal(number, lambda *_: stop()) for number in numbers]
     try:
         yield

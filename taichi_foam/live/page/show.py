@@ -154,8 +154,8 @@ class Show:
     def _cut_short(self) -> bool:
         """End what goes on and keep what it gave; whether there was something."""
         session = self._session
-        if session is None or session.ended or not session.alive:
-            return False
+        if session is None or session.ended or not session.alive or session.last is None:
+            return False  # not begun, or over and kept
         result = session.finish(PATIENCE)
         if result is None:
             return False

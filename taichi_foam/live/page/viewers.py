@@ -93,9 +93,7 @@ class Viewer:
                 self._is_watching, self._tone = command.on, command.tone
                 self._news.set()
             else:
-                self._show.tell(
-                    command, lambda text: loop.call_soon_threadsafe(self.answer, text)
-                )
+                self._show.tell(command, lambda text: loop.call_soon_threadsafe(self.answer, text))
 
     async def _send_all(self) -> None:
         board = self._show.board

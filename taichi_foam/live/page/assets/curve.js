@@ -59,6 +59,8 @@ export class Curve {
     const last = roundUp(Math.max(5, m ? 1e3 * m.impact_duration_s : 0, ...all.map(({ t }) => t.at(-1) ?? 0)));
     const most = ({ a }) => a.reduce((top, value) => Math.max(top, value ?? 0), 0);
     const top = roundUp(1.08 * Math.max(10, m ? m.plateau_deceleration_m_s2 : 0, ...all.map(most)));
+    const least = ({ a }) => a.reduce((low, value) => Math.min(low, value ?? 0), 0); // in free fall it is -g
+    const bottom = Math.min(-0.04 * top, 1.1 * Math.min(...all.map(least)));
     const axis = { color: soft, gridcolor: line, linecolor: line, zeroline: false, fixedrange: true, tickfont: { size: 11 } };
     const rule = (shape) => ({ type: "line", line: { color: accent, width: 1.2, dash: "dash" }, ...shape });
     const words = (text, place) => ({ text, showarrow: false, bgcolor: `${css("--card")}d0`, borderpad: 1, font: { size: 11, color: accent }, ...place });
@@ -66,13 +68,13 @@ export class Curve {
       margin: { l: 38, r: 10, t: 6, b: 26 }, height: this.element.clientHeight, width: this.element.clientWidth,
       paper_bgcolor: "transparent", plot_bgcolor: "transparent", showlegend: false, hovermode: "closest",
       font: { family: "system-ui, sans-serif", color: ink },
-      xaxis: { ...axis, range: [0, last] }, yaxis: { ...axis, range: [-0.04 * top, top] },
+      xaxis: { ...axis, range: [0, last] }, yaxis: { ...axis, range: [bottom, top] },
       shapes: m ? [
         rule({ xref: "paper", x0: 0, x1: 1, y0: m.plateau_deceleration_m_s2, y1: m.plateau_deceleration_m_s2 }),
         rule({ yref: "paper", y0: 0, y1: 1, x0: 1e3 * m.impact_duration_s, x1: 1e3 * m.impact_duration_s }),
       ] : [],
       annotations: m ? [
-        words(`measured plateau ${m.plateau_deceleration_m_s2}`, { xref: "paper", x: 0.01, xanchor: "left", y: m.plateau_deceleration_m_s2, yanchor: "bottom" }),
+        words(`measured plateau ${m.plateau_deceleration_m_s2}`, { xref: "paper", x: 0.995, xanchor: "right", y: m.plateau_deceleration_m_s2, yanchor: "bottom" }),
         words(`duration ${Math.round(1e3 * m.impact_duration_s)}`, { yref: "paper", y: 0.02, yanchor: "bottom", x: 1e3 * m.impact_duration_s, xanchor: "right" }),
       ] : [],
     };

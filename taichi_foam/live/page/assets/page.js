@@ -1,7 +1,7 @@
 // The page: one socket, the picture, the readouts and the transport. Numbers come in SI units.
 import { Controls } from "./controls.js";
 import { Curve } from "./curve.js";
-import { Tables } from "./tables.js";
+import { Tables, dash } from "./tables.js";
 
 const HEADER = 24; // bytes in front of a picture: drop, time [s], displacement [m], as doubles
 const $ = (id) => document.getElementById(id);
@@ -137,10 +137,9 @@ function tell(message) {
   const remedy = state === "died" ? ". Drop starts it again." : "";
   alarm(message.message ? `${message.message}${remedy}` : "");
   $("fraction").value = message.fraction;
-  const fixed = (value, digits) => (value === undefined || value === null ? "–" : value.toFixed(digits));
   const falls = scene && scene.falls;
-  $("velocity").textContent = falls ? fixed(message.velocity, 2) : "–";
-  $("deceleration").textContent = falls ? fixed(message.deceleration, 1) : "–";
+  $("velocity").textContent = falls ? dash(message.velocity, 2) : "–";
+  $("deceleration").textContent = falls ? dash(message.deceleration, 1) : "–";
   $("speed").textContent = state === "running" ? speedWords(message) : `${message.steps.toLocaleString("en")} steps`;
   tables.tell(message);
 }

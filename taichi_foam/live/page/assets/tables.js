@@ -5,7 +5,8 @@ const FILES = [["history.csv", "CSV", "histories"], ["scene.toml", "TOML", "the 
   ["film.mp4", "MP4", "film; drawn when first asked for"], ["film.gif", "GIF", "film; drawn when first asked for"]];
 // A phone has no room for the head of the table of drops: its words stand over each figure.
 const LABELS = ["", "", "displacement, cm", "duration, ms", "plateau, m/s²", "ended by", ""];
-const dash = (value, digits, factor = 1) => (value === null || value === undefined ? "–" : (factor * value).toFixed(digits));
+export const dash = (value, digits, factor = 1) =>
+  (value === null || value === undefined ? "–" : (factor * value).toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
 
 function row(head, ...cells) {
   const tr = document.createElement("tr"), th = document.createElement("th");
@@ -68,7 +69,7 @@ export class Tables {
     $("list").parentElement.hidden = drops.length === 0;
     $("list").tBodies[0].replaceChildren(...drops.map((drop) => {
       const f = drop.figures;
-      const tr = row(`drop ${drop.number}`, drop.about.join(", ") || "as given", dash(f.max_displacement_m, 2, 1e2),
+      const tr = row(`${drop.number}`, drop.about.join(", ") || "as given", dash(f.max_displacement_m, 2, 1e2),
         dash(f.impact_duration_s, 1, 1e3), dash(f.plateau_deceleration_m_s2, 1), drop.ended, this.files(drop));
       LABELS.forEach((label, n) => { if (label) tr.children[n].dataset.label = label; });
       return tr;

@@ -1,0 +1,52 @@
+"""`taichi-foam serve` refuses what cannot be before it computes or writes anything."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["no/such"], "no such file and no built-in scene"),
+        (["paper/wedge-2.86", "--set", "impactor.mass=-1"], "impactor.mass = -1"),
+        (["paper/wedge-2.86", "--choices", "mine"], "choices = 'mine'"),
+        (["paper/wedge-2.86", "--dt", "1"], "numerics.dt"),
+        (["paper/wedge-2.86", "--port", "70000"], "--port 70000: must be 0 to 65535"),
+        (["paper/wedge-2.86", "--port", "0", "--host", "no.such.invalid"], "no such address here"),
+        (["paper/wedge-2.86", "--port", "0", "--host", "192.0.2.1"], "cannot be used"),
+        (["paper/wedge-2.86", "--port", "0", "--out", "file/below"], "a file, not a folder"),
+        (["paper/wedge-2.86", "--port", "0", "--threads", "0"], "threads = 0: choose"),
+        (["paper/wedge-2.86", "--port", "0", "--arch", "abacus"], "arch = 'abacus': choose one"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_a_reason(
+    invoke: Callable, arguments: list[str], words: str
+) -> None:
+    Path("file").touch()
+    result = invoke("serve", *arguments, "--no-open")
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert [path.name for path in Path().iterdir()] == ["file"]
+
+
+def test_a_port_in_use_is_named(invoke: Callable) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        result = invoke("serve", "paper/wedge-2.86", "--port", str(port), "--no-open")
+    assert result.exit_code == 2
+    assert f"--port {port}: in use; choose another, or 0 for any that is free" in result.stderr
+
+
+def test_the_page_is_part_of_the_package() -> None:
+    from taichi_foam.live.page import app
+
+    for name in (*app._ASSETS, "page.html", app._PLOTLY):
+        plain, packed, tag = app._read(name)
+        assert plain
+        assert packed
+        assert tag

@@ -1,0 +1,183 @@
+"""What the page offers of a scene, and what it makes of it."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from taichi_foam import load_scene
+from taichi_foam.errors import UserError
+from taichi_foam.live.page import commands
+from taichi_foam.live.page.controls import KNOBS, Controls
+from taichi_foam.live.page.curve import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
+from taichi_foam.live.page.figures import measured
+from taichi_foam.paper import MEASURED, NAMES, paper_scene
+
+WEDGE = paper_scene("paper/wedge-2.86")
+
+
+@pytest.fixture
+def controls() -> Controls:
+    return Controls(WEDGE)
+
+
+def test_ranges_and_words_are_those_of_the_fields(controls: Controls) -> None:
+    told = {knob["key"]: knob for knob in controls.told()["knobs"]}
+    velocity = told["impactor.velocity"]
+    assert (velocity["min"], velocity["max"], velocity["open"]) == (0, 500, [])
+    assert velocity["about"] == "velocity at the start, downwards"
+    assert velocity["allowed"] == "0 to 500 m/s"
+    modulus = told["foam.youngs_modulus"]
+    assert (modulus["min"], modulus["max"], modulus["unit"]) == (1e-3, 1e5, "MPa")
+    strain = told["foam.yield_strain"]
+    assert (strain["min"], strain["max"], strain["open"]) == (-0.5, 0, ["below"])
+    rate = told["foam.rate"]
+    assert (rate["optional"], rate["allowed"]) == (True, "none, or 1 to 1,000,000,000 1/s")
+    assert told["block.columns"]["whole"]
+
+
+def test_sliders_stay_within_what_may_be(controls: Controls) -> None:
+    for knob in controls.told()["knobs"]:
+        for value in (knob["low"], knob["high"]):
+            controls.check("wedge", {knob["key"]: _si(knob, value)})
+
+
+def _si(knob: dict, shown: float) -> int | float:
+    return int(shown) if knob["whole"] else shown * knob["factor"]
+
+
+def test_unchanged_settings_are_the_scene_itself(controls: Controls) -> None:
+    assert controls.scene_of("wedge", controls.defaults) is WEDGE
+    assert controls.changes(WEDGE) == []
+
+
+@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.key)
+def test_every_control_reaches_its_key(controls: Controls, knob) -> None:
+    shape = knob.shapes[0] if knob.shapes else "wedge"
+    value = {"impactor.angle_deg": 80.0, "impactor.radius": 0.03}.get(knob.key)
+    if value is None:
+        before = controls.defaults[knob.key]
+        value = (before or 1) + 1 if isinstance(before, int) else 1.1 * before if before else 1.0
+    scene = controls.scene_of(shape, {knob.key: value})
+    head, field = knob.key.split(".")
+    assert getattr(getattr(scene, head), field) == value
+    assert any(knob.label in change for change in controls.changes(scene))
+    assert scene.name.startswith("paper/wedge-2.86 with ")
+
+
+def test_another_shape_keeps_what_both_have(controls: Controls) -> None:
+    scene = Controls(paper_scene("paper/rectangular-3.03")).scene_of("wedge", {"impactor.mass": 4})
+    assert scene.impactor is not None
+    assert (scene.impactor.shape, scene.impactor.mass) == ("wedge", 4)
+    assert (scene.impactor.velocity, scene.impactor.model_dump()["height"]) == (3.03, 0.2)
+    cylinder = controls.scene_of("cylinder", controls.defaults)
+    assert controls.changes(cylinder) == ["cylinder"]
+
+
+def test_a_scene_without_an_impactor_may_get_one() -> None:
+    controls = Controls(load_scene("gallery/shear-patch"))
+    assert controls.shapes[0] == controls.shape == "none"
+    assert controls.scene_of("none", {"impactor.velocity": 9.0}) is controls.given
+    scene = controls.scene_of("flat", {"impactor.width": 0.02})
+    assert scene.impactor is not None
+    assert scene.impactor.shape == "flat"
+
+
+@pytest.mark.parametrize(
+    ("shape", "values", "words"),
+    [
+        ("hat", {}, "impactor.shape = 'hat': must be one of flat, cylinder, wedge"),
+        ("wedge", {"output.fps": 3}, "output.fps: the page has no such control"),
+        ("wedge", {"impactor.mass": 0}, "impactor.mass = 0: must be above 0 and at most"),
+        ("wedge", {"impactor.mass": None}, "impactor.mass = none: must be"),
+        ("wedge", {"block.rows": 5.5}, "block.rows = 5.5: must be a whole number, at least 2"),
+        ("wedge", {"foam.yield_strain": 0}, "must be at least -0.5 and below 0; strains are"),
+        ("wedge", {"foam.rate": 0.5}, "foam.rate = 0.5: must be none, or at least 1"),
+        ("wedge", {"foam.densification_strain": -0.01}, "must be below foam.yield_strain"),
+        ("wedge", {"block.rows": 5000}, "200,000 mass points; here at most 100,000"),
+    ],
+)
+def test_what_cannot_be_is_said_in_the_house_s_words(
+    controls: Controls, shape: str, values: dict, words: str
+) -> None:
+    with pytest.raises(UserError, match=re.escape(words)):
+        controls.scene_of(shape, values)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
+    scene = paper_scene(name)
+    finer = load_scene(scene, overrides=["block.columns=80", "foam.rate=none", "name=mine"])
+    found = measured(finer)
+    assert found is not None
+    assert found["test"] == name
+    assert found["plateau_deceleration_m_s2"] == MEASURED[name].plateau_deceleration_m_s2
+    for change in ("impactor.velocity=2.0", "impactor.mass=5.9", "block.thickness=0.05"):
+        assert measured(load_scene(scene, overrides=[change])) is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        '"next"',
+        '{"do": null}',
+        '{"do": "step", "seconds": -1}',
+        '{"do": "step", "seconds": "1e-3"}',
+        '{"do": "pace", "rate": 2}',
+        '{"do": "set", "shape": "flat", "values": {"impactor.mass": true}}',
+        '{"do": "set", "shape": "flat", "values": {"impactor.mass": Infinity}}',
+        json.dumps({"do": "set", "shape": "flat", "values": {f"k{n}": 1 for n in range(65)}}),
+        '{"do": "watch", "on": true, "tone": "pink"}',
+        '{"do": "next"} {"do": "next"}',
+        "\ud800",
+    ],
+)
+def test_messages_that_are_none_are_refused_in_a_line(text: str) -> None:
+    with pytest.raises(ValueError, match=r"^message refused: ") as error:
+        commands.read(text)
+    assert len(str(error.value)) < 400
+
+
+def test_messages_are_read() -> None:
+    assert commands.read('{"do": "next"}') == commands.Next(do="next")
+    let = commands.read('{"do": "drop", "shape": "flat", "values": {"foam.rate": null}}')
+    assert let == commands.Let(do="drop", shape="flat", values={"foam.rate": None})
+
+
+def test_a_curve_arrives_in_parts_as_it_is() -> None:
+    rng = np.random.default_rng(3)
+    time, cursor = np.arange(9000) * 1e-4, Cursor()
+    noise = rng.normal(size=len(time))
+    received_t: list[float] = []
+    received_a: list[float] = []
+    for count in (0, 1, 2, 50, 55, 300, 1999, 2000, 2001, 4100, 9000):
+        # the newest part differs each time, as the filter's does
+        values = np.sin(time[:count]) + np.where(
+            time[:count] > time[max(count - 1, 0)] - 0.9 * UNSETTLED, noise[count - 1], 0.0
+        )
+        curve = Curve(7, time[:count], values)
+        text, cursor = curve.since(cursor)
+        part = json.loads(text)
+        received_t = received_t[: part["from"]] + part["t"]
+        received_a = received_a[: part["from"]] + part["a"]
+        assert len(received_t) <= MOST_POINTS + 1
+        rows = np.searchsorted(time[:count], np.array(received_t) / 1e3 - 1e-9)
+        np.testing.assert_allclose(received_a, values[rows], atol=6e-4)
+        if count:
+            assert received_t[0] == 0.0
+            assert received_t[-1] == pytest.approx(1e3 * time[count - 1])
+    # another drop begins anew
+    text, _ = Curve(8, time[:10], time[:10]).since(cursor)
+    assert json.loads(text)["from"] == 0
+
+
+def test_a_gap_in_a_curve_is_sent_as_none() -> None:
+    text, _ = Curve(1, np.array([0.0, 1e-3]), np.array([1.0, np.nan])).since(Cursor())
+    assert json.loads(text)["a"] == [1.0, None]
+    assert thinned(np.array([0.0, 1e-3]), np.array([1.0, np.nan]))["a"] == [1.0]
+    assert len(thinned(np.arange(5000.0), np.ones(5000))["t"]) <= 400

@@ -1,0 +1,249 @@
+"""The page in a browser, as a visitor meets it."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from PIL import Image
+from serving import PATIENCE, SMALL, Served
+
+from taichi_foam.result import HISTORY_COLUMNS, Result
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="needs Debian's chromium and chromium-driver"
+)
+if CHROMIUM and DRIVER:
+    from selenium.webdriver import Chrome, ChromeOptions, Keys
+    from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.common.by import By
+
+END = ("numerics.end=0.04",)  # four seconds at the pace that a server begins with
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    served = Served(tmp_path_factory.mktemp("served"), *SMALL, *END)
+    yield served
+    served.stop()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    """A browser without a window, with a profile of its own."""
+    folder = tmp_path_factory.mktemp("browser")
+    options = ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    words = "headless=new no-sandbox disable-gpu disable-quic no-first-run disable-sync"
+    quiet = "disable-background-networking disable-component-update disable-dev-shm-usage"
+    sized = f"user-data-dir={folder / 'profile'} window-size=1280,900"
+    for word in f"{words} {quiet} {sized}".split():
+        options.add_argument(f"--{word}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = Chrome(options=options, service=Service(DRIVER))
+    yield driver
+    driver.quit()
+
+
+class Page:
+    """What a visitor can see and do."""
+
+    def __init__(self, driver: Chrome, address: str) -> None:
+        self.driver = driver
+        self.address = address
+        driver.get(address)
+
+    def __getitem__(self, selector: str) -> Any:
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def ask(self, script: str, *given: Any) -> Any:
+        return self.driver.execute_script(f"return {script}", *given)
+
+    def text(self, selector: str) -> str:
+        return self.ask("document.querySelector(arguments[0]).textContent", selector)
+
+    def until(self, is_it: Callable[[], Any], patience: float = PATIENCE) -> Any:
+        """Wait until something holds, and return it."""
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            found = is_it()
+            if found:
+                return found
+            time.sleep(0.05)
+        raise AssertionError(f"not so, at the state {self.text('#state')!r}")
+
+    def picture(self) -> np.ndarray:
+        """The canvas as it is (height, width, 3)."""
+        url = self.ask("document.getElementById('picture').toDataURL()")
+        content = base64.b64decode(url.partition(",")[2])
+        return np.asarray(Image.open(io.BytesIO(content)).convert("RGB")).astype(float)
+
+    def curve(self) -> list[float]:
+        """Times of the current curve's points [ms], as they are drawn."""
+        return self.ask("(document.getElementById('curve').data ?? []).at(-1)?.x ?? []")
+
+    def drop(self) -> int:
+        """How many drops are over and saved."""
+        return self.ask("document.querySelectorAll('#list a[href$=\".csv\"]').length")
+
+    def errors(self) -> list[str]:
+        """What the browser has complained about."""
+        return [str(entry["message"]) for entry in self.driver.get_log("browser")]
+
+    def width(self, width: int, height: int, scheme: str = "light") -> None:
+        """Show the page on a screen of this size."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+
+
+@pytest.fixture
+def page(browser: Chrome, server: Served) -> Iterator[Page]:
+    found = Page(browser, server.address)
+    found.width(1280, 900)
+    yield found
+    assert found.errors() == []
+
+
+def test_the_picture_moves_and_the_curve_grows(page: Page) -> None:
+    page.until(lambda: page.text("#state") == "running")
+    page.until(lambda: len(page.curve()) > 5)
+    before, points = page.picture(), len(page.curve())
+    time_before = float(page.text("#time"))
+    page.until(lambda: float(page.text("#time")) > time_before + 3.0)
+    page.until(lambda: len(page.curve()) > points)
+    after = page.picture()
+    assert before.shape == after.shape
+    # the impactor has sunk by millimetres of a window of a quarter of a metre: more than one in
+    # two hundred pixels is another colour, by more than any encoder's rounding
+    changed = np.abs(after - before).max(axis=2) > 8
+    assert changed.mean() > 0.005
+    assert float(page.text("#displacement")) > 0
+
+
+def test_new_settings_are_dropped_and_the_result_comes_home(
+    page: Page, server: Served, tmp_path: Path
+) -> None:
+    page.until(lambda: page.text("#state") in ("running", "at its end"))
+    page["#reset"].click()
+    page.until(lambda: page.text("#state") == "running")
+    page["#impactor-velocity ~ input[type=range]"].send_keys(*[Keys.ARROW_RIGHT] * 7)
+    assert page["#impactor-velocity"].get_property("value") == "3"
+    page["#pace"].send_keys("fastest")
+    page["#drop"].click()
+    page.until(lambda: page.text("#changes") == "with velocity 3 m/s")
+    page.until(lambda: page.text("#state") == "at its end")
+    first = "#list tbody tr:first-child"
+    page.until(lambda: page.ask(f"Boolean(document.querySelector('{first} a'))"))
+    assert page.text(f"{first} td:nth-child(2)") == "velocity 3 m/s"
+
+    allow = {"behavior": "allow", "downloadPath": str(tmp_path)}
+    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", allow)
+    for name in ("history.csv", "film.mp4"):
+        page[f"{first} a[href$='{name}']"].click()
+
+    def come(ending: str) -> Path:
+        return page.until(lambda: next(tmp_path.glob(f"*{ending}"), None))
+
+    table, film = come("-history.csv"), come("-film.mp4")
+    folder = server.out / table.name.removesuffix("-history.csv")
+    result = Result.load(folder)
+    assert result.scene.impactor is not None
+    assert result.scene.impactor.velocity == 3.0
+    with table.open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert tuple(header) == HISTORY_COLUMNS
+    assert len(rows) == len(result.history["time_s"])
+    frames = iio.imread(film)
+    assert frames.shape == (len(result.snapshots), 180, 320, 3)
+
+    # the drop before stands beside it as a thin line, and the figures are those of the file
+    assert page.ask("document.getElementById('curve').data.length") >= 2
+    broken = int(result.history["broken_connections"][-1])
+    shown = "#figures tbody tr:nth-child(11)"
+    assert page.text(f"{shown} th").strip() == "broken connections"
+    assert int(page.text(f"{shown} td")) == broken > 0
+
+
+def test_what_cannot_be_is_told_beside_the_controls(page: Page) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    page["#groups details:nth-of-type(3) summary"].click()
+    for wrong, words in (("1", "must be above -1, below 0"), ("-0.01", "not a valid scene")):
+        field = page["#foam-densification_strain"]
+        field.send_keys(Keys.CONTROL, "a", Keys.NULL, wrong, Keys.ENTER)
+        page.until(lambda words=words: words in page.text("#problem"))
+    page["#reset"].click()
+    page.until(lambda: page["#foam-densification_strain"].get_property("value") == "-0.8")
+    assert not page["#problem"].is_displayed()
+
+
+def test_who_types_is_not_disturbed_and_others_follow(page: Page, server: Served) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    mass = page["#impactor-mass"]
+    mass.send_keys(Keys.CONTROL, "a", Keys.NULL, "7")
+    with server.viewer(watches=False) as other:
+        both = {"impactor.mass": 9, "impactor.friction": 0.5}
+        other.say(do="set", shape="wedge", values=both)
+        page.until(lambda: page["#impactor-friction"].get_property("value") == "0.5")
+        assert page.ask("document.activeElement.id") == "impactor-mass"
+        assert page["#impactor-mass"].get_property("value") == "7"
+        mass.send_keys(".5", Keys.TAB)
+        other.see(lambda last: last["settings"]["values"]["impactor.mass"] == 7.5)
+
+
+def test_pause_and_step(page: Page) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    page["#pace"].send_keys("1 : 1,000")
+    page["#reset"].click()
+    page.until(lambda: page.text("#state") == "running")
+    page["#pause"].click()
+    page.until(lambda: page.text("#state") == "paused")
+    page.until(lambda: page["#pause"].text == "Go on")
+    before = float(page.text("#time"))
+    page["#step"].click()
+    page.until(lambda: float(page.text("#time")) > before + 0.19)
+    page.until(lambda: page.text("#state") == "paused")
+    assert float(page.text("#time")) < before + 0.4
+    page["#pause"].click()
+    page.until(lambda: page.text("#state") == "running")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone(page: Page, scheme: str) -> None:
+    page.width(360, 740, scheme)
+    page.until(lambda: page.ask("document.documentElement.dataset.theme") == scheme)
+    page.until(lambda: page.drop() > 0)
+    page.ask("document.querySelectorAll('#groups details').forEach((e) => { e.open = true; })")
+    page.until(lambda: page.ask("document.querySelector('#curve svg')?.clientWidth") <= 360)
+    assert page.ask("document.documentElement.scrollWidth") <= 360
+    touched = "button, select, input, summary, #shapes label, #list a"
+    sizes = page.ask(
+        "[...document.querySelectorAll(arguments[0])].filter((e) => e.checkVisibility())"
+        ".map((e) => [e.id || e.textContent || e.type, (e.closest('label') ?? e)"
+        ".getBoundingClientRect().height])",
+        touched,
+    )
+    assert len(sizes) > 20
+    assert [size for size in sizes if size[1] < 43.5] == []
+
+
+def test_nothing_is_without_a_name_for_those_who_do_not_see(page: Page) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    nameless = page.ask(
+        "[...document.querySelectorAll('input, select, button, canvas')].filter((e) =>"
+        " !e.labels?.length && !e.getAttribute('aria-label') && !e.textContent.trim())"
+        ".map((e) => e.outerHTML)"
+    )
+    assert nameless == []
+    assert page["#state"].get_attribute("aria-live") == "polite"
