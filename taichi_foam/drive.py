@@ -321,9 +321,10 @@ def history_of(scene: Scene, rows: np.ndarray) -> dict[str, np.ndarray]:
         "gravity_J": potential - potential[:1],
     }
     total = np.sum(list(energies.values()), axis=0)
+    start = scene.contact_height + impactor.gap if impactor else np.nan
     return {
         "time_s": t,
-        "displacement_m": (scene.contact_height - y) if impactor else np.zeros_like(t),
+        "displacement_m": (start - y) if impactor else np.zeros_like(t),
         "velocity_m_s": -v,
         "deceleration_m_s2": deceleration,
         "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import secrets
 import shutil
 import warnings
@@ -102,6 +103,11 @@ def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
             with contextlib.suppress(OSError):  # not empty: in use by somebody else
                 folder.rmdir()
         raise
+
+
+def file_name(name: str) -> str:
+    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
+    return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
 
 
 @contextlib.contextmanager

@@ -64,7 +64,8 @@ HISTORY_COLUMNS = (
     "broken_connections",
     "dt_s",
 )
-"""Columns of the history, in order. Displacement, velocity, deceleration: of the impactor."""
+"""Columns of the history, in order. Displacement (from its start), velocity, deceleration: of the
+impactor, downwards."""
 
 _INTEGER_COLUMNS = ("broken_connections",)
 _FORMAT = 1

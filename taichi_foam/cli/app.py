@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated
 
 import typer
@@ -24,7 +23,7 @@ from taichi_foam.cli.options import (
 )
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where
 from taichi_foam.errors import RunError
-from taichi_foam.folders import check_output_folder, output_folder
+from taichi_foam.folders import check_output_folder, file_name, output_folder
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.progress import Bars
 from taichi_foam.result import Result, storage_bytes
@@ -199,7 +198,7 @@ def _run(
     bars = Bars(errors)
     with exit_codes(errors):
         scene = load_scene(source, choices, overrides)
-        folder = f"runs/{_file_name(scene.name)}" if out is None else out
+        folder = f"runs/{file_name(scene.name)}" if out is None else out
         # Names and values are right: now what needs Taichi, and costs its import.
         if live:
             from taichi_foam.cli.live import run_live
@@ -259,8 +258,3 @@ def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: 
         except KeyboardInterrupt:
             return True
     return False
-
-
-def _file_name(name: str) -> str:
-    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
-    return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"

@@ -26,7 +26,7 @@ def _normal_stresses(
 
 
 def normal_stresses(
-    scene: Scene, strain: Array, worst: Array, broken: NDArray[np.bool_] | None = None
+    scene: Scene, strain: Array, worst: Array | float, broken: NDArray[np.bool_] | None = None
 ) -> Array:
     """Engineering stress [Pa] of the scene's foam, tension positive (Eq. 26, Fig. 19).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import check_output_folder
+from taichi_foam.folders import check_output_folder, file_name
 from taichi_foam.live.page.curve import thinned
 from taichi_foam.result import storage_bytes
 
@@ -162,7 +161,7 @@ class Archive:
 
     def _free(self, name: str) -> Path:
         """A folder that is not there yet: the scene's name and the next number."""
-        stem = re.sub(r"[^\w.+-]+", "-", name.partition(" with ")[0]).strip("-.") or "scene"
+        stem = file_name(name.partition(" with ")[0])
         taken = [0]
         if self._out.is_dir():
             tails = (p.name[len(stem) + 1 :] for p in self._out.glob(f"{stem}-*"))

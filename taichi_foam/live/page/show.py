@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam import __version__
+from taichi_foam import __version__, paper
 from taichi_foam.errors import UserError
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, NothingYet, Refused
 from taichi_foam.live.page import commands, figures, painter
@@ -290,7 +290,7 @@ class Show:
             "scene",
             {
                 "drop": self._number,
-                "name": self.controls.given.name,
+                "name": paper.title(self.controls.given),
                 "changes": self.controls.changes(scene),
                 "size": painter.size_of(scene),
                 "key": painter.key_of(scene, self._look.mode),
