@@ -15,7 +15,7 @@ def start_of(scene: Scene) -> Snapshot:
     X = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
     arm = X - np.array([0.0, 0.5 * block.dy])
     position = X + arm @ (np.array(start.deformation_gradient) - np.eye(2)).T
-    velocity = arm @ np.array(start.velocity_gradient).T
+    velocity: np.ndarray = arm @ np.array(start.velocity_gradient).T
     velocity[:, 0, 0] *= scene.base.kind != "gripped"
     velocity[:, 0, 1] *= scene.base.kind == "floor"
     strength = strengths(scene)

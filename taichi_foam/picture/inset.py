@@ -91,7 +91,7 @@ def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: flo
         tone = tones[curve.place]
         points = _points(replace(curve, last=last, top=top), plot)
         if len(points) > 1:
-            pen.line(points, fill=tone, width=thick, joint="curve")
+            pen.line(points, fill=tone, width=thick)
         if points:
             (x, y), dot = points[-1], 1.6 * thick
             pen.ellipse((x - dot, y - dot, x + dot, y + dot), fill=tone)
@@ -101,10 +101,13 @@ def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: flo
 
 
 def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
-    """The curve in pixels of the enlarged plot, at most some points to a column."""
+    """The curve in pixels of the enlarged plot, with about one point to a column.
+
+    So close, pieces of a line join up without the round joints that cost more than all the rest.
+    """
     known = np.isfinite(curve.deceleration)
     time, values = curve.time[known], curve.deceleration[known]
-    every = max(1, len(time) // (4 * plot.width))
+    every = max(1, len(time) // plot.width)
     keep = np.r_[0 : len(time) : every, len(time) - 1] if len(time) else slice(0, 0)
     x = _FINE * (plot.width - 1) * time[keep] / curve.last
     y = _FINE * (plot.height - 1) * (1 - np.clip(values[keep] / curve.top, -0.02, 1))
@@ -143,7 +146,7 @@ def _panel(
     right = width - round(0.9 * size)
     across = _names_across([name for name, _ in names], right - side, size)
     lines = math.ceil(len(names) / across) if across else 0
-    head, foot = round((1.9 + 1.3 * lines) * size), round(1.8 * size)
+    head, foot = round((2.4 + 1.1 * lines) * size), round(1.8 * size)
     plot = Box(side, head, right, height - foot)
     annotate.rectangle(panel, Box(0, 0, width, height), tones.frame)
     line = max(1, round(unit))
