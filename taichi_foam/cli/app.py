@@ -42,15 +42,12 @@ _app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point of `taichi-foam`."""
+    """Run the command that the process was started with."""
     _app(prog_name="taichi-foam")
 
 
 def run_script(scene: Scene) -> None:
-    """Run a script's own scene, with the options of `taichi-foam run` from the command line.
-
-    Ends the process as that command does.
-    """
+    """Run `scene` with the options of `run` that the process was started with."""
     script = typer.Typer(
         add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
     )

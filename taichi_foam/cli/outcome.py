@@ -25,7 +25,7 @@ def exit_codes(console: Console) -> Iterator[None]:
     except RunError as error:
         raise _told(console, str(error), FAILED) from None
     except KeyboardInterrupt as error:
-        text = str(error) or "there was nothing to save yet; nothing was written"
+        text = str(error) or "there was nothing to save yet"
         raise _told(console, text, INTERRUPTED) from None
     except BrokenPipeError:
         raise  # whoever read the output has gone; Typer leaves quietly

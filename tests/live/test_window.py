@@ -92,13 +92,16 @@ class Shown:
         self.wait(lambda: share_that_differs(first, self.screen()) > 0.01, "nothing moved")
 
     def wait_for_rest(self) -> np.ndarray:
-        """Until two looks are the same; what is then on the screen."""
+        """Until four looks in a row are the same; what is then on the screen."""
         seen = [self.screen()]
+        same = 0
 
         def is_still() -> bool:
+            nonlocal same
             time.sleep(0.4)
             seen.append(self.screen())
-            return share_that_differs(seen[-2], seen[-1]) == 0.0
+            same = same + 1 if share_that_differs(seen[-2], seen[-1]) == 0.0 else 0
+            return same == 3
 
         self.wait(is_still, "it went on moving")
         return seen[-1]
@@ -135,7 +138,7 @@ def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(
 ) -> None:
     """Screens are compared by the share of pixels that differ by more than 2 of 255.
 
-    Paused, none may; another mode, theme or panel must change at least 2 %.
+    Paused, none may; another mode, theme or panel must change at least 0.5 %.
     """
     window = show("--set", "numerics.end=10")
     window.wait_for_motion()
@@ -179,7 +182,7 @@ def test_the_window_shows_the_run_that_it_saves(show: Callable[..., Shown]) -> N
     The curve is cut and smoothed from the same rows; text is drawn by the same fonts.
     """
     window = show("--set", "numerics.end=0.003")
-    window.wait_for_motion()
+    window.wait(window.folder.is_dir, "it was not kept at its end")
     seen = window.wait_for_rest()
     code, out, err = window.close()
     assert code == 0, err
@@ -196,8 +199,7 @@ def test_another_shape_and_speed_are_dropped_and_kept_beside_the_first(
     show: Callable[..., Shown],
 ) -> None:
     window = show("--set", "numerics.end=0.002", "--set", "output.history_interval=5e-5")
-    window.wait_for_motion()
-    window.wait_for_rest()
+    window.wait(window.folder.is_dir, "the first drop was not kept")
     window.press("i")
     window.wait(lambda: Path(f"{window.folder}-2").is_dir(), "the second drop was not kept")
     window.press("Up")

@@ -255,13 +255,14 @@ def _workers_of(parent: int) -> list[int]:
 
 @on_linux
 def test_drops_are_saved_and_a_killed_worker_is_replaced(tmp_path: Path) -> None:
-    server = Served(tmp_path, *SMALL, "numerics.end=0.01")
+    server = Served(tmp_path, *SMALL, "numerics.end=0.2")
     try:
         with server.viewer() as viewer:
             viewer.wait_for("numbers", lambda m: m["state"] == "running")
             # a drop that the next one cuts short is kept
             viewer.say(do="drop", shape="cylinder", values={"impactor.velocity": 3})
             viewer.see(lambda last: last["scene"]["changes"] == ["cylinder", "velocity 3 m/s"])
+            viewer.say(do="pace", rate=None)
             viewer.see(lambda last: last["numbers"]["state"] == "ended")
             viewer.see(lambda last: sum(bool(d["folder"]) for d in last["drops"]["drops"]) == 2)
             ended = [(drop["number"], drop["ended"]) for drop in viewer.last["drops"]["drops"]]
