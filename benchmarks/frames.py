@@ -186,7 +186,8 @@ def main() -> None:
         "|---|---|---|---|---|---|",
         *frame_rows(3 if quick else ROUNDS),
         "",
-        "| 800 nodes, as fast as they go | frames a second of the run | time of the run over that unwatched |",
+        "| 800 nodes, as fast as they go | frames a second of the run "
+        "| time of the run over that unwatched |",
         "|---|---|---|",
         *view_rows(2 if quick else VIEW_ROUNDS),
     ]

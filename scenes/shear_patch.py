@@ -28,7 +28,7 @@ scene = Scene(
     base=Base(kind="gripped"),
     start=Start(deformation_gradient=((1.0, GAMMA), (0.0, 1.0))),
     numerics=Numerics(damping_time=0.0, end=5e-4),
-    output=Output(history_interval=1e-5, snapshot_interval=2.5e-5),
+    output=Output(history_interval=1e-5, snapshot_interval=2.5e-5, mode="speed"),
 )
 
 block, foam = scene.block, scene.foam

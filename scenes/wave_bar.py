@@ -24,7 +24,7 @@ scene = Scene(
     impactor=plate,
     base=Base(kind="held"),
     numerics=Numerics(end=6e-3),
-    output=Output(history_interval=2e-5, snapshot_interval=1e-4),
+    output=Output(history_interval=2e-5, snapshot_interval=1e-4, mode="speed"),
 )
 
 wave_speed = math.sqrt(scene.foam.youngs_modulus / block.density)

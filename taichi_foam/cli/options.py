@@ -48,7 +48,11 @@ Theme = Annotated[
 ]
 Size = Annotated[
     str | None,
-    typer.Option(metavar="WIDTHxHEIGHT", help="Size of frames [pixels], even; of a PNG the width."),
+    typer.Option(
+        metavar="WIDTHxHEIGHT",
+        help="Size of frames [pixels], even; of a PNG the width. Frames below 512x288, of runs "
+        "side by side below 640x360, have no words.",
+    ),
 ]
 Fps = Annotated[int | None, typer.Option(help="Frames of a film per second of watching.")]
 Gif = Annotated[bool, typer.Option("--gif", help="Write a GIF.")]

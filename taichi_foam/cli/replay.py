@@ -62,14 +62,21 @@ def render_command(
     """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
+        if not (gif or mp4 or png or frames or pdf or svg):
+            gif = mp4 = True
+        film = gif or mp4
+        _check_effect("--fps", fps, film, "--gif or --mp4")
+        _check_effect("--curve", curve, film or frames, "--gif, --mp4 or --frames")
+        _check_effect("--column", column, pdf or svg, "--pdf or --svg")
+        on_screen = film or frames or png
+        for option, given in (("--size", size), ("--theme", theme)):
+            _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Taichi and Matplotlib
         from taichi_foam import films
         from taichi_foam.picture import montage, printed
 
         shown, jobs = result.scene.output.mode, []
-        if not (gif or mp4 or png or frames or pdf or svg):
-            gif = mp4 = True
         moving = [
             films.Names(
                 mp4=f"film-{shown}.mp4" if mp4 else None,
@@ -120,18 +127,16 @@ def compare_command(
     """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
+        if not (gif or mp4 or png):
+            gif = mp4 = True
+        _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
         from taichi_foam import films
         from taichi_foam.picture import comparison, montage
 
-        folders = [Path(run).name for run in runs]
-        lineup = comparison.Lineup.of(
-            results, folders if len(set(folders)) == len(folders) else runs
-        )
+        lineup = comparison.Lineup.of(results, _folder_names(runs))
         output = results[0].scene.output
         name = f"comparison-{output.mode}"
-        if not (gif or mp4 or png):
-            gif = mp4 = True
         jobs = []
         for wanted, names in (
             (mp4, films.Names(mp4=f"{name}.mp4")),
@@ -146,6 +151,24 @@ def compare_command(
             montage.check_width(width)
             jobs.append(_still(f"{name}.png", partial(comparison.instants, lineup, width=width)))
         _deliver(jobs, out, overwrite, console, errors)
+
+
+def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
+    """Raises UserError for an option that would do nothing among what is asked for."""
+    if given is not None and not wanted:
+        raise UserError(
+            f"{option}: it has no effect on what is asked for. Fix: add {kinds}, or leave it out."
+        )
+
+
+def _folder_names(runs: list[str]) -> list[str]:
+    """What the runs' folders are called, with as many parents as tell them apart."""
+    parts = [Path(run).resolve().parts for run in runs]
+    for count in range(1, max(map(len, parts))):
+        names = ["/".join(own[-count:]) for own in parts]
+        if len(set(names)) == len(set(parts)):
+            return names
+    return runs
 
 
 def _loaded(

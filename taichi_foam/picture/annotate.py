@@ -205,6 +205,17 @@ def length_text(length: float) -> str:
     return f"{1e2 * length:g} cm" if length < 1 else f"{length:g} m"
 
 
+def time_text(time: float, interval: float) -> str:
+    """A time [s] of a run whose snapshots lie `interval` [s] apart, so that no two read the same.
+
+    One decimal of a millisecond at least; more as far as they show the interval, or tell apart.
+    """
+    apart = 1e3 * interval
+    fewest = max(1, math.ceil(-math.log10(apart) - 1e-9))
+    exact = (d for d in range(fewest, fewest + 3) if math.isclose(apart, round(apart, d)))
+    return f"{1e3 * time:.{next(exact, fewest)}f} ms"
+
+
 def _outline(image: Image8, box: Box, tones: Theme) -> None:
     """A line of one pixel along the inside of `box`."""
     part = image[box.top : box.bottom, box.left : box.right]

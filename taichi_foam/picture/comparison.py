@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import re
-from bisect import bisect_right
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam import paper
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, inset, montage, raster
+from taichi_foam.picture import annotate, inset, montage, naming, raster
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, Window, fit, window
-from taichi_foam.scene import CHOICE_SETS, Scene
 
 if TYPE_CHECKING:
     from taichi_foam.result import Result, Snapshot
@@ -44,14 +41,14 @@ class Lineup:
 
     runs    from left to right or downwards; each with a snapshot at least
     names   what they are called in the pictures
-    shared  what all are called, if the names are only what differs
+    asides  what else there is to say of each, where there is room; empty: nothing
 
     Raises UserError for fewer or more runs, and for one without snapshots.
     """
 
     runs: tuple[Result, ...]
     names: tuple[str, ...]
-    shared: str = ""
+    asides: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not FEWEST <= len(self.runs) <= MOST:
@@ -64,24 +61,16 @@ class Lineup:
     def of(cls, runs: Sequence[Result], folders: Sequence[str] = ()) -> Lineup:
         """Runs under names that tell them apart: their titles, what differs, or `folders`."""
         folders = folders or [f"run {k + 1}" for k in range(len(runs))]
-        scenes = [run.scene for run in runs]
-        names = [paper.title(scene) for scene in scenes]
-        called = dict.fromkeys(names)
-        if len(called) == 1:
-            return cls(tuple(runs), told_apart(scenes) or tuple(folders), names[0])
-        for name in called:
-            places = [k for k, other in enumerate(names) if other == name]
-            if len(places) > 1:
-                words = told_apart([scenes[k] for k in places]) or [folders[k] for k in places]
-                for k, word in zip(places, words, strict=True):
-                    names[k] = f"{name}: {word}"
-        return cls(tuple(runs), tuple(names))
+        found = naming.names([run.scene for run in runs], folders)
+        return cls(
+            tuple(runs), tuple(name for name, _ in found), tuple(aside for _, aside in found)
+        )
 
     @cached_property
     def times(self) -> list[float]:
         """Instants of a film [s]: the finest run's snapshots, then what others have after them.
 
-        Of equally fine ones the longest comes first.
+        Of equally fine ones the longest comes first. A step later is no new instant.
         """
 
         def rank(run: Result) -> tuple[float, float]:
@@ -89,8 +78,23 @@ class Lineup:
 
         times: list[float] = []
         for run in sorted(self.runs, key=rank):
-            times += [s.time for s in run.snapshots if not times or s.time > times[-1]]
+            end = times[-1] + self.trifle if times else -math.inf
+            times += [s.time for s in run.snapshots if s.time > end]
         return times
+
+    @cached_property
+    def interval(self) -> float:
+        """The finest run's time from one snapshot to the next [s]."""
+        return min(run.scene.output.snapshot_interval for run in self.runs)
+
+    @cached_property
+    def trifle(self) -> float:
+        """What snapshots of one instant lie apart at most [s]: each is taken after a whole step."""
+        return 0.1 * self.interval
+
+    def has_ended(self, k: int, time: float) -> bool:
+        """Whether a run was over before `time` [s]."""
+        return time > self.runs[k].snapshots[-1].time + self.trifle
 
     @cached_property
     def window(self) -> Window:
@@ -113,9 +117,14 @@ class Lineup:
 
 
 def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
-    """The latest snapshot that is not after `time` [s]; the first one before that."""
-    after = bisect_right(snapshots, time * (1 + 1e-9), key=lambda snapshot: snapshot.time)
-    return snapshots[max(after - 1, 0)]
+    """The snapshot nearest to `time` [s], the earlier of two that are equally near."""
+
+    def distance(snapshot: Snapshot) -> float:
+        late = snapshot.time - time
+        # runs step differently, so that equally near is so within some steps
+        return 1.02 * late if late > 0 else -late
+
+    return min(snapshots, key=distance)
 
 
 def frame(
@@ -135,12 +144,10 @@ def frame(
     Raises:
         UserError: a size below 64 x 64.
     """
-    width, height = size
-    if width < raster.SMALLEST[0] or height < raster.SMALLEST[1]:
-        raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
+    raster.check_size(size)
     look = look or Look.of(lineup.runs[0].scene)
     tones, layout, key = look.tones, _Layout.best(lineup, size, look.words), lineup.key(look)
-    image, unit = annotate.blank(width, height, tones.page), layout.unit
+    image, unit = annotate.blank(*size, tones.page), layout.unit
     scale = 1.0
     for run, box in zip(lineup.runs, layout.fields, strict=True):
         view = fit(lineup.window, box)
@@ -154,7 +161,7 @@ def frame(
     if layout.diagram and lineup.curves:
         shown = [curve.until(time) for curve in lineup.curves]
         inset.draw(image, layout.diagram, shown, look.theme, 1.2 * unit)
-    _write_clock(image, layout, time, scale, look, key)
+    _write_clock(image, layout, annotate.time_text(time, lineup.interval), scale, look, key)
     return image
 
 
@@ -181,81 +188,34 @@ def instants(
     world = _together([window(run.scene, side=0.14, above=0.42) for run in lineup.runs])
     high = montage.height_of(across, world, text)
     head, foot = round(1.9 * text), round(montage.FOOT * unit)
+    chosen = [float(time) for time in np.linspace(lineup.times[0], lineup.times[-1], n)]
+    shown = [[at(run.snapshots, time) for time in chosen] for run in lineup.runs]
+    panel = Box(0, 0, across, high)
+    strip = max(
+        montage.strip(panel, row, run.scene, world, text, lineup.interval)
+        for row, run in zip(shown, lineup.runs, strict=True)
+    )
+    high += strip
     above = len(lineup.runs) * (head + high) + foot
     image = annotate.blank(width, above + above % 2, tones.page)
-    shown, scale = np.linspace(lineup.times[0], lineup.times[-1], n), 1.0
+    scale, plain = 1.0, annotate.font(0.8 * text)
     for k, run in enumerate(lineup.runs):
         top = head + k * (head + high)
-        place, room = (gap + 2, top - 0.55 * text), width - 2 * gap
-        _write_name(image, place, lineup, k, room, 1.0 * text, look)
-        for column, time in enumerate(shown):
+        foot_of_name, room = top - 0.55 * text, width - 2 * gap
+        if lineup.has_ended(k, chosen[-1]):
+            ended = f"ended at {annotate.time_text(run.snapshots[-1].time, lineup.interval)}"
+            place, tone = (width - gap - 2, foot_of_name), look.tones.soft_ink
+            annotate.write(image, place, ended, plain, anchor="rs", colour=tone)
+            room -= plain.getlength(ended) + 0.7 * text
+        _write_name(image, (gap + 2, foot_of_name), lineup, k, room, 1.0 * text, look)
+        for column, snapshot in enumerate(shown[k]):
             left = gap + column * (across + gap)
             box = Box(left, top, left + across, top + high)
-            snapshot = at(run.snapshots, float(time))
-            scale = montage.panel(image, box, snapshot, run.scene, world, unit, look, key)
+            scale = montage.panel(
+                image, box, snapshot, run.scene, world, unit, look, key, lineup.interval, strip
+            )
     montage.foot_line(image, above, scale, unit, look, key)
     return image
-
-
-def told_apart(scenes: Sequence[Scene]) -> tuple[str, ...] | None:
-    """What tells scenes of one name apart, in a few words each; None if it takes too many.
-
-    Names of `CHOICE_SETS`, or up to two keys with their values; `output` does not count.
-    """
-    flat = [_flat(scene.model_dump()) for scene in scenes]
-    sets = tuple(filter(None, (_choice_set(one) for one in flat)))
-    if len(set(sets)) == len(scenes):
-        return sets
-    every = dict.fromkeys(key for one in flat for key in one)
-    keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
-    if "impactor.shape" in keys:
-        keys = ["impactor.shape"]
-    if not 1 <= len(keys) <= 2:
-        return None
-    words = tuple(
-        ", ".join(f"{key} = {_shown(one.get(key))}{_unit(scene, key)}" for key in keys)
-        for one, scene in zip(flat, scenes, strict=True)
-    )
-    return words if len(set(words)) == len(words) else None
-
-
-def _flat(table: dict[str, Any], head: str = "") -> dict[str, Any]:
-    """The values of nested tables by dotted key, without name and output."""
-    found: dict[str, Any] = {}
-    for name, value in table.items():
-        if head + name in ("name", "output"):
-            continue
-        if isinstance(value, dict):
-            found |= _flat(value, f"{head}{name}.")
-        else:
-            found[head + name] = value
-    return found
-
-
-def _choice_set(flat: dict[str, Any]) -> str | None:
-    for name, choices in CHOICE_SETS.items():
-        if all(flat.get(key, value) == value for key, value in choices.items()):
-            return name
-    return None
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return "none" if value is None else str(value)
-
-
-def _unit(scene: Scene, key: str) -> str:
-    """The unit of a scene's key with a space before it, as its description ends with it."""
-    owner: Any = scene
-    *heads, last = key.split(".")
-    for head in heads:
-        owner = getattr(owner, head)
-    field = type(owner).model_fields.get(last)
-    found = re.search(r"\[([^\]]+)\]$", field.description or "") if field else None
-    return f" {found[1]}" if found else ""
 
 
 def _together(windows: Sequence[Window]) -> Window:
@@ -320,8 +280,8 @@ class _Layout:
 
     @classmethod
     def best(cls, lineup: Lineup, size: tuple[int, int], words: bool) -> _Layout:
-        """The one with the largest fields: all in a row, three below one another, four as 2 x 2."""
-        grids = {2: [(2, False)], 3: [(3, False), (1, False)]}
+        """The one with the largest fields: in a row, below one another, or four as 2 x 2."""
+        grids = {2: [(2, False), (1, False)], 3: [(3, False), (1, False)]}
         four = [(4, False), (2, False), (2, True)]
         found = [cls(lineup, size, words, *grid) for grid in grids.get(len(lineup.runs), four)]
         return max(found, key=lambda layout: layout.pixels)
@@ -338,14 +298,12 @@ def _write_head(
     foot, last, start = head + 68 * unit, run.snapshots[-1].time, float(box.left)
     if run.scene.impactor is not None:
         depth = raster.depth_text(raster.sunk(at(run.snapshots, time), run.scene))
-        parts = [("displacement ", plain, tones.soft_ink), (depth, bold, tones.ink)]
-        if box.width < _NARROW * unit:
-            parts = [parts[1], (" deep", plain, tones.soft_ink)]
-        for words, face, tone in parts:
+        said = "moved " if box.width < _NARROW * unit else "displacement "
+        for words, face, tone in ((said, plain, tones.soft_ink), (depth, bold, tones.ink)):
             annotate.write(image, (start, foot), words, face, colour=tone)
             start += face.getlength(words)
-    if time > last * (1 + 1e-9):
-        ended = f"ended at {1e3 * last:.1f} ms"
+    if lineup.has_ended(k, time):
+        ended = f"ended at {annotate.time_text(last, lineup.interval)}"
         if start + 0.5 * 21 * unit + plain.getlength(ended) > box.right:
             ended = "ended"
         annotate.write(image, (box.right, foot), ended, plain, anchor="rs", colour=tones.soft_ink)
@@ -360,18 +318,18 @@ def _write_name(
     size: float,
     look: Look,
 ) -> None:
-    """A run's name in the colour of its curve, then what all are called, where there is room."""
+    """A run's name in the colour of its curve, then what else there is to say, if it has room."""
     bold, plain = annotate.font(size, bold=True), annotate.font(0.8 * size)
     name = annotate.shortened(lineup.names[k], bold, room)
     annotate.write(image, place, name, bold, colour=look.tones.curves[k])
-    start = bold.getlength(name) + 0.7 * size
-    if lineup.shared and start + plain.getlength(lineup.shared) <= room:
+    start, aside = bold.getlength(name) + 0.7 * size, lineup.asides[k] if lineup.asides else ""
+    if aside and start + plain.getlength(aside) <= room:
         after = (place[0] + start, place[1])
-        annotate.write(image, after, lineup.shared, plain, colour=look.tones.soft_ink)
+        annotate.write(image, after, aside, plain, colour=look.tones.soft_ink)
 
 
 def _write_clock(
-    image: Image8, layout: _Layout, time: float, scale: float, look: Look, key: Key
+    image: Image8, layout: _Layout, time: str, scale: float, look: Look, key: Key
 ) -> None:
     """Time, scale bar and key: the key below them, in one line with them, or upright."""
     box, unit, level = layout.clock, layout.unit, layout.is_level
@@ -379,7 +337,7 @@ def _write_clock(
     foot = box.top + 58 * unit
     annotate.write(image, (box.left, box.top + 20 * unit), "time", plain, colour=ink)
     big = annotate.font(34 * unit, bold=True)
-    annotate.write(image, (box.left, foot), f"{1e3 * time:.1f} ms", big, colour=ink)
+    annotate.write(image, (box.left, foot), time, big, colour=ink)
     middle = box.left + (0.16 if level else 0.5) * box.width
     annotate.scale_bar(image, middle, foot, scale, 170 * unit, 21 * unit, look.tones)
     if layout.beside:

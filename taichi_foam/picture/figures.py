@@ -51,6 +51,9 @@ LEDGER = (
     (("contact_J", "self_contact_J", "base_J"), "contacts and base", "#5A5A5A"),
 )
 
+#: Energies below zero by less than this share of the largest are rounding.
+_ROUNDING = 1e-3
+
 
 @dataclass(frozen=True)
 class Absorption:
@@ -208,16 +211,30 @@ def energy_ledger(history: History) -> Figure:
 def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
     """Names, energies (n,) [J] and colours of the parts of LEDGER that a history has.
 
+    A part that gives back what it held at the start, such as the shear of a sheared block, goes
+    below zero: it is counted from its lowest, and its name says so.
+
     Raises UserError where there are none.
     """
     names, layers, tones = [], [], []
+    largest = max(
+        (
+            float(np.max(np.abs(history[c])))
+            for columns, *_ in LEDGER
+            for c in columns
+            if c in history
+        ),
+        default=0.0,
+    )
     for columns, name, colour in LEDGER:
         nothing = np.zeros_like(history["time_s"])
         total = sum((history[c] for c in columns if c in history), start=nothing)
         if np.any(np.abs(total) > 0):
-            # A part may dip below zero by rounding; a stack of areas has no place for that.
-            layers.append(np.maximum(total, 0.0))
-            names.append(name)
+            lowest = float(total.min())
+            # A stack of areas has no place below zero. By rounding a part may dip there, too.
+            given_back = lowest < -_ROUNDING * largest
+            layers.append(total - lowest if given_back else np.maximum(total, 0.0))
+            names.append(f"{name}, from its lowest" if given_back else name)
             tones.append(colour)
     if not layers:
         raise UserError("energy ledger: the history holds no energy to show")

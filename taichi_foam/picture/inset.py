@@ -115,14 +115,18 @@ def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
 
 
 def _names_across(names: Sequence[str], width: int, size: float) -> int:
-    """How many names stand in a line `width` wide: all, or two; 0 if there is no room for them.
+    """How many names stand in a line `width` wide: all, two or one; 0 if they have no room.
 
-    The names of one run or two are shortened, where need be. Those of more can be left out, since
-    a comparison has them above its fields, too.
+    The names of one run or two are shortened where need be, as long as they are still told apart.
+    Those of more can be left out, since a comparison has them above its fields, too.
     """
-    if len(names) <= 2:
-        return len(names)
     bold = annotate.font(size, bold=True)
+    if len(names) <= 2:
+        for across in range(len(names), 0, -1):
+            shown = {annotate.shortened(name, bold, width / across - size) for name in names}
+            if len(shown) == len(names):
+                return across
+        return 0
     widest = max(bold.getlength(name) for name in names) + size
     return next((across for across in (len(names), 2) if across * widest <= width), 0)
 

@@ -19,10 +19,13 @@ from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
 
-#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6).
+#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6), or that of
+#: foam that locks later.
 KEY_STRAIN = 0.95
 #: Stress at the dark end, in plateau stresses; shear strain, in those at which foam breaks.
 KEY_STRESS, KEY_SHEAR = 2.0, 2.0
+
+_PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: ""}
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,12 @@ class Mode:
 
 
 def _strain_key(*words: str) -> Callable[[Scene], Key]:
-    shown = (0.0, 0.2, 0.4, 0.6, 0.8, KEY_STRAIN)
-    ticks = tuple((value, f"{100 * value:.0f} %") for value in shown)
-    return lambda scene: Key(words, "heat", KEY_STRAIN, ticks)
+    def key(scene: Scene) -> Key:
+        top = max(KEY_STRAIN, -scene.foam.locking_strain)
+        shown = (0.0, 0.2, 0.4, 0.6, 0.8, top)
+        return Key(words, "heat", top, tuple((s, f"{_figure(100 * s)} %") for s in shown))
+
+    return key
 
 
 def _worst(snapshot: Snapshot, scene: Scene) -> Array:
@@ -209,14 +215,19 @@ def _ticks(
 
     shown = MaxNLocator(nbins=5, steps=[1, 2, 5, 10]).tick_values(0.0, factor * top)
     inner = [value for value in shown if -1e-9 <= value < 0.9 * factor * top]
-    last = f"{'≥ ' if open_ended else ''}{factor * top:.3g}{unit}"
-    return (*((value / factor, f"{value:g}{unit}") for value in inner), (top, last))
+    last = f"{'≥ ' if open_ended else ''}{_figure(factor * top)}{unit}"
+    return (*((value / factor, f"{_figure(value)}{unit}") for value in inner), (top, last))
+
+
+def _figure(value: float) -> str:
+    """Three digits of a figure, never with an exponent."""
+    return np.format_float_positional(float(f"{value:.3g}"), trim="-")
 
 
 def _scale(top: float) -> float:
-    """The power of a thousand that figures up to `top` are given in."""
-    return 1e6 if top >= 1e6 else 1e3 if top >= 1e3 else 1.0
+    """The power of a thousand that figures up to `top` are given in, as `_figure` rounds it."""
+    return next((scale for scale in _PREFIXES if float(f"{top:.3g}") >= scale), 1.0)
 
 
 def _prefix(top: float) -> str:
-    return {1e6: "M", 1e3: "k", 1.0: ""}[_scale(top)]
+    return _PREFIXES[_scale(top)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,6 +75,9 @@ def montage(
     world = window(scene, side=0.14, above=0.42)
     panel_width = (width - gap * (across + 1)) // across
     panel_height = height_of(panel_width, world, text)
+    interval = scene.output.snapshot_interval
+    over = strip(Box(0, 0, panel_width, panel_height), chosen, scene, world, text, interval)
+    panel_height += over
     head, foot = round(2.1 * text), round(FOOT * unit)
     line = round(1.3 * _NOTE * text)
     above = head + down * (panel_height + gap) + foot
@@ -88,7 +92,7 @@ def montage(
         left = gap + (k % across) * (panel_width + gap)
         top = head + (k // across) * (panel_height + gap)
         box = Box(left, top, left + panel_width, top + panel_height)
-        scale = panel(image, box, snapshot, scene, world, unit, look, key)
+        scale = panel(image, box, snapshot, scene, world, unit, look, key, interval, over)
     foot_line(image, above, scale, unit, look, key)
     small = annotate.font(_NOTE * text)
     for k, words in enumerate(note):
@@ -112,6 +116,35 @@ def height_of(panel_width: int, world: Window, text: float) -> int:
     return int(np.clip(height, 3 * text, 1.5 * panel_width))
 
 
+def strip(
+    box: Box,
+    snapshots: Sequence[Snapshot],
+    scene: Scene,
+    world: Window,
+    text: float,
+    interval: float,
+) -> int:
+    """Height [pixels] that panels like `box` need above the world, for times clear of all else.
+
+    None, where neither foam nor impactor ever comes to the corner in which a time stands.
+    """
+    view, face = fit(world, box), annotate.font(text, bold=True)
+    right = 0.8 * text + max(
+        face.getlength(annotate.time_text(s.time, interval)) for s in snapshots
+    )
+    # in the world, a cell further for those around the mass points
+    x = (box.left + right - view.x_zero) / view.scale + scene.block.dx
+    y = (view.y_zero - box.top - 1.6 * text) / view.scale - scene.block.dy
+    for snapshot in snapshots:
+        if np.any((snapshot.position[..., 0] < x) & (snapshot.position[..., 1] > y)):
+            return round(1.6 * text)
+        if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
+            outline = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+            if outline[:, 0].min() < x and outline[:, 1].max() > y:
+                return round(1.6 * text)
+    return 0
+
+
 def panel(
     image: Image8,
     box: Box,
@@ -121,13 +154,20 @@ def panel(
     unit: float,
     look: Look,
     key: Key,
+    interval: float = 1e-3,
+    over: int = 0,
 ) -> float:
-    """Draw one instant with its time into `box`, in place; return its scale [pixels/m]."""
-    view, text, ink = fit(world, box), TEXT * unit, look.tones.ink
-    annotate.field(image, view, unit, look.tones)
+    """Draw one instant with its time into `box`, in place; return its scale [pixels/m].
+
+    `interval` [s] is that of the snapshots; nothing but the time is drawn in the first `over` rows.
+    """
+    below = Box(box.left, box.top + over, box.right, box.bottom)
+    view, text, ink = fit(world, below), TEXT * unit, look.tones.ink
+    annotate.field(image, replace(view, box=box), unit, look.tones)
     raster.draw(image, snapshot, scene, view, 0.85 * unit, look, key)
     place, label = (box.left + 0.4 * text, box.top + 1.2 * text), annotate.font(text, bold=True)
-    annotate.write(image, place, f"{1e3 * snapshot.time:.1f} ms", label, colour=ink)
+    time = annotate.time_text(snapshot.time, interval)
+    annotate.write(image, place, time, label, colour=ink)
     return view.scale
 
 

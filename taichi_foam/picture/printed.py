@@ -96,8 +96,9 @@ def montage(
             axis = _axes(figure, left, top - tall, wide, tall)
             scale = _show(axis, world, wide, tall)
             _draw(axis, snapshot, scene, look, scale, dense)
+            time = annotate.time_text(snapshot.time, scene.output.snapshot_interval)
             axis.annotate(
-                f"{1e3 * snapshot.time:.1f} ms", (0, 1), xytext=(3, -3), va="top",
+                time, (0, 1), xytext=(3, -3), va="top",
                 xycoords="axes fraction", textcoords="offset points",
             )  # fmt: skip
         _scale_bar(figure, scale, 0.22 * width)
@@ -141,7 +142,8 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
             values = factor * history[name]
             axis.plot(time, values, color=BLUE)
             axis.set_ylabel(label)
-            if np.nanmin(values) < 0:
+            # smoothing rings a little where a deceleration sets in
+            if np.nanmin(values) < -0.01 * np.nanmax(values):
                 axis.axhline(0, color=INK, linewidth=_LINE)
             else:
                 axis.set_ylim(bottom=0)

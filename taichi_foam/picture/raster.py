@@ -40,7 +40,7 @@ GRID_FULL, GRID_NONE = 9.0, 3.0
 GRID_APART = 16.0
 SMALLEST = (64, 64)
 #: Below this size there is no room for words beside the field.
-SMALLEST_WITH_TEXT = (320, 180)
+SMALLEST_WITH_TEXT = (512, 288)
 
 
 def frame(
@@ -71,14 +71,12 @@ def frame(
         threads: CPU threads to draw on; default all. A live view leaves the others to the run.
 
     Returns:
-        uint8 (height, width, 3). Below 320 x 180 pixels there is no text.
+        uint8 (height, width, 3). Below 512 x 288 pixels there is no text.
 
     Raises:
         UserError: a size below 64 x 64.
     """
-    width, height = size
-    if width < SMALLEST[0] or height < SMALLEST[1]:
-        raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
+    check_size(size)
     look = look or Look.of(scene)
     layout = Layout(size, look.words)
     key = look.shown.key(scene)
@@ -92,7 +90,8 @@ def frame(
     if layout.has_text:
         ink = look.tones.ink
         face = annotate.font(34 * unit, bold=True)
-        annotate.write(image, layout.time, f"{1e3 * snapshot.time:.1f} ms", face, colour=ink)
+        time = annotate.time_text(snapshot.time, scene.output.snapshot_interval)
+        annotate.write(image, layout.time, time, face, colour=ink)
         if note:
             small = annotate.font(21 * unit)
             annotate.write(image, layout.note, note, small, anchor="rs", colour=look.tones.soft_ink)
@@ -101,6 +100,13 @@ def frame(
                 displacement = sunk(snapshot, scene)
             annotate.write(image, layout.depth, depth_text(displacement), face, colour=ink)
     return image
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Raises UserError for a picture that would be too small to show anything [pixels]."""
+    width, height = size
+    if width < SMALLEST[0] or height < SMALLEST[1]:
+        raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
 
 
 def sunk(snapshot: Snapshot, scene: Scene) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from picture_states import dented, intact, scene_of, split
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, comparison, inset, raster
-from taichi_foam.picture.comparison import Lineup, told_apart
+from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
@@ -98,7 +99,7 @@ def test_when_the_runs_change_places_the_fields_do(order: tuple, size, theme: st
 @pytest.mark.parametrize(
     ("count", "size", "grid"),
     [
-        (2, (1280, 720), (2, 1)), (2, (720, 1280), (2, 1)), (2, (1200, 432), (2, 1)),
+        (2, (1280, 720), (2, 1)), (2, (720, 1280), (1, 2)), (2, (1200, 432), (2, 1)),
         (3, (1280, 720), (3, 1)), (3, (720, 1280), (1, 3)), (3, (1200, 432), (3, 1)),
         (4, (1280, 720), (2, 2)), (4, (720, 1280), (2, 2)), (4, (1600, 500), (4, 1)),
     ],
@@ -158,6 +159,22 @@ def test_the_clock_is_that_of_the_finer_run_and_goes_on_to_the_end_of_the_longer
     assert comparison.at(coarse.snapshots, -1.0) is coarse.snapshots[0]
 
 
+def test_runs_of_different_steps_are_shown_at_one_instant() -> None:
+    """Snapshots come with the first step after their time, and steps differ from run to run."""
+    runs = [dent(), cut("b", 21)]
+    late = [replace(s, time=1e-3 * k + 3e-6) for k, s in enumerate(runs[0].snapshots)]
+    for order in (
+        [replace(runs[0], snapshots=late), runs[1]],
+        [runs[1], replace(runs[0], snapshots=late)],
+    ):
+        lineup = Lineup.of(order)
+        assert len(lineup.times) == 21
+        for k, time in enumerate(lineup.times):
+            for place, run in enumerate(lineup.runs):
+                assert comparison.at(run.snapshots, time) is run.snapshots[k]
+                assert not lineup.has_ended(place, time)
+
+
 def test_all_fields_have_one_scale_though_the_blocks_differ() -> None:
     small = Scene(name="small", block=Block(width=0.1, height=0.05, columns=20, rows=10),
                   impactor=FlatBlock(width=0.03))  # fmt: skip
@@ -204,71 +221,6 @@ def test_all_curves_grow_on_one_pair_of_axes(count: int) -> None:
     assert before < now < later
 
 
-class TestNames:
-    def test_are_those_of_the_scenes(self) -> None:
-        lineup = Lineup.of([dent("one"), cut("two"), lean("three")], ["runs/a", "runs/b", "c"])
-        assert (lineup.names, lineup.shared) == (("one", "two", "three"), "")
-
-    def test_are_the_titles_of_the_papers_tests(self) -> None:
-        lineup = Lineup.of([of_paper(name) for name in ("wedge-2.86", "rectangular-3.03")])
-        assert (lineup.names, lineup.shared) == (("wedge, 2.86 m/s", "flat block, 3.03 m/s"), "")
-        velocities = (2.5, 2.86, 4.0)
-        lineup = Lineup.of([of_paper("wedge-2.86", f"impactor.velocity={v}") for v in velocities])
-        assert lineup.names == tuple(f"wedge, {v:.2f} m/s" for v in velocities)
-
-    def test_are_those_of_the_choice_sets(self) -> None:
-        scenes = [load_scene("paper/wedge-2.86", s) for s in ("calibrated", "paper-literal")]
-        assert told_apart(scenes) == ("calibrated", "paper-literal")
-
-    def test_are_what_differs_among_three_and_four(self) -> None:
-        a = load_scene("paper/wedge-2.86")
-        rows = [load_scene(a, overrides=[f"block.rows={n}"]) for n in (20, 40, 10, 30)]
-        for count in (3, 4):
-            expected = tuple(f"block.rows = {n}" for n in (20, 40, 10, 30)[:count])
-            assert told_apart(rows[:count]) == expected
-        assert told_apart([a, rows[0], rows[1]]) is None  # the first two do not differ
-        runs = [of_paper("wedge-2.86", f"block.rows={n}") for n in (20, 40, 10)]
-        assert Lineup.of(runs).shared == "wedge, 2.86 m/s"
-
-    def test_of_some_that_are_called_the_same_have_more_behind_them(self) -> None:
-        settings = ("block.rows=20", "block.rows=40")
-        runs = [of_paper("wedge-2.86", one) for one in settings]
-        lineup = Lineup.of([runs[0], dent(), runs[1]], ["a", "b", "c"])
-        rows = [f"wedge, 2.86 m/s: block.rows = {n}" for n in (20, 40)]
-        assert (lineup.names, lineup.shared) == ((rows[0], "dent", rows[1]), "")
-        lineup = Lineup.of([runs[0], dent(), runs[0]], ["a", "b", "c"])
-        assert lineup.names == ("wedge, 2.86 m/s: a", "dent", "wedge, 2.86 m/s: c")
-
-    @pytest.mark.parametrize(
-        ("settings", "expected"),
-        [
-            (["model.damping=absolute"], ("model.damping = stiffness", "model.damping = absolute")),
-            (
-                ["impactor.velocity=3"],
-                ("impactor.velocity = 2.86 m/s", "impactor.velocity = 3 m/s"),
-            ),
-            (
-                ["impactor.shape=cylinder"],
-                ("impactor.shape = wedge", "impactor.shape = cylinder"),
-            ),
-            (["model.self_contact=false", "block.rows=40"],
-             ("block.rows = 20, model.self_contact = true",
-              "block.rows = 40, model.self_contact = false")),
-            (["output.mode=stress"], None),
-            (["block.rows=40", "block.columns=80", "foam.rate=none"], None),
-        ],
-    )  # fmt: skip
-    def test_are_what_differs(self, settings: list[str], expected: tuple | None) -> None:
-        a = load_scene("paper/wedge-2.86")
-        assert told_apart([a, load_scene(a, overrides=settings)]) == expected
-
-    def test_are_the_folders_where_nothing_else_helps(self) -> None:
-        one = dent()
-        lineup = Lineup.of([one, one, one], ["runs/a", "runs/b", "c"])
-        assert (lineup.names, lineup.shared) == (("runs/a", "runs/b", "c"), "dent")
-        assert Lineup.of([one, one]).names == ("run 1", "run 2")
-
-
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> Iterator[list]:
     """(picture, words, box) of every text that is written."""
@@ -303,7 +255,7 @@ def test_no_word_of_a_frame_overlaps_or_is_cut(count: int, mode: str, size, writ
     check_words(written)
     said = {text for _, text, _ in written}
     assert {"25.0 ms", "2.00 cm"} <= said
-    assert said & {"displacement ", " deep"}
+    assert said & {"displacement ", "moved "}
     assert said & {"ended at 10.0 ms", "ended"}
     fields = [(b.left, b.top, b.right, b.bottom) for b in layout_of(lineup, image).fields]
     for picture, text, box in written:
@@ -354,9 +306,11 @@ def test_a_montage_has_a_row_for_each_run_at_the_same_instants(count: int, writt
     image = comparison.instants(lineup, n=4, width=1000)
     assert image.shape[1:] == (1000, 3)
     assert image.shape[0] % 2 == 0
-    times = [text for _, text, _ in written if text.endswith(" ms")]
-    ends = (10, 31, 20, 31)[:count]
+    times = [text for _, text, _ in written if re.fullmatch(r"[0-9.]+ ms", text)]
+    ends = (10, 30, 20, 30)[:count]
     assert times == [f"{min(t, end):.1f} ms" for end in ends for t in (0, 10, 20, 30)]
+    over = [text for _, text, _ in written if text.startswith("ended")]
+    assert over == [f"ended at {end:.1f} ms" for end in ends if end < 30]
     high = {text: box[1] for _, text, box in written}
     tops = [high[name] for name in lineup.names]
     assert tops == sorted(tops)
