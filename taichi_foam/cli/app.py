@@ -21,7 +21,7 @@ from taichi_foam.cli.options import (
     Set,
     Threads,
 )
-from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where
+from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_residual
 from taichi_foam.errors import RunError
 from taichi_foam.folders import check_output_folder, file_name, output_folder
 from taichi_foam.interrupts import held_interrupts
@@ -29,9 +29,6 @@ from taichi_foam.progress import Bars
 from taichi_foam.result import Result, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene_io import list_scenes, load_scene
-
-# An energy residual beyond this tells of a step size that is too large.
-_RESIDUAL_LIMIT = 0.01
 
 _app = typer.Typer(
     add_completion=False,
@@ -223,13 +220,8 @@ def _run(
         figures = summary(result)
         console.print(tables.key_figures(figures))
         say_where(console, folder)
-        residual = figures["energy_residual"]
-        if failure is None and residual is not None and abs(residual) > _RESIDUAL_LIMIT:
-            errors.print(
-                f"warning: {abs(residual):.1%} of the impact energy is unaccounted for; do not "
-                "trust this run; take a smaller --dt, or auto",
-                soft_wrap=True,
-            )
+        if failure is None:
+            warn_of_residual(errors, figures["energy_residual"])
         if failure is not None:
             raise RunError(f"{failure}; what was computed until then is in {folder}")
         if cut:

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from taichi_foam import films
 from taichi_foam.cli import tables
-from taichi_foam.cli.outcome import INTERRUPTED, say_where
+from taichi_foam.cli.outcome import INTERRUPTED, say_where, warn_of_residual
+from taichi_foam.errors import RunError
 from taichi_foam.folders import check_output_folder
 from taichi_foam.live import window
 from taichi_foam.measures import summary
@@ -42,16 +43,28 @@ def run_live(
         result.save(path, overwrite and not kept)
         kept.append(path)
 
-    was_cut = window.watch(scene, keep, arch=arch, threads=threads, shots=Path(f"{folder}-shots"))
-    if not kept:
+    shots = Path(f"{Path(folder)}-shots")
+    stage = window.watch(scene, keep, arch=arch, threads=threads, shots=shots)
+    if not kept and not stage.failures and not stage.unkept:
         raise KeyboardInterrupt("the window was closed before there was anything to save")
-    has_films = _draw_films(kept, bars)
-    console.print(tables.key_figures(summary(Result.load(kept[-1]))))
-    for path in kept:
-        say_where(console, str(path))
-    if was_cut:
+    # What has failed or was cut short has no film, as in `run` without a window.
+    whole = kept[:-1] if stage.was_cut else kept
+    has_films = bool(stage.failures) or _draw_films(whole, bars)
+    if kept:
+        figures = summary(Result.load(kept[-1]))
+        console.print(tables.key_figures(figures))
+        for path in kept:
+            say_where(console, str(path))
+        if not stage.failures:
+            warn_of_residual(errors, figures["energy_residual"])
+    if stage.problem:
+        raise RunError(f"{stage.unkept[0].scene.name}: {stage.problem}")
+    if stage.failures:
+        where = "; what was computed is in the folders above" if kept else ""
+        raise RunError(f"{stage.failures[-1]}{where}")
+    if stage.was_cut:
         errors.print(f"closed before its end: what there was is in {kept[-1]}", soft_wrap=True)
-    if was_cut or not has_films:
+    if stage.was_cut or not has_films:
         raise typer.Exit(INTERRUPTED)
 
 

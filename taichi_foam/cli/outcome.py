@@ -14,6 +14,9 @@ from taichi_foam.errors import RunError, UserError
 
 FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
+# An energy residual beyond this tells of a step size that is too large.
+_RESIDUAL_LIMIT = 0.01
+
 
 @contextlib.contextmanager
 def exit_codes(console: Console) -> Iterator[None]:
@@ -45,6 +48,16 @@ def say_where(console: Console, folder: str) -> None:
     order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
     names = sorted(os.listdir(folder), key=lambda n: (order.index(n) if n in order else 99, n))
     console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
+
+
+def warn_of_residual(errors: Console, residual: float | None) -> None:
+    """Say so if more of the impact energy is unaccounted for than a good step size leaves."""
+    if residual is not None and abs(residual) > _RESIDUAL_LIMIT:
+        errors.print(
+            f"warning: {abs(residual):.1%} of the impact energy is unaccounted for; do not trust "
+            "this run; take a smaller --dt, or auto",
+            soft_wrap=True,
+        )
 
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:

@@ -32,11 +32,11 @@ def watch(
     arch: str = "cpu",
     threads: int | None = None,
     pace: float | None = PACE,
-) -> bool:
+) -> Stage:
     """Show a drop of `scene` below the cell until it ends; the kernel's interrupt ends it early.
 
-    Arguments and errors as for `window.watch`; `pace` as for `Stage`. Returns whether it was cut
-    short.
+    Arguments and errors as for `window.watch`; `pace` as for `Stage`. Returns the stage,
+    its run ended.
     """
     from IPython.display import DisplayHandle
 
@@ -51,10 +51,10 @@ def watch(
                 time.sleep(max(0.0, due - time.monotonic()))
         except KeyboardInterrupt:
             pass
-        was_cut = stage.finish()
+        stage.finish()
         stage.update(1.0)  # the last instant
         handle.update(_image(stage, size))
-    return was_cut
+    return stage
 
 
 def _image(stage: Stage, size: tuple[int, int]):

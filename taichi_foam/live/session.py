@@ -13,6 +13,7 @@ Matplotlib.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import multiprocessing
 import sys
@@ -92,6 +93,8 @@ class Session:
         with _hidden_script():
             self._process.start()
         far_end.close()  # else this process would keep the pipe open for a worker that has died
+        # The worker does not heed what ends processes politely: it has to be asked.
+        atexit.register(self.close)
 
     def __enter__(self) -> Session:
         return self
@@ -213,6 +216,7 @@ class Session:
                 return
             self._send(Close())
             self._is_closing = True
+        atexit.unregister(self.close)
         self._process.join(GRACE)
         if self._process.is_alive():
             self._process.kill()

@@ -5,7 +5,7 @@ Window and notebook draw what a stage shows; neither knows how a run is computed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from taichi_foam.drive import history_of
 from taichi_foam.engine.start import start_of
 from taichi_foam.errors import UserError
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.live import overlay
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, Refused
 from taichi_foam.live.session import Session
-from taichi_foam.picture import annotate, raster
+from taichi_foam.picture import raster
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
@@ -26,7 +28,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.scene_io import load_scene
 
 Image8 = NDArray[np.uint8]
-Keep = Callable[[Result], None]
+Keep = Callable[[Result], object]
 
 #: Simulated seconds in one of watching; None: as fast as it goes.
 PACES = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, None)
@@ -48,11 +50,18 @@ PATIENCE = 30.0
 class Stage:
     """One viewer's drop. `keep` gets every result that comes to its end, and the last as it is.
 
+    What `keep` cannot take (it raises UserError or OSError) stays here, and nothing more is dropped
+    until it has been taken.
+
     scene    what is dropped, with the changes made so far
     session  the run behind it
     look     how it is drawn
     pace     one of PACES
     curve    whether the deceleration is drawn into the picture
+    unkept   results that `keep` has not taken yet
+    problem  why, in its words; empty if all is well
+    failures what the drops that failed met
+    was_cut  whether the last result was cut short
     """
 
     def __init__(
@@ -69,7 +78,13 @@ class Stage:
         self._name = scene.name
         self._keep = keep
         self._settings = (arch, threads)
-        self._trouble = ""
+        self.unkept: list[Result] = []
+        self.problem = ""
+        self.failures: list[str] = []
+        self.was_cut = False
+        self._trouble = ""  # of the current drop
+        self._said = ""  # why the last key did nothing
+        self._is_due = False  # a drop that waits until the current one is prepared
         self._wanted = _UNSETTLED
         self._history: tuple[int, dict] = (0, {})  # rows it was made from, and the columns
         self._open()
@@ -106,15 +121,37 @@ class Stage:
             is_at_rest = event.paused or event.ended
             self._wanted = self._wanted - 1 if is_at_rest else _UNSETTLED
         elif isinstance(event, Ended):
-            self._keep(event.result)
+            self._put(event.result)
         elif isinstance(event, Failed):
             self._trouble = event.message
+            self.failures.append(event.message)
             if event.result is not None:
-                self._keep(event.result)
+                self._put(event.result)
         elif isinstance(event, Refused):
             raise UserError(event.message)
         elif isinstance(event, Died):
             self._trouble = f"{event.message}; drop again to go on"
+        if self._is_due and (self.session.last is not None or self.session.ended):
+            self._drop()
+
+    def _put(self, result: Result) -> None:
+        """Have a result kept, or keep it here."""
+        self.was_cut = bool(result.run["interrupted"])
+        self.unkept.append(result)
+        self.save()
+
+    def save(self) -> None:
+        """Have everything kept that is not yet. Ctrl-C waits until a result is whole."""
+        with held_interrupts() as pressed:
+            try:
+                while self.unkept:
+                    self._keep(self.unkept[0])
+                    self.unkept.pop(0)
+                self.problem = ""
+            except (UserError, OSError) as error:
+                self.problem = f"not saved: {error}"
+        if pressed.is_set():
+            raise KeyboardInterrupt
 
     @property
     def ended(self) -> bool:
@@ -125,7 +162,7 @@ class Stage:
     def state(self) -> str:
         """The drop's state in a word or two, or what is wrong."""
         if self._trouble:
-            return self._trouble
+            return "failed"
         if self.session.ended:
             return "at its end"
         if self.session.last is None:
@@ -134,15 +171,27 @@ class Stage:
             return "paused"
         return pace_words(self.pace)
 
+    @property
+    def message(self) -> str:
+        """What went wrong, in a sentence or two; empty if nothing did."""
+        return self.problem or self._trouble or self._said
+
+    def dismiss(self) -> None:
+        """Whoever watches has seen why the last key did nothing."""
+        self._said = ""
+
     def picture(self, size: tuple[int, int], hint: str = "") -> Image8:
         """The picture of this moment, uint8 (height, width, 3), `hint` at its upper right."""
         last = self.session.last
         note = " · ".join(part for part in (self.state, hint) if part)
         snapshot = start_of(self.scene) if last is None else last.snapshot
         curve = self._curve(snapshot.time) if self.curve else None
-        return raster.frame(
+        image = raster.frame(
             snapshot, self.scene, size, look=self.look, note=note, curve=curve, threads=1
         )
+        if self.message:
+            overlay.strip(image, self.message, self.look.theme)
+        return image
 
     def _curve(self, now: float) -> Curve | None:
         rows = self.session.rows
@@ -176,7 +225,18 @@ class Stage:
         self.session.pace = self.pace
 
     def again(self) -> None:
-        """Drop once more, from the start; after a breakdown in a new process."""
+        """Drop once more, from the start; after a breakdown in a new process.
+
+        A key that is held down does not pile up drops: while one is prepared, the next one waits.
+        """
+        self.save()
+        self._is_due = not self.problem
+        is_preparing = self.session.alive and self.session.last is None and not self.session.ended
+        if self._is_due and not is_preparing:
+            self._drop()
+
+    def _drop(self) -> None:
+        self._is_due = False
         self._trouble, self._history, self._wanted = "", (0, {}), _UNSETTLED
         if self.session.alive:
             self.session.start(self.scene)
@@ -202,7 +262,7 @@ class Stage:
         try:
             scene = load_scene(self.scene, overrides=[override])
         except UserError as error:
-            self._trouble = str(error).splitlines()[-1].strip()
+            self._said = str(error).splitlines()[-1].strip()
             return
         assert scene.impactor is not None
         # A scene's name stands for what was measured: another impact needs another name.
@@ -230,38 +290,18 @@ class Stage:
         """Show the deceleration, or not."""
         self.curve = not self.curve
 
-    def finish(self) -> bool:
-        """End the drop now and keep what there is; whether that cut it short."""
-        if self.session.ended:
-            return False
-        result = self.session.finish(PATIENCE)
-        if result is not None:
-            self._keep(result)
-        return True
+    def finish(self) -> None:
+        """End the drop now and have everything kept; see `unkept`, `problem`, `was_cut`."""
+        self._is_due = False
+        self.update(0.0)  # an end that has come, but has not been heard
+        try:
+            if not self.session.ended and self.session.last is not None:
+                self.session.finish(PATIENCE)
+        finally:
+            self.update(0.0)
+            self.save()
 
 
 def pace_words(pace: float | None) -> str:
     """A pace as people say it."""
     return "full speed" if pace is None else f"1:{1 / pace:.0f} of real time"
-
-
-def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
-    """A panel of keys and what they do over the middle of `image` (h, w, 3), in place."""
-    height, width = image.shape[:2]
-    tones, unit = THEMES[theme], min(width / 1280, height / 720)
-    size = 22 * unit
-    bold, plain = annotate.font(size, bold=True), annotate.font(size)
-    left = max(bold.getlength(key) for key, _ in rows)
-    right = max(plain.getlength(words) for _, words in rows)
-    gap, line = 1.2 * size, 1.55 * size
-    wide, high = round(left + right + 3 * gap), round((len(rows) + 0.9) * line)
-    x, y = (width - wide) // 2, (height - high) // 2
-    box = annotate.Box(x, y, x + wide, y + high)
-    annotate.rectangle(image, box, tones.frame)
-    edge = max(1, round(2 * unit))
-    inner = annotate.Box(x + edge, y + edge, x + wide - edge, y + high - edge)
-    annotate.rectangle(image, inner, tones.page)
-    for k, (key, words) in enumerate(rows):
-        base = y + (k + 1.1) * line
-        annotate.write(image, (x + gap, base), key, bold, colour=tones.ink)
-        annotate.write(image, (x + 2 * gap + left, base), words, plain, colour=tones.ink)

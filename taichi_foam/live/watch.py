@@ -33,7 +33,7 @@ def watch(
 
     Raises:
         UserError: no display, or an arch that cannot be had.
-        RunError: the drop gave nothing.
+        RunError: the drop failed, its `results` holding what came before; or it gave nothing.
     """
     kept: list[Result] = []
 
@@ -42,7 +42,9 @@ def watch(
 
     place = cell if cell.is_notebook() else window
     shown = size or place.SIZE
-    place.watch(scene, keep, size=shown, arch=arch, threads=threads, pace=pace)
+    stage = place.watch(scene, keep, size=shown, arch=arch, threads=threads, pace=pace)
+    if stage.failures:
+        raise RunError(stage.failures[-1], kept)
     if not kept:
         raise RunError(f"{scene.name}: it was closed before it gave anything", [])
     return kept[0]

@@ -12,7 +12,8 @@ from PIL import Image
 
 from taichi_foam.errors import UserError
 from taichi_foam.folders import whole_file
-from taichi_foam.live.stage import FPS, PACE, Keep, Stage, panel
+from taichi_foam.live.overlay import panel
+from taichi_foam.live.stage import FPS, PACE, Keep, Stage
 from taichi_foam.picture import raster
 from taichi_foam.scene import Scene
 
@@ -59,7 +60,7 @@ def watch(
     threads: int | None = None,
     pace: float | None = PACE,
     shots: Path = Path("shots"),
-) -> bool:
+) -> Stage:
     """Open a window on a drop of `scene`, until it is closed.
 
     Args:
@@ -71,7 +72,7 @@ def watch(
         shots: folder for screenshots; made when it is needed.
 
     Returns:
-        Whether the last drop was cut short.
+        The stage, its run ended: `was_cut`, `failures`, and what could not be kept.
 
     Raises:
         UserError: no display, or an arch that cannot be had.
@@ -82,7 +83,10 @@ def watch(
         with Stage(scene, keep, arch=arch, threads=threads, pace=pace) as stage:
             with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C closes it, too
                 window.show(stage)
-            return stage.finish()
+            window.say_goodbye()
+            with contextlib.suppress(KeyboardInterrupt):
+                stage.finish()
+            return stage
     finally:
         window.close()
 
@@ -101,10 +105,16 @@ class _Window:
             self._surface = pygame.display.set_mode(size, pygame.RESIZABLE)
         except pygame.error as error:
             raise UserError(_no_window(str(error))) from None
+        driver = pygame.display.get_driver()
+        if driver in ("offscreen", "dummy") and "SDL_VIDEODRIVER" not in os.environ:
+            pygame.quit()  # what SDL falls back on where a display does not answer
+            display = os.environ.get("DISPLAY", "")
+            raise UserError(_no_window(f"the display {display!r} does not answer"))
         pygame.key.set_repeat(400, 80)
         self._clock = pygame.time.Clock()
         self._shots = shots
         self._has_help = False
+        self._held: set[int] = set()  # keys that are down
         self._told = ""  # instead of the hint: where a screenshot went
         k = pygame
         self._keys: dict[int, Callable[[Stage], object]] = {
@@ -129,8 +139,18 @@ class _Window:
             k.K_F1: self._toggle_help,
         }
 
+        self._repeated = {
+            k.K_RIGHT, k.K_PERIOD, k.K_UP, k.K_DOWN,
+            k.K_MINUS, k.K_KP_MINUS, k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS,
+        }  # fmt: skip
+
     def close(self) -> None:
         self._pygame.quit()
+
+    def say_goodbye(self) -> None:
+        """Show that it closes: what is saved may take its time."""
+        self._pygame.display.set_caption("closing · taichi_foam")
+        self._pygame.display.flip()
 
     def show(self, stage: Stage) -> None:
         """Draw and obey until the window is closed."""
@@ -152,8 +172,15 @@ class _Window:
     def _obey(self, event, stage: Stage) -> bool:
         """Do what an event asks for; whether the picture changes by it."""
         pygame = self._pygame
+        if event.type == pygame.KEYUP:
+            self._held.discard(event.key)
         if event.type == pygame.KEYDOWN and event.key in self._keys:
+            is_again = event.key in self._held
+            self._held.add(event.key)
+            if is_again and event.key not in self._repeated:
+                return False
             self._told = ""
+            stage.dismiss()
             self._keys[event.key](stage)
             return True
         return event.type in (pygame.VIDEORESIZE, pygame.VIDEOEXPOSE)
@@ -169,14 +196,16 @@ class _Window:
         pygame.display.set_caption(f"{stage.scene.name} · taichi_foam")
 
     def _picture(self, stage: Stage):
-        size = self._surface.get_size()
-        # A window can be made smaller than a picture may be.
-        size = (max(size[0], raster.SMALLEST[0]), max(size[1], raster.SMALLEST[1]))
-        picture = stage.picture(size, self._told or _HINT)
+        picture = stage.picture(self._size(), self._told or _HINT)
         if self._has_help:
             picture = picture.copy()
             panel(picture, HELP, stage.look.theme)
         return picture
+
+    def _size(self) -> tuple[int, int]:
+        """Of the picture: a window can be made smaller than a picture may be."""
+        width, height = self._surface.get_size()
+        return max(width, raster.SMALLEST[0]), max(height, raster.SMALLEST[1])
 
     def _next_mode(self, stage: Stage) -> None:
         is_back = self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT
@@ -186,11 +215,12 @@ class _Window:
         self._has_help = not self._has_help
 
     def _save_screenshot(self, stage: Stage) -> None:
-        picture = stage.picture(self._surface.get_size())
+        picture = stage.picture(self._size())
         try:
             self._shots.mkdir(parents=True, exist_ok=True)
-            count = len(list(self._shots.glob("shot-*.png")))
-            path = self._shots / f"shot-{count + 1:03d}.png"
+            names = (path.stem.removeprefix("shot-") for path in self._shots.glob("shot-*.png"))
+            last = max((int(name) for name in names if name.isdecimal()), default=0)
+            path = self._shots / f"shot-{last + 1:03d}.png"
             with whole_file(path) as partial:
                 Image.fromarray(picture).save(partial)
         except OSError as error:

@@ -48,8 +48,14 @@ MOST_BEHIND = 0.1
 
 
 def main(pipe: Connection, arch: str, threads: int | None) -> None:
-    """Do what comes through the pipe, until Close or until the viewer is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Do what comes through the pipe, until Close or until the viewer is gone.
+
+    Ctrl-C, a closed terminal, the end of a service: each reaches the viewer's whole group, and is
+    the viewer's to answer, who may want to have what there is first.
+    """
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     _Worker(pipe, arch, threads).serve()
 
 
@@ -75,7 +81,7 @@ class _Worker:
                 if is_wanted:
                     self._go_on()
             except Exception as error:
-                self._fail(_words(error), None)
+                self._fail(_words(error))
 
     def _listen(self, wait: float | None) -> bool:
         """Do what the viewer wants, waiting so long [s] for it; False if it wants no more."""
@@ -132,7 +138,7 @@ class _Worker:
         except UserError as error:
             self._send(Refused(str(error)))
         except Exception as error:
-            self._fail(_words(error), None)
+            self._fail(_words(error))
         else:
             self._is_over, self._rows_sent = False, 0
             self._anchor()
@@ -163,7 +169,11 @@ class _Worker:
         result = None if self._drop is None else _result(self._drop, interrupted=True)
         self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
 
-    def _fail(self, message: str, result: Result | None) -> None:
+    def _fail(self, message: str) -> None:
+        """Something that must not be has been; what came before it is handed over."""
+        result = None
+        with contextlib.suppress(Exception):  # whatever is wrong may be wrong there, too
+            result = None if self._drop is None else _result(self._drop, interrupted=True)
         self._leave_drop()
         self._send(Failed(self._number, message, result))
 

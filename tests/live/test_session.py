@@ -228,11 +228,15 @@ def test_a_failed_run_says_why(session: Session) -> None:
 
 @on_linux
 def test_a_viewer_that_takes_nothing_holds_nothing_up(session: Session) -> None:
-    """Frames with thousands of rows do not fit into the pipe; Ctrl-C is not the worker's."""
+    """Frames with thousands of rows do not fit into the pipe.
+
+    Ctrl-C, a closed terminal and the end of a service are the viewer's to answer.
+    """
     pid = worker_of(session)
     wait_to_take(pid, 0.6)
     session.ask()
-    os.kill(pid, signal.SIGINT)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.kill(pid, number)
     wait_to_take(pid, 0.3)
     assert len(look(session).rows) < len(session.rows)
     assert session.rows.nbytes > 250_000
@@ -262,6 +266,27 @@ def test_a_worker_that_is_killed_is_told_of_once() -> None:
         assert session.poll(0.1) == []
     session.close()
     assert session.poll(0.1) == []
+
+
+@on_linux
+def test_a_viewer_that_forgets_to_close_ends_with_its_worker(tmp_path: Path) -> None:
+    """The worker heeds no polite signal, as which multiprocessing would wait for it for ever."""
+    script = tmp_path / "forgetful.py"
+    script.write_text(VIEWER.replace("time.sleep(600)", ""), encoding="utf-8")
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    pid = int(done.stdout)
+    until = time.monotonic() + PATIENCE
+    while Path(f"/proc/{pid}").exists():
+        assert time.monotonic() < until
+        time.sleep(0.05)
 
 
 @on_linux

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -10,7 +12,9 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.live.stage import PACES, VELOCITY_STEP, Stage, pace_words, panel
+from taichi_foam.errors import UserError
+from taichi_foam.live.overlay import panel, strip
+from taichi_foam.live.stage import PACES, VELOCITY_STEP, Stage, pace_words
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.modes import MODES
 from taichi_foam.result import Result
@@ -104,11 +108,17 @@ def test_a_faster_impactor_and_another_shape_drop_again_under_a_name_of_their_ow
 
 def test_a_change_that_cannot_be_is_said_and_nothing_is_dropped(stage: Stage) -> None:
     wait(stage, lambda: stage.state == "full speed")
-    for _ in range(40):
+    for _ in range(28):
         stage.change_velocity(-1)
+    wait(stage, lambda: stage.state == "full speed" and stage.scene == stage.session.scene)
+    stage_drops = stage.session.drop
+    stage.change_velocity(-1)
     assert stage.scene.impactor.velocity == pytest.approx(0.06)
-    assert "impactor.velocity" in stage.state
-    assert "must be above 0" in stage.state
+    assert "impactor.velocity" in stage.message
+    assert "must be above 0" in stage.message
+    assert stage.session.drop == stage_drops
+    stage.dismiss()
+    assert stage.message == ""
 
 
 def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(kept: list[Result]) -> None:
@@ -116,7 +126,8 @@ def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(kept: list[Result]) ->
     with Stage(scene, kept.append, pace=None) as stage:
         wait(stage, lambda: stage.ended)
         assert stage.state == "at its end"
-        assert not stage.finish()
+        stage.finish()
+        assert not stage.was_cut
         stage.update(0.5)
         assert np.ptp(field(stage)) > 0
     assert [result.run["ended_by"] for result in kept] == ["end time"]
@@ -125,7 +136,8 @@ def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(kept: list[Result]) ->
 def test_a_drop_that_is_finished_early_is_kept_as_it_is(stage: Stage, kept: list[Result]) -> None:
     wait(stage, lambda: stage.state == "full speed")
     stage.update(0.3)
-    assert stage.finish()
+    stage.finish()
+    assert stage.was_cut
     assert [result.run["interrupted"] for result in kept] == [True]
     assert len(kept[0].history["time_s"]) > 1
 
@@ -146,9 +158,85 @@ def test_a_step_goes_on_by_a_frame_and_stays_paused(stage: Stage) -> None:
 def test_a_worker_that_dies_is_told_of_and_replaced(stage: Stage) -> None:
     wait(stage, lambda: stage.state == "full speed")
     stage.session._process.kill()
-    wait(stage, lambda: "signal 9" in stage.state)
+    wait(stage, lambda: "signal 9" in stage.message)
+    assert stage.state == "failed"
     stage.again()
     wait(stage, lambda: stage.state == "full speed")
+
+
+def test_what_cannot_be_kept_stays_until_it_can_and_nothing_is_dropped_meanwhile() -> None:
+    """A full disk: the result is not lost, and no further one joins it."""
+    kept: list[Result] = []
+    is_full = True
+
+    def keep(result: Result) -> None:
+        if is_full:
+            raise UserError("output folder x: cannot be written, the disk is full.")
+        kept.append(result)
+
+    with Stage(scene_of(end=0.002), keep, pace=None) as stage:
+        wait(stage, lambda: stage.ended)
+        assert "the disk is full" in stage.message
+        stage.again()
+        assert stage.session.drop == 1
+        is_full = False
+        stage.again()
+        assert stage.message == ""
+        assert len(kept) == 1
+        assert stage.session.drop == 2
+        is_full = True
+        wait(stage, lambda: stage.ended)
+        stage.finish()
+        assert [result.scene for result in stage.unkept] == [stage.scene]
+        assert "the disk is full" in stage.problem
+
+
+def test_ctrl_c_while_a_result_is_written_waits_until_it_is_whole() -> None:
+    kept: list[Result] = []
+
+    def keep(result: Result) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.05)
+        kept.append(result)
+
+    with Stage(scene_of(end=0.002), keep, pace=None) as stage:
+        with pytest.raises(KeyboardInterrupt):
+            wait(stage, lambda: stage.ended and bool(kept))
+        assert len(kept) == 1
+        assert stage.unkept == []
+
+
+def test_a_key_that_is_held_down_piles_up_no_drops(stage: Stage, kept: list[Result]) -> None:
+    """While one is prepared, the last change waits."""
+    for _ in range(200):
+        stage.again()
+    stage.next_shape()
+    assert stage.session.drop == 1
+    wait(stage, lambda: stage.session.drop == 2)
+    assert stage.session.scene.impactor.shape == "flat"
+
+
+def test_a_run_that_goes_astray_is_kept_and_told_of(kept: list[Result]) -> None:
+    coarse = ("block.columns=20", "block.rows=10", "numerics.dt=1e-4")
+    scene = tf.load_scene("paper/wedge-2.86", overrides=coarse)
+    with Stage(scene, kept.append, pace=None) as stage:
+        wait(stage, lambda: stage.ended)
+        assert stage.state == "failed"
+        assert "went astray" in stage.message
+        assert stage.failures == [stage.message]
+    assert [result.run["ended_by"] for result in kept] == ["values that went astray"]
+
+
+def test_a_long_message_is_a_strip_at_the_foot_with_whole_lines() -> None:
+    image = np.zeros((360, 640, 3), dtype=np.uint8)
+    strip(image, "a message of many words that says what is wrong " * 4, "light")
+    rows, columns = np.nonzero(image.any(axis=-1))
+    assert rows.max() == 359
+    assert rows.min() > 200
+    assert np.ptp(columns) == 639
+    words = np.all(image < 100, axis=-1) & image.any(axis=-1)
+    assert words[:, 10:630].any()
+    assert not words[:, 632:].any()
 
 
 def test_the_panel_lies_in_the_middle_and_holds_its_words() -> None:

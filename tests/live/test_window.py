@@ -53,12 +53,12 @@ def display() -> Iterator[str]:
 class Shown:
     """`taichi-foam run --live` in a window on the virtual screen."""
 
-    def __init__(self, display: str, folder: Path, *options: str) -> None:
+    def __init__(self, display: str, folder: Path, *options: str, slash: bool = False) -> None:
         self.display, self.folder = display, folder
         self._environment = {**os.environ, "DISPLAY": display, "SDL_VIDEODRIVER": "x11"}
         command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
         self.process = subprocess.Popen(
-            [*command, *COARSE, "--out", str(folder), *options],
+            [*command, *COARSE, "--out", f"{folder}{'/' if slash else ''}", *options],
             env=self._environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -116,8 +116,8 @@ class Shown:
 def show(display: str, tmp_path: Path) -> Iterator[Callable[..., Shown]]:
     shown: list[Shown] = []
 
-    def start(*options: str) -> Shown:
-        shown.append(Shown(display, tmp_path / "run", *options))
+    def start(*options: str, slash: bool = False) -> Shown:
+        shown.append(Shown(display, tmp_path / "run", *options, slash=slash))
         return shown[-1]
 
     yield start
@@ -220,6 +220,47 @@ def test_ctrl_c_closes_the_window_and_keeps_what_there_is(show: Callable[..., Sh
     assert "closed before its end" in err
     assert "Traceback" not in err
     assert Result.load(window.folder).run["interrupted"]
+
+
+def test_a_run_that_fails_says_so_and_ends_with_1(show: Callable[..., Shown]) -> None:
+    window = show("--dt", "1e-4")
+    window.wait(window.folder.is_dir, "what there was is not kept")
+    window.wait_for_rest()
+    code, _, err = window.close()
+    assert code == 1
+    assert "went astray" in err
+    assert Result.load(window.folder).run["ended_by"] == "values that went astray"
+
+
+def test_screenshots_lie_beside_the_run_and_keep_their_numbers(show: Callable[..., Shown]) -> None:
+    """Shots inside the folder, given with a slash at its end, would keep the run from its place."""
+    window = show("--set", "numerics.end=10", slash=True)
+    window.wait_for_motion()
+    shots = Path(f"{window.folder}-shots")
+    for count in (1, 2):
+        window.press("s")
+        window.wait(lambda count=count: len(list(shots.glob("*.png"))) == count, "no screenshot")
+    (shots / "shot-001.png").unlink()
+    window.press("s")
+    window.wait((shots / "shot-003.png").is_file, "a number was given twice")
+    code, _, err = window.close()
+    assert code == 130, err
+    assert Result.load(window.folder).run["interrupted"]
+
+
+def test_a_display_that_does_not_answer_is_told(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
+    environment = {k: v for k, v in os.environ.items() if k != "WAYLAND_DISPLAY"}
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "run")],
+        env={**environment, "DISPLAY": ":4242"},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "taichi-foam serve" in done.stderr
 
 
 def test_without_a_display_the_page_is_named(tmp_path: Path) -> None:
