@@ -338,8 +338,10 @@ def _write_clock(
     annotate.write(image, (box.left, box.top + 20 * unit), "time", plain, colour=ink)
     big = annotate.font(34 * unit, bold=True)
     annotate.write(image, (box.left, foot), time, big, colour=ink)
-    middle = box.left + (0.16 if level else 0.5) * box.width
-    annotate.scale_bar(image, middle, foot, scale, 170 * unit, 21 * unit, look.tones)
+    share = (0.16 if level else 0.5) * box.width
+    middle = box.left + max(share, big.getlength(time) + 24 * unit)
+    longest = min(170 * unit, box.right - middle)
+    annotate.scale_bar(image, middle, foot, scale, longest, 21 * unit, look.tones)
     if layout.beside:
         upright = Box(box.left, round(foot + 40 * unit), box.right, box.bottom)
         annotate.upright_key(image, upright, 21 * unit, key, look.tones)
@@ -348,6 +350,7 @@ def _write_clock(
     room = plain.getlength(key.ticks[-1][1]) / 2
     left, top, high = box.left, foot + 40 * unit, 86 * unit
     if level:
-        left, top, high = box.left + 0.33 * box.width, box.top, box.height
+        left = max(box.left + 0.33 * box.width, middle + longest + 24 * unit)
+        top, high = box.top, box.height
     place = Box(round(left), round(top), round(box.right - room), round(top + high))
     annotate.level_key(image, place, 21 * unit, key, look.tones, under=not level)

@@ -211,8 +211,8 @@ def energy_ledger(history: History) -> Figure:
 def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
     """Names, energies (n,) [J] and colours of the parts of LEDGER that a history has.
 
-    A part that gives back what it held at the start, such as the shear of a sheared block, goes
-    below zero: it is counted from its lowest, and its name says so.
+    A part that gives back more than it took, such as the shear of a block that starts sheared, goes
+    below zero: it is counted from its lowest, and its name says so. The stack keeps its height.
 
     Raises UserError where there are none.
     """

@@ -146,7 +146,8 @@ def _panel(
     panel = annotate.blank(width, height, tones.page)
     size = 16 * unit
     face, bold = annotate.font(size), annotate.font(size, bold=True)
-    side = round(face.getlength(f"{top:g}") + 1.1 * size)
+    widest = max(face.getlength(f"{share * top:g}") for share in (0.5, 1.0))
+    side = round(widest + 1.1 * size)
     right = width - round(0.9 * size)
     across = _names_across([name for name, _ in names], right - side, size)
     lines = math.ceil(len(names) / across) if across else 0

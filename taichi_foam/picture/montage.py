@@ -132,16 +132,19 @@ def strip(
     right = 0.8 * text + max(
         face.getlength(annotate.time_text(s.time, interval)) for s in snapshots
     )
-    # in the world, a cell further for those around the mass points
-    x = (box.left + right - view.x_zero) / view.scale + scene.block.dx
-    y = (view.y_zero - box.top - 1.6 * text) / view.scale - scene.block.dy
+    # the corner in the world, a cell further for those around the mass points
+    pad = np.array([scene.block.dx, scene.block.dy])
+    rows = np.array([box.top + 1.4 * text, box.top])
+    x = (np.array([box.left, box.left + right]) - view.x_zero) / view.scale
+    y = (view.y_zero - rows) / view.scale
+    low, high = np.array([x[0], y[0]]) - pad, np.array([x[1], y[1]]) + pad
     for snapshot in snapshots:
-        if np.any((snapshot.position[..., 0] < x) & (snapshot.position[..., 1] > y)):
-            return round(1.6 * text)
+        met = np.any(np.all((snapshot.position > low) & (snapshot.position < high), axis=-1))
         if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
             outline = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
-            if outline[:, 0].min() < x and outline[:, 1].max() > y:
-                return round(1.6 * text)
+            met |= np.all((outline.max(axis=0) > low) & (outline.min(axis=0) < high))
+        if met:
+            return round(1.6 * text)
     return 0
 
 

@@ -15,7 +15,9 @@ from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam import Result, load_scene, run
+from taichi_foam.errors import UserError
 from taichi_foam.picture import raster
+from taichi_foam.picture.comparison import Lineup
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +145,7 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path)
         (["slow", "fast", "--size", "640x361"], "output.height = 361: must be even"),
         (["slow", "fast", "--fps", "0"], "output.fps = 0"),
         (["slow", "fast", "--png", "--size", "64x64"], "must be at least 640"),
+        (["slow", "fast", "--png", "--fps", "20"], "--fps: it has no effect on what is asked for"),
         (["slow", "fast", "--out", "slow/scene.toml"], "that is a file"),
         (["slow", "torn"], "not a complete result"),
     ],
@@ -163,6 +166,29 @@ def test_bad_requests_are_refused_before_drawing(
     before = tree(runs)
     assert_refused(invoke("compare", *arguments), fragment)
     assert tree(runs) == before
+
+
+def test_runs_are_called_by_their_folders_wherever_one_stands(
+    invoke: Callable, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+
+    def see(cls: type, results: list, folders: list[str]) -> None:
+        seen.extend(folders)
+        raise UserError("seen")
+
+    monkeypatch.setattr(Lineup, "of", classmethod(see))
+    monkeypatch.chdir(runs / "slow")
+    shutil.copytree(runs / "slow", runs / "other" / "slow")
+    for arguments, names in (
+        ((".", "../fast"), ["slow", "fast"]),
+        (("../fast/", "."), ["fast", "slow"]),
+        ((".", "../other/slow"), [f"{runs.name}/slow", "other/slow"]),
+        ((".", "."), ["slow", "slow"]),
+    ):
+        seen.clear()
+        assert_refused(invoke("compare", *arguments), "seen")
+        assert seen == names
 
 
 def test_ctrl_c_keeps_what_was_complete(

@@ -159,6 +159,18 @@ BAD = {
     "pace in words": (["run", "--fps", "fast"], "--fps"),
     "column": (["run", "--pdf", "--column", "wide"], "column = 'wide': must be one of single"),
     "narrow": (["run", "--png", "--size", "320x180"], "width = 320 pixels; must be at least 640"),
+    "column of what is not printed": (
+        ["run", "--png", "--column", "single"],
+        "--column: it has no effect on what is asked for. Fix: add "
+        "--pdf or --svg, or leave it out.",
+    ),
+    "column of a film": (["run", "--column", "single"], "--column: it has no effect"),
+    "curve in stills": (["run", "--png", "--curve"], "add --gif, --mp4 or --frames"),
+    "no curve in figures": (["run", "--pdf", "--no-curve"], "--curve: it has no effect"),
+    "pace of stills": (["run", "--png", "--pdf", "--fps", "20"], "add --gif or --mp4"),
+    "pace of frames": (["run", "--frames", "--fps", "20"], "--fps: it has no effect"),
+    "size on paper": (["run", "--pdf", "--size", "640x360"], "--size: it has no effect"),
+    "theme on paper": (["run", "--svg", "--theme", "dark"], "--theme: it has no effect"),
     "out is a file": (["run", "--out", "note"], "note: that is a file"),
     "out below a file": (["run", "--out", "note/here"], "output folder note/here"),
     "empty out": (["run", "--out", ""], "not a path"),

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from picture_states import dented, intact, scene_of, split
+from picture_words import check_words, meet
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, comparison, inset, raster
+from taichi_foam.picture import annotate, comparison, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
-from taichi_foam.scene import Block, FlatBlock, Scene, Wedge
+from taichi_foam.scene import Block, FlatBlock, Output, Scene, Wedge
 
 SIZE = (1280, 720)
 
@@ -37,9 +36,9 @@ def dent(name: str = "dent", count: int = 21, **parts: object) -> Result:
     return result_of(scene, [dented(scene, 0.002 * k, time=1e-3 * k) for k in range(count)])
 
 
-def cut(name: str = "cut", count: int = 31) -> Result:
+def cut(name: str = "cut", count: int = 31, **parts: object) -> Result:
     """A block whose halves lean outwards more and more."""
-    scene = scene_of(20, 10).model_copy(update={"name": name})
+    scene = scene_of(20, 10, **parts).model_copy(update={"name": name})
     return result_of(scene, [split(scene, 0.004 * k, time=1e-3 * k) for k in range(count)], 40.0)
 
 
@@ -221,24 +220,6 @@ def test_all_curves_grow_on_one_pair_of_axes(count: int) -> None:
     assert before < now < later
 
 
-@pytest.fixture
-def written(monkeypatch: pytest.MonkeyPatch) -> Iterator[list]:
-    """(picture, words, box) of every text that is written."""
-    texts: list[tuple[np.ndarray, str, tuple[float, float, float, float]]] = []
-    write = annotate.write
-
-    def record(image, xy, string, face, *, anchor="ls", colour=(0, 0, 0)) -> None:
-        left, top, right, bottom = face.getbbox(string, anchor=anchor)
-        x, y = round(xy[0]), round(xy[1])
-        texts.append((image, string, (x + left, y + top, x + right, y + bottom)))
-        write(image, xy, string, face, anchor=anchor, colour=colour)
-
-    monkeypatch.setattr(annotate, "write", record)
-    inset._panel.cache_clear()
-    yield texts
-    inset._panel.cache_clear()
-
-
 LONG = "a name that somebody has made rather longer than anybody needs it to be"
 
 
@@ -260,7 +241,7 @@ def test_no_word_of_a_frame_overlaps_or_is_cut(count: int, mode: str, size, writ
     fields = [(b.left, b.top, b.right, b.bottom) for b in layout_of(lineup, image).fields]
     for picture, text, box in written:
         if picture.shape == image.shape:
-            assert not any(_meet(box, field) for field in fields), text
+            assert not any(meet(box, field) for field in fields), text
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -274,6 +255,32 @@ def test_no_word_of_a_montage_overlaps_or_is_cut(
     check_words(written)
 
 
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("count", [2, 4])
+def test_times_are_as_fine_as_the_finest_run_and_clear_of_all_else(
+    count: int, size: tuple, written: list
+) -> None:
+    fine = Output(history_interval=1e-5, snapshot_interval=2.5e-5)
+    lineup = Lineup.of([dent(count=6), cut(output=fine), lean(), shallow()][:count])
+    comparison.frame(lineup, 0.012125, size)
+    check_words(written)
+    assert "12.125 ms" in [text for _, text, _ in written]
+    assert "ended at 5.000 ms" in [text for _, text, _ in written] or count == 4
+
+
+def test_a_name_is_followed_by_what_else_there_is_to_say(written: list) -> None:
+    """What differs is whole even where the title that all share has no room."""
+    runs = [of_paper("wedge-2.86", f"impactor.gap={gap}") for gap in (0.01, 0.02, 0.03, 0.04)]
+    for count, size, titles in ((2, SIZE, 2), (4, (1600, 500), 0)):
+        written.clear()
+        lineup = Lineup.of(runs[:count])
+        comparison.frame(lineup, 0.0, size)
+        said = [text for _, text, _ in written]
+        assert {f"gap = 0.0{k + 1} m" for k in range(count)} <= set(said)
+        assert said.count("wedge, 2.86 m/s") == titles
+        check_words(written)
+
+
 def test_the_titles_of_the_papers_tests_are_whole_at_the_usual_size(written: list) -> None:
     names = ("wedge-2.86", "cylinder-3.32", "rectangular-3.03", "wedge-3.60")
     for count in (2, 3, 4):
@@ -281,22 +288,6 @@ def test_the_titles_of_the_papers_tests_are_whole_at_the_usual_size(written: lis
         lineup = Lineup.of([of_paper(name) for name in names[:count]])
         comparison.frame(lineup, 0.0, SIZE)
         assert set(lineup.names) <= {text for _, text, _ in written}
-
-
-def check_words(written: list) -> None:
-    assert len(written) > 10
-    for (first, a, box_a), (second, b, box_b) in itertools.combinations(written, 2):
-        assert first is not second or not _meet(box_a, box_b), f"{a!r} over {b!r}"
-    for picture, text, (left, top, right, bottom) in written:
-        height, width = picture.shape[:2]
-        assert left >= 0, text
-        assert top >= 0, text
-        assert right <= width, text
-        assert bottom <= height, text
-
-
-def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])

@@ -205,6 +205,18 @@ def test_the_ledger_stacks_up_to_the_impact_energy() -> None:
     assert len(tops) == 9
 
 
+def test_energy_that_a_start_gives_back_is_counted_from_its_lowest() -> None:
+    """A sheared block that is let go: what its shear loses moves the foam, and the sum stays."""
+    time = np.linspace(0, 1, 50)
+    history = {"time_s": time, "shear_J": -3 * time, "foam_kinetic_J": 3 * time,
+               "friction_J": np.full(50, -1e-9)}  # fmt: skip
+    names, layers, _ = figures.ledger_layers(history)
+    assert names == ["foam, kinetic", "shear, from its lowest", "impactor friction"]
+    np.testing.assert_allclose(layers[1], 3 - 3 * time)
+    np.testing.assert_allclose(np.sum(layers, axis=0), 3.0)
+    assert np.all(layers[2] == 0)
+
+
 def test_a_ledger_without_energy_is_refused() -> None:
     with pytest.raises(UserError, match="no energy"):
         figures.energy_ledger({"time_s": np.arange(3.0), "crushing_J": np.zeros(3)})

@@ -117,3 +117,17 @@ def test_names_stand_in_lines_above_the_diagram_where_they_have_room(
     assert len(found) == (len(names) if lines else 0)
     for tone in THEMES["light"].curves[: len(names)]:
         assert np.all(image == tone, axis=-1).any()
+
+
+def test_names_that_would_be_cut_to_the_same_stand_below_one_another_or_not_at_all(
+    written: list,
+) -> None:
+    history = {"time_s": np.linspace(0, 0.02, 9), "deceleration_smoothed_m_s2": np.ones(9)}
+    for ends, shown in (((" a", " b"), 2), (("", ""), 0)):
+        names = [f"a name of one kind{end}" for end in ends]
+        if not shown:
+            names = ["long " * 30 + end for end in "ab"]
+        curves = [Curve.of(history, None, name, k) for k, name in enumerate(names)]
+        written.clear()
+        inset.draw(annotate.blank(400, 300), Box(0, 0, 330, 200), curves, "light", 1.0)
+        assert len([text for _, text, _ in written if text.startswith(("a name", "long"))]) == shown

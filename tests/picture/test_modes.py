@@ -147,6 +147,36 @@ def test_every_mode_draws_every_state(mode: str, theme: str) -> None:
     scene = scene_of(20, 10)
     look = Look(mode, theme)
     for state in (intact, dented, split, shattered):
-        image = raster.frame(state(scene), scene, (320, 180), look=look)
+        image = raster.frame(state(scene), scene, (512, 288), look=look)
         assert np.all(np.isin(image.reshape(-1, 3)[:1], colours.THEMES[theme].page))
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 20
+
+
+@pytest.mark.parametrize(
+    ("plateau", "last", "unit"),
+    [
+        (200e3, "≥ 400", "(kPa)"),
+        (499.9, "≥ 1", "(kPa)"),
+        (499.9e3, "≥ 1", "(MPa)"),
+        (499.0, "≥ 998", "(Pa)"),
+        (2.5e9, "≥ 5", "(GPa)"),
+        (5e12, "≥ 10000", "(GPa)"),
+    ],
+)
+def test_a_key_has_the_prefix_of_its_last_figure(plateau: float, last: str, unit: str) -> None:
+    foam = FOAM.model_copy(update={"youngs_modulus": -plateau / FOAM.yield_strain})
+    scene = scene_of().model_copy(update={"foam": foam})
+    assert foam.plateau_stress == pytest.approx(plateau)
+    key = MODES["stress"].key(scene)
+    assert key.ticks[-1][1] == last
+    assert key.words[-1].endswith(unit)
+    assert not any("e" in text for _, text in key.ticks)
+
+
+@pytest.mark.parametrize(("locking", "last"), [(-0.95, "95 %"), (-0.85, "95 %"), (-0.98, "98 %")])
+@pytest.mark.parametrize("mode", ["strain", "worst-strain"])
+def test_a_strain_key_goes_to_where_foam_locks(mode: str, locking: float, last: str) -> None:
+    foam = FOAM.model_copy(update={"locking_strain": locking})
+    key = MODES[mode].key(scene_of().model_copy(update={"foam": foam}))
+    assert key.ticks[-1] == (key.top, last)
+    assert key.top == max(0.95, -locking)

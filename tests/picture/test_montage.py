@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from picture_states import dented, intact, scene_of
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.picture import colours
+from taichi_foam.picture import annotate, colours
+from taichi_foam.picture.comparison import Lineup, instants
 from taichi_foam.picture.montage import choose, montage
-from taichi_foam.result import Snapshot
-from taichi_foam.scene import Scene
+from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
+from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
 
 
 @pytest.fixture
@@ -88,3 +91,55 @@ def test_a_test_of_the_paper_is_called_by_its_title() -> None:
     )
     np.testing.assert_array_equal(default, given)
     assert np.any(default != name)
+
+
+CORNERED = {
+    "no impactor": scene_of(20, 10, impactor=None, numerics=Numerics(end=0.01)),
+    "a platen": scene_of(20, 10, impactor=FlatBlock(width=0.3, height=0.2)),
+    "a tall block": Scene(
+        block=Block(width=0.05, height=0.5, columns=10, rows=100), impactor=FlatBlock(width=0.2)
+    ),
+    "the paper's": scene_of(20, 10),
+}
+
+
+@pytest.mark.parametrize("kind", CORNERED)
+def test_times_stand_on_the_empty_field(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = CORNERED[kind]
+    grounds = []
+    write = annotate.write
+
+    def look_under(image, xy, string, face, **options) -> None:
+        if string.endswith(" ms"):
+            left, top, right, bottom = (int(v) for v in face.getbbox(string, anchor="ls"))
+            x, y = round(xy[0]), round(xy[1])
+            grounds.append(image[y + top : y + bottom + 1, x + left : x + right + 1].copy())
+        write(image, xy, string, face, **options)
+
+    monkeypatch.setattr(annotate, "write", look_under)
+    run = [replace(intact(scene), time=1e-3 * k) for k in range(3)]
+    montage(run, scene, n=3, width=900)
+    history = dict.fromkeys(HISTORY_COLUMNS, np.zeros(2))
+    lineup = Lineup.of([Result(scene, history, run, {})] * 2)
+    instants(lineup, n=3, width=900)
+    assert len(grounds) == 3 + 2 * 3
+    for ground in grounds:
+        assert np.all(ground == colours.THEMES["light"].field)
+
+
+def test_foam_in_the_corner_of_one_instant_makes_room_in_all() -> None:
+    """A fragment that flies past; beyond the panel it is in nobody's way."""
+    scene = scene_of(20, 10)
+    heights = []
+    for place in ((0.0, 0.05), (-0.11, 0.135), (-0.11, 0.5)):
+        flown = replace(intact(scene), time=1e-3)
+        flown.position[0, -1] = place
+        heights.append(montage([intact(scene), flown], scene, n=2, width=900).shape[0])
+    assert heights[0] == heights[2] < heights[1]
+
+
+def test_instants_of_a_fine_run_read_differently(written: list) -> None:
+    scene = scene_of(20, 10, output=Output(history_interval=1e-5, snapshot_interval=2.5e-5))
+    montage([dented(scene, time=2.5e-5 * k) for k in range(4)], scene, n=4)
+    times = [text for _, text, _ in written if text.endswith(" ms")]
+    assert times == ["0.000 ms", "0.025 ms", "0.050 ms", "0.075 ms"]

@@ -224,6 +224,15 @@ def test_without_an_impactor_there_are_only_energies(column: str) -> None:
     check_texts(figure)
 
 
+@pytest.mark.parametrize(("dip", "line"), [(0.0, False), (0.005, False), (0.02, True)])
+def test_a_line_at_zero_stands_only_where_a_curve_goes_below_it(dip: float, line: bool) -> None:
+    values = np.abs(HISTORY["deceleration_smoothed_m_s2"])
+    values[1] = -dip * values.max()
+    axis = printed.curves({**HISTORY, "deceleration_smoothed_m_s2": values}, SCENE).axes[0]
+    assert len(axis.lines) == 1 + line
+    assert (axis.get_ylim()[0] < 0) == line
+
+
 def test_print_is_on_white_whatever_the_screen_shows() -> None:
     dark = Scene.model_validate({**SCENE.model_dump(), "output": {"theme": "dark"}})
     one, other = (printed.montage(RUN, scene, n=1) for scene in (SCENE, dark))

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
+from picture_words import check_words, meet
 
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours, raster
+from taichi_foam.picture import annotate, colours, inset, raster
 from taichi_foam.picture.look import Look
+from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.paint import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
-from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Start, Wedge
+from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Output, Start, Wedge
 
 LIGHT = colours.THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
@@ -312,6 +314,50 @@ def test_a_view_shows_its_whole_window_at_one_scale(box: Box) -> None:
 def test_scale_bars_have_round_lengths(longest: float, length: float, text: str) -> None:
     assert annotate.round_length(longest) == pytest.approx(length)
     assert annotate.length_text(annotate.round_length(longest)) == text
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("size", [(512, 288), (512, 512), (640, 288), (480, 270), (1280, 720)])
+def test_no_word_of_a_frame_overlaps_or_is_cut(mode: str, size: tuple, written: list) -> None:
+    """Words that are drawn are whole, whatever the size; those of the smallest can be read."""
+    scene = scene_of()
+    time = np.linspace(0, 0.0125, 50)
+    curve = inset.Curve(time, 6e3 * time, 0.0125, 120.0)
+    image = raster.frame(
+        dented(scene), scene, size, look=Look(mode), note="paused", curve=curve, title="a title"
+    )
+    if size < raster.SMALLEST_WITH_TEXT:
+        assert written == []
+        return
+    check_words(written)
+    field = raster.Layout(size).field
+    for picture, text, box in written:
+        assert box[3] - box[1] >= 3, text
+        if picture.shape == image.shape:
+            assert not meet(box, (field.left, field.top, field.right, field.bottom)), text
+
+
+@pytest.mark.parametrize(
+    ("interval", "texts"),
+    [
+        (1e-3, ["0.0 ms", "1.0 ms", "2.0 ms"]),
+        (5e-4, ["0.0 ms", "0.5 ms", "1.0 ms"]),
+        (2.5e-4, ["0.00 ms", "0.25 ms", "0.50 ms"]),
+        (1e-4, ["0.0 ms", "0.1 ms", "0.2 ms"]),
+        (2.5e-5, ["0.000 ms", "0.025 ms", "0.050 ms"]),
+        (1e-3 / 30, ["0.00 ms", "0.03 ms", "0.07 ms"]),
+        (1e-6, ["0.000 ms", "0.001 ms", "0.002 ms"]),
+    ],
+)
+def test_no_two_instants_of_a_run_read_the_same(interval: float, texts: list[str]) -> None:
+    assert [annotate.time_text(k * interval, interval) for k in range(3)] == texts
+    assert len({annotate.time_text(k * interval, interval) for k in range(100)}) == 100
+
+
+def test_a_frame_says_its_time_as_finely_as_its_run_goes(written: list) -> None:
+    scene = scene_of(output=Output(history_interval=1e-5, snapshot_interval=2.5e-5))
+    raster.frame(dented(scene, time=1.25e-4), scene)
+    assert "0.125 ms" in [text for _, text, _ in written]
 
 
 def test_a_long_title_is_cut_to_its_room() -> None:

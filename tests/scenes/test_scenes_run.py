@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from taichi_foam.measures import impact
+from taichi_foam.picture.look import Look
 from taichi_foam.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene_io import load_scene
@@ -84,6 +85,16 @@ def test_shear_patch_unloads_from_its_top() -> None:
     for state in later:
         top = state.position[middle, -1, 0].mean()
         assert top == pytest.approx(patch.exact_top_displacement(state.time), abs=0.005 * full)
+
+
+@pytest.mark.parametrize("name", ["shear_patch", "wave_bar"])
+def test_pictures_of_waves_show_them(name: str) -> None:
+    """Neither crushes its foam, but on its way a wave leaves a part moving and a part at rest."""
+    result = run(script(name).scene)
+    look, state = Look.of(result.scene), result.snapshots[len(result.snapshots) // 4]
+    shares = look.shown.values(state, result.scene) / look.shown.key(result.scene).top
+    assert np.mean(shares > 0.3) > 0.2
+    assert np.mean(shares < 0.1) > 0.4
 
 
 def test_wave_bar_is_a_dashpot_to_its_plate() -> None:

@@ -1,0 +1,143 @@
+"""What runs are called where several are shown: what tells them apart stands first."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from taichi_foam import paper
+from taichi_foam.scene import CHOICE_SETS, Cylinder, Scene, Wedge
+
+#: A name holds so many keys at most, of values that are no longer than so many letters.
+MOST_KEYS, LONGEST = 2, 40
+#: Last parts of keys that say too little alone: width of what? kind of what?
+_VAGUE = frozenset({"width", "height", "kind", "x", "rate", "friction"})
+#: Keys that every impactor has. The others are the sizes of its shape, and go with it.
+_OF_ALL_SHAPES = Cylinder.model_fields.keys() & Wedge.model_fields.keys()
+#: What titles of the paper's tests say.
+_IN_TITLES = frozenset({"impactor.shape", "impactor.velocity"})
+#: What runs of different titles need no words for: the draw of chance, and the end, which shows.
+_BY_THE_WAY = frozenset({"foam.strength_seed", "numerics.end"})
+#: Units that take a prefix, and the prefixes by their power of ten.
+_SCALED = frozenset({"Pa", "s", "m", "J", "N", "W"})
+_PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+def names(scenes: Sequence[Scene], folders: Sequence[str]) -> list[tuple[str, str]]:
+    """For each scene a name that tells it apart, and what may follow where there is room.
+
+    Scenes of one title are called by what differs, or by `folders`, and their title follows.
+    A title that is the only one of its kind is a name; what else differs follows.
+    """
+    titles = [paper.title(scene) for scene in scenes]
+    if len(set(titles)) == 1:
+        words = told_apart(scenes) or tuple(folders)
+        return [(word, titles[0]) for word in words]
+    measured = [scene.name in paper.MEASURED for scene in scenes]
+    beyond = _differences(scenes, _BY_THE_WAY | (_IN_TITLES if all(measured) else frozenset()))
+    found = []
+    for k, title in enumerate(titles):
+        alike = [place for place, other in enumerate(titles) if other == title]
+        if len(alike) == 1:
+            # a name that somebody chose speaks for itself; a test's title says two keys only
+            found.append((title, beyond[k] if beyond else folders[k] if measured[k] else ""))
+            continue
+        words = beyond and tuple(beyond[place] for place in alike)
+        if not words or len(set(words)) < len(words):
+            words = told_apart([scenes[place] for place in alike])
+        found.append((words[alike.index(k)] if words else folders[k], title))
+    return found
+
+
+def told_apart(scenes: Sequence[Scene]) -> tuple[str, ...] | None:
+    """What tells scenes of one title apart, in a few words each; None if it takes too many.
+
+    Names of `CHOICE_SETS`, and up to two keys with their values; `output` does not count.
+    """
+    words = _differences(scenes)
+    return words if words and len(set(words)) == len(words) else None
+
+
+def _differences(
+    scenes: Sequence[Scene], said: frozenset[str] = frozenset()
+) -> tuple[str, ...] | None:
+    """All that differs but keys `said` otherwise, in words for each; None for more than a few."""
+    flat = [_flat(scene.model_dump()) for scene in scenes]
+    every = dict.fromkeys(key for one in flat for key in one)
+    keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
+    if "impactor.shape" in keys:
+        sizes = [key for key in keys if key.startswith("impactor.")]
+        sizes = [key for key in sizes if key.partition(".")[2] not in _OF_ALL_SHAPES]
+        keys = [key for key in keys if key not in sizes]
+    if not any(one.get("foam.strength_scatter") for one in flat):
+        said |= {"foam.strength_seed"}
+    keys = [key for key in keys if key not in said]
+    parts: list[list[str]] = [[] for _ in scenes]
+    sets = [_choice_set(one) for one in flat]
+    if None not in sets and len(set(sets)) > 1:
+        parts = [[str(name)] for name in sets]
+        keys = [key for key in keys if not any(key in choices for choices in CHOICE_SETS.values())]
+    if len(keys) > MOST_KEYS:
+        return None
+    for part, one, scene in zip(parts, flat, scenes, strict=True):
+        part += [_phrase(scene, key, one.get(key)) for key in keys]
+    if any(len(phrase) > LONGEST for part in parts for phrase in part):
+        return None
+    return tuple(", ".join(part) for part in parts)
+
+
+def _flat(table: dict[str, Any], head: str = "") -> dict[str, Any]:
+    """The values of nested tables by dotted key, without name and output."""
+    found: dict[str, Any] = {}
+    for name, value in table.items():
+        if head + name in ("name", "output"):
+            continue
+        if isinstance(value, dict):
+            found |= _flat(value, f"{head}{name}.")
+        else:
+            found[head + name] = value
+    return found
+
+
+def _choice_set(flat: dict[str, Any]) -> str | None:
+    for name, choices in CHOICE_SETS.items():
+        if all(flat.get(key, value) == value for key, value in choices.items()):
+            return name
+    return None
+
+
+def _phrase(scene: Scene, key: str, value: Any) -> str:
+    """A key with its value, the key without its table where it is clear without."""
+    if key == "impactor.shape" and value is not None:
+        return str(value)
+    last = key.rpartition(".")[2]
+    return f"{key if last in _VAGUE else last} = {_shown(value, _unit(scene, key))}"
+
+
+def _shown(value: Any, unit: str) -> str:
+    """A value with its unit; very large and very small figures have the unit's prefix."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None or isinstance(value, str):
+        return value or "none"
+    if isinstance(value, float):
+        power = 0
+        if unit in _SCALED and value and not 0.01 <= abs(value) < 1e4:
+            power = 3 * math.floor(math.log10(abs(value) * (1 + 1e-9)) / 3)
+            power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
+        text = f"{value / 10.0**power:.6g}"
+        return f"{text} {_PREFIXES[power]}{unit}" if unit else text
+    return f"{value} {unit}" if unit else str(value)
+
+
+def _unit(scene: Scene, key: str) -> str:
+    """The unit of a scene's key, as its description ends with it; empty without one."""
+    owner: Any = scene
+    *heads, last = key.split(".")
+    for head in heads:
+        owner = getattr(owner, head, None)
+    field = getattr(type(owner), "model_fields", {}).get(last)
+    found = re.search(r"\[([^\]]+)\]$", field.description or "") if field else None
+    return found[1] if found and found[1] != "-" else ""
