@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from typing import Annotated
 
@@ -10,7 +11,6 @@ from rich.console import Console
 
 from taichi_foam.cli.options import Arch, Choices, Dt, Set, Threads
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
-from taichi_foam.interrupts import held_interrupts
 from taichi_foam.scene_io import load_scene
 
 
@@ -50,8 +50,8 @@ def serve_command(
                 "things, and fill the disk; the connection is not encrypted",
                 soft_wrap=True,
             )
-        with held_interrupts():
-            cut = server.run(ready)
+        cut = server.run(ready)
         if cut:
-            errors.print(f"interrupted: what there was is in {out}", soft_wrap=True)
+            with contextlib.suppress(OSError):  # the terminal may be what has gone
+                errors.print(f"interrupted: what there was is in {out}", soft_wrap=True)
             raise typer.Exit(INTERRUPTED)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,6 +44,24 @@ def test_a_port_in_use_is_named(invoke: Callable) -> None:
         result = invoke("serve", "paper/wedge-2.86", "--port", str(port), "--no-open")
     assert result.exit_code == 2
     assert f"--port {port}: in use; choose another, or 0 for any that is free" in result.stderr
+
+
+def test_ctrl_c_while_the_device_is_awaited_ends_it(
+    invoke: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from taichi_foam.live.page.show import Show
+
+    def press_soon(show: Show) -> None:
+        threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+
+    # a device that never says anything
+    monkeypatch.setattr(Show, "start", press_soon)
+    monkeypatch.setattr(Show, "close", lambda show: [])
+    start = time.monotonic()
+    result = invoke("serve", "paper/wedge-2.86", "--port", "0", "--threads", "1", "--no-open")
+    assert time.monotonic() - start < 20.0
+    assert result.exit_code == 130
+    assert "there was nothing to save yet" in result.stderr
 
 
 def test_the_page_is_part_of_the_package() -> None:

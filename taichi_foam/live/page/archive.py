@@ -30,7 +30,7 @@ FILES = ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.j
 FILMS = ("film.mp4", "film.gif")
 
 
-@dataclass
+@dataclass(eq=False)
 class Finished:
     """A drop that is over.
 
@@ -56,9 +56,12 @@ class Finished:
 class Archive:
     """Saves what drops have given, in a thread of its own, and keeps the list of them."""
 
-    def __init__(self, out: Path, on_change: Callable[[], object]) -> None:
-        """`on_change` is called, by any thread, when the list has changed."""
-        self._out = out
+    def __init__(self, out: Path, name: str, on_change: Callable[[], object]) -> None:
+        """`name` is that of the scene that is served, which folders are called after.
+
+        `on_change` is called, by any thread, when the list has changed.
+        """
+        self._out, self._stem = out, file_name(name)
         self._on_change = on_change
         self._drops: list[Finished] = []
         self._state = threading.Condition()  # guards the list and what follows
@@ -71,7 +74,7 @@ class Archive:
         if len(self._waiting()) >= MOST_WAITING:
             problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
             raise UserError(f"{len(self._waiting())} drops wait to be saved; {problem}")
-        check_output_folder(self._free(scene.name), needed_bytes=storage_bytes(scene))
+        check_output_folder(self._free(), needed_bytes=storage_bytes(scene))
 
     def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
         """Save what a drop has given, soon."""
@@ -82,7 +85,7 @@ class Archive:
             if self._thread.ident is None:
                 self._thread.start()
             self._drops.append(drop)
-            del self._drops[:-MOST_LISTED]
+            self._forget()
             for old in self._drops[:-MOST_CURVES]:
                 old.curve = {}
             self._state.notify()
@@ -144,24 +147,33 @@ class Archive:
                     continue
                 self._state.wait(TRY_AGAIN if waiting else None)
 
+    def _forget(self) -> None:
+        """Leave out the oldest beyond what is listed, except what is yet to be saved."""
+        for old in self._drops[:-MOST_LISTED]:
+            if old.result is None:
+                self._drops.remove(old)
+
     def _save(self, drop: Finished) -> None:
         result = drop.result
         assert result is not None
         try:
-            folder = result.save(self._free(result.scene.name))
+            folder = result.save(self._free())
             figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        except (UserError, OSError, ValueError) as error:
+        except Exception as error:
+            # whatever it is: the thread has other drops to save, and this one once more
+            known = isinstance(error, (UserError, OSError))
             with self._state:
-                drop.problem = str(error)
+                drop.problem = str(error) if known else f"{type(error).__name__}: {error}"
         else:
             with self._state:
                 drop.folder, drop.figures = folder, figures
                 drop.result = drop.problem = None
+                self._forget()
         self._on_change()
 
-    def _free(self, name: str) -> Path:
-        """A folder that is not there yet: the scene's name and the next number."""
-        stem = file_name(name.partition(" with ")[0])
+    def _free(self) -> Path:
+        """A folder that is not there yet: the served scene's name and the next number."""
+        stem = self._stem
         taken = [0]
         if self._out.is_dir():
             tails = (p.name[len(stem) + 1 :] for p in self._out.glob(f"{stem}-*"))

@@ -1,14 +1,23 @@
-"""What a viewer may tell the show: messages as JSON, each checked before anything heeds it."""
+"""What a viewer may tell the show: messages as JSON, each checked before anything heeds it.
+
+They wait in an inbox, which holds little of each viewer's.
+"""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+#: No control has larger numbers [SI]. JSON has whole numbers of any length, which no float holds.
+MOST = 10**12
+
 #: Settings of controls by key, in SI units; None empties an optional one.
 Values: TypeAlias = dict[
-    Annotated[str, Field(max_length=60)], Annotated[int | float | None, Field()]
+    Annotated[str, Field(max_length=60)],
+    Annotated[int, Field(ge=-MOST, le=MOST)] | Annotated[float, Field(ge=-MOST, le=MOST)] | None,
 ]
 
 
@@ -95,6 +104,14 @@ Own: TypeAlias = Next | Watch
 Shared: TypeAlias = Set | Let | Reset | Pause | Step | Pace | Looks | Save
 Command: TypeAlias = Own | Shared
 
+#: Commands of one viewer, and of all, that may wait.
+MOST_OF_ONE, MOST_OF_ALL = 16, 256
+#: Commands that are done before the show looks at the run again.
+MOST_AT_ONCE = 16
+
+#: Tells a viewer what speaks against its command. Each viewer has one, which stands for it here.
+Reply: TypeAlias = Callable[[str], object]
+
 _READER: TypeAdapter[Command] = TypeAdapter(Annotated[Own | Shared, Field(discriminator="do")])
 
 
@@ -106,3 +123,34 @@ def read(text: str) -> Command:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         where = ".".join(str(step)[:60] for step in first["loc"])
         raise ValueError(f"message refused: {where}{': ' * bool(where)}{first['msg']}") from None
+
+
+class Inbox:
+    """Commands in the order in which they came. Any thread may call anything."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[Shared, Reply]] = []
+        self._lock = threading.Lock()
+
+    def put(self, command: Shared, reply: Reply) -> bool:
+        """Keep a command until it is taken; False if too much waits already."""
+        with self._lock:
+            own = [place for place, (_, whose) in enumerate(self._waiting) if whose == reply]
+            if own and _replaces(command, self._waiting[own[-1]][0]):
+                self._waiting[own[-1]] = command, reply
+                return True
+            if len(own) >= MOST_OF_ONE or len(self._waiting) >= MOST_OF_ALL:
+                return False
+            self._waiting.append((command, reply))
+            return True
+
+    def take(self) -> list[tuple[Shared, Reply]]:
+        """The next few, which wait no more."""
+        with self._lock:
+            taken, self._waiting = self._waiting[:MOST_AT_ONCE], self._waiting[MOST_AT_ONCE:]
+        return taken
+
+
+def _replaces(new: Shared, old: Shared) -> bool:
+    """Whether the newer command sets all that the older one sets, as a slider does that moves."""
+    return isinstance(new, Set) and isinstance(old, Set) and old.values.keys() <= new.values.keys()

@@ -40,7 +40,10 @@ class Films:
                 raise UserError("too many films are being drawn; try again in a minute")
             self._tasks[key] = asyncio.create_task(self._draw(drop, path))
             self._tasks[key].add_done_callback(lambda task: self._tasks.pop(key, None))
-        await asyncio.shield(self._tasks[key])
+        try:
+            await asyncio.shield(self._tasks[key])
+        except asyncio.CancelledError:
+            raise UserError("the server ends; no film is drawn any more") from None
         return path
 
     async def close(self) -> None:

@@ -28,6 +28,12 @@ _HEADERS = {
 }
 
 
+#: For a page without a token, or with that of an earlier start; at most 123 bytes.
+_NO_TOKEN = (
+    "this page needs the token of the server that runs now: open the address that it printed"
+)
+
+
 class Guard:
     """Lets requests and WebSockets through to an app, or refuses them.
 
@@ -69,7 +75,7 @@ class Guard:
         """Status and words for what is refused."""
         host = headers.get("host", "")
         origin = headers.get("origin")
-        if kind == "websocket" and origin is not None and urlsplit(origin).netloc != host:
+        if kind == "websocket" and origin is not None and not _is_at(origin, host):
             return HTTPStatus.FORBIDDEN, "This page was opened by another one."
         if self._token is None:
             if _name(host) not in LOOPBACK:
@@ -95,6 +101,14 @@ class Guard:
         return given is not None and secrets.compare_digest(given.encode(), self._token.encode())
 
 
+def _is_at(origin: str, host: str) -> bool:
+    """Whether a page's Origin is that of this Host header."""
+    try:
+        return urlsplit(origin).netloc == host
+    except ValueError:
+        return False
+
+
 def _name(host: str) -> str:
     """The name in a Host header, without its port."""
     try:
@@ -108,6 +122,11 @@ async def _refuse(
 ) -> None:
     if scope["type"] == "websocket":
         await receive()
+        if status is HTTPStatus.UNAUTHORIZED:
+            # A page that was open when the server ended can show why it gets nothing more: browsers
+            # tell it the reason of a close, and nothing of a refusal.
+            await send({"type": "websocket.accept"})
+            words = _NO_TOKEN
         await send({"type": "websocket.close", "code": 1008, "reason": words[:100]})
         return
     page = (

@@ -10,6 +10,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -33,6 +34,8 @@ SEND_BUFFER, MOST_SILENCE = 256 * 1024, 30_000
 MOST_CONNECTIONS = 300
 #: How long a device may take to say that it is there [s].
 PATIENCE = 60.0
+#: Between two looks whether somebody wants to stop meanwhile [s].
+TURN = 0.1
 
 
 class Server:
@@ -74,22 +77,35 @@ class Server:
         """Drop the scene and serve until `stop`; return the drops that this has cut short.
 
         `on_ready` is called when the address can be opened. Raises UserError if what is to
-        compute is not there, or if results could not be saved.
+        compute is not there, or if results could not be saved; KeyboardInterrupt if it was told to
+        stop before there was anything.
         """
-        self.show.start()
-        if not self._is_plain:
-            self.show.began.wait(PATIENCE)
-        try:
-            if self.show.refusal is not None:
-                raise UserError(self.show.refusal)
-            on_ready()
-            with _stops_on_signals(self.stop):
-                self._server.run([self._socket])
-        finally:
-            cut, lost = self.close()
+        # until all is saved: a second signal must not end what the first one has begun
+        with _stops_on_signals(self.stop):
+            try:
+                self.show.start()
+                if not self._is_plain:
+                    self._wait_for_device()
+                if self.show.refusal is not None:
+                    raise UserError(self.show.refusal)
+                was_stopped = self._server.should_exit
+                if not was_stopped:
+                    on_ready()
+                    self._server.run([self._socket])
+            finally:
+                cut, lost = self.close()
         if lost:
             raise UserError(f"not saved: {'; '.join(lost)}")
+        if was_stopped and not cut:
+            raise KeyboardInterrupt
         return cut
+
+    def _wait_for_device(self) -> None:
+        """Until the first frame or a refusal is there, or somebody has told to stop."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and not self._server.should_exit:
+            if self.show.began.wait(TURN):
+                return
 
     def stop(self) -> None:
         """Come to an end soon; any thread, or a signal, may say so."""
@@ -99,8 +115,8 @@ class Server:
         """End and save the drop: those cut short, and why some could not be saved."""
         self._socket.close()
         cut = self.show.close()
-        unsaved = self.show.archive.close()
-        return cut, [drop.problem or "" for drop in unsaved]
+        problems = {drop.number: drop.problem or "" for drop in self.show.archive.close()}
+        return cut, [f"drop {n}: {why}" for n, why in (problems | self.show.lost).items()]
 
 
 class _Quiet(uvicorn.Server):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,10 +33,8 @@ STEP = 2e-4  # [s]
 PICTURE_SECONDS, NUMBER_SECONDS, IDLE_SECONDS = 1 / 30, 0.1, 1.0
 #: How long a drop may take to say what it has given when it is cut short [s].
 PATIENCE = 20.0
-#: Viewers' commands that may wait for their turn.
-MOST_COMMANDS = 256
-
-Reply = Callable[[str], object]
+#: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
+MOST_SIZES = 4
 
 
 class Show:
@@ -52,14 +48,16 @@ class Show:
     ) -> None:
         self.board = Board()
         self.controls = Controls(scene)
-        self.archive = Archive(out, self._list)
+        self.archive = Archive(out, scene.name, self._list)
         self.watchers = 0  # viewers who are there; set by whoever knows
         self.refusal: str | None = None  # why nothing can be computed here
         self.began = threading.Event()  # the first frame, or a refusal, is there
+        self.lost: dict[int, str] = {}  # drops that ran but gave nothing back, and why
         self._arch, self._threads = arch, threads
         self._session: Session | None = None
         self._number = 0  # of the current drop; goes on when a session is replaced
         self._offset = 0  # between that and the session's own
+        self._sizes: set[tuple[int, int]] = set()  # columns and rows that the session has met
         self._scene = scene
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
         self._pace: float | None = FIRST_PACE
@@ -72,7 +70,7 @@ class Show:
         self._wanted: set[Tone] = set()
         self._next_look = self._next_numbers = 0.0  # on the monotonic clock [s]
         self._cut: list[int] = []  # drops that closing has cut short
-        self._commands: queue.Queue[tuple[commands.Shared, Reply]] = queue.Queue(MOST_COMMANDS)
+        self._inbox = commands.Inbox()
         self._is_closing = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="show", daemon=True)
 
@@ -80,11 +78,12 @@ class Show:
         """Drop the scene."""
         self._thread.start()
 
-    def tell(self, command: commands.Shared, reply: Reply) -> None:
-        """Do this soon; `reply` hears, in the show's thread, what speaks against it."""
-        try:
-            self._commands.put_nowait((command, reply))
-        except queue.Full:
+    def tell(self, command: commands.Shared, reply: commands.Reply) -> None:
+        """Do this soon; `reply` hears, in the show's thread, what speaks against it.
+
+        A viewer uses the same `reply` each time.
+        """
+        if not self._inbox.put(command, reply):
             reply("too much at once; try again")
 
     def close(self) -> list[int]:
@@ -98,7 +97,10 @@ class Show:
         self.board.post("hello", self._hello())
         self._post_settings()
         self._list()
-        self._begin(self._scene)
+        try:
+            self._begin(self._scene, _start_of(self._scene))
+        except Exception as error:
+            self._fail(f"{type(error).__name__}: {error}")
         while not self._is_closing.is_set():
             try:
                 self._turn()
@@ -113,8 +115,9 @@ class Show:
         if self._obey():
             self._next_look = 0.0
         now = time.monotonic()
-        if now >= self._next_look and self._session is not None:
-            self._session.ask()
+        if now >= self._next_look:
+            if self._session is not None:
+                self._session.ask()
             goes = self._state in ("preparing", "running")
             self._next_look = now + (PICTURE_SECONDS if goes and self.watchers else IDLE_SECONDS)
         self._hear(max(0.002, min(self._next_look, self._next_numbers) - now))
@@ -137,19 +140,41 @@ class Show:
 
     # what goes on
 
-    def _begin(self, scene: Scene) -> None:
-        """Drop a scene; what went on before has been seen to."""
-        if self._session is None or not self._session.alive:
-            if self._session is not None:
-                self._session.close()
-            self._session = Session(self._arch, self._threads)
-            self._offset = self._number
-        self._session.pace = self._pace
-        self._number = self._session.start(scene) + self._offset
-        self._scene, self._state, self._message = scene, "preparing", ""
+    def _begin(self, scene: Scene, start: Snapshot) -> None:
+        """Drop a scene, which starts like this; what went on before has been seen to."""
+        session = self._session_for(scene)
+        if session is None:
+            self._number += 1
+        else:
+            session.pace = self._pace
+            self._number = session.start(scene) + self._offset
+            self._state, self._message = "preparing", ""
+        self._scene, self._snapshot = scene, start
         self._readings = Readings(self._number, scene)
-        self._snapshot = _start_of(scene)
         self._post_scene()
+
+    def _session_for(self, scene: Scene) -> Session | None:
+        """A session that computes a scene; None, and why on the page, if none can be started."""
+        size = (scene.block.columns, scene.block.rows)
+        is_full = len(self._sizes | {size}) > MOST_SIZES
+        if self._session is None or not self._session.alive or is_full:
+            self._let_go()
+            try:
+                self._session = Session(self._arch, self._threads)
+            except Exception as error:
+                self._state = "died"
+                self._message = f"the process that computes cannot be started: {error}"
+                self.began.set()
+                return None
+            self._offset = self._number
+        self._sizes.add(size)
+        return self._session
+
+    def _let_go(self) -> None:
+        """End the session, if there is one; it is of no more use."""
+        if self._session is not None:
+            self._session.close()
+        self._session, self._sizes = None, set()
 
     def _cut_short(self) -> bool:
         """End what goes on and keep what it gave; whether there was something."""
@@ -157,18 +182,17 @@ class Show:
         if session is None or session.ended or not session.alive or session.last is None:
             return False  # not begun, or over and kept
         result = session.finish(PATIENCE)
-        if result is None:
-            return False
-        # poll would tell of it once more
+        # poll tells of it once more, or of why there is none
         self._hear(0.0)
-        return True
+        if result is None and session.alive and not session.ended:
+            self.lost[self._number] = f"no answer within {PATIENCE:.0f} s"
+        return result is not None
 
     def _leave(self) -> None:
         self._hear(0.0)
         if self._cut_short():
             self._cut.append(self._number)
-        if self._session is not None:
-            self._session.close()
+        self._let_go()
 
     def _hear(self, wait: float) -> None:
         """Take what comes from the session within so many seconds."""
@@ -202,11 +226,14 @@ class Show:
                 self._state, self._message = "failed", message
                 self.refusal = message
             case Died(message):
+                if self._state in ("running", "paused"):
+                    self.lost[self._number] = message
                 self._state, self._message = "died", message
         if not isinstance(event, Frame):
             self.began.set()
 
     def _keep_result(self, number: int, result: Any, ended: str) -> None:
+        self.lost.pop(number, None)  # late, but here
         about = self.controls.changes(result.scene)
         self.archive.add(number, about, ended, result)
         if number == self._number:
@@ -216,23 +243,23 @@ class Show:
     # what viewers want
 
     def _obey(self) -> bool:
-        """Do what waits to be done; whether there was anything."""
-        touched = False
-        while not self._commands.empty():
-            command, reply = self._commands.get()
-            touched = True
+        """Do some of what waits to be done; whether that asks for a new picture."""
+        taken = self._inbox.take()
+        for command, reply in taken:
             try:
                 self._do(command)
             except (UserError, ValueError) as error:
                 reply(str(error))
-        if touched:
+            except Exception as error:
+                # what one viewer can bring about is no matter of the others
+                traceback.print_exc()
+                reply(f"{type(error).__name__}: {error}")
+        if taken:
             self._post_settings()
-        return touched
+        return any(not isinstance(command, commands.Set) for command, _ in taken)
 
     def _do(self, command: commands.Shared) -> None:
         """Raises UserError for what cannot be."""
-        session = self._session
-        assert session is not None
         match command:
             case commands.Set(shape=shape, values=values):
                 self.controls.check(shape, values)
@@ -242,12 +269,14 @@ class Show:
                 self._drop_these(shape, {**self._draft, **values})
             case commands.Reset():
                 self._drop_these(self.controls.shape, self.controls.defaults)
-            case commands.Pause(on=on):
-                session.pause() if on else session.resume()
-            case commands.Step(seconds=seconds):
-                session.step(seconds)
+            case commands.Pause(on=on) if self._session is not None:
+                self._session.pause() if on else self._session.resume()
+            case commands.Step(seconds=seconds) if self._session is not None:
+                self._session.step(seconds)
             case commands.Pace(rate=rate):
-                self._pace = session.pace = rate
+                self._pace = rate
+                if self._session is not None:
+                    self._session.pace = rate
             case commands.Looks(mode=mode, theme=theme, grid=grid):
                 self._look, self._theme = Look(mode, grid=grid, words=False), theme
                 self._post_scene()
@@ -257,9 +286,11 @@ class Show:
     def _drop_these(self, shape: str, values: dict[str, Value]) -> None:
         scene = self.controls.scene_of(shape, values)
         self.archive.check(scene)
+        start = _start_of(scene)
+        # nothing of the scene speaks against it: only now the drop that goes on is ended
         self._cut_short()
         self._shape, self._draft = shape, dict(values)
-        self._begin(scene)
+        self._begin(scene, start)
 
     # what viewers see
 

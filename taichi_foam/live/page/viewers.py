@@ -22,6 +22,8 @@ MOST_VIEWERS = 100
 MOST_WAIT = 30.0
 #: Answers that wait for a viewer; older ones give way.
 MOST_ANSWERS = 16
+#: Messages that a viewer is heard in a second; what it says beyond that waits at its end.
+MOST_HEARD = 200
 
 TRY_LATER, TOO_SLOW = 1013, 1008  # close codes of WebSockets
 
@@ -72,8 +74,20 @@ class Viewer:
 
     async def _hear_all(self) -> None:
         loop = asyncio.get_running_loop()
+
+        def reply(problem: str) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has gone
+                loop.call_soon_threadsafe(self.answer, problem)
+
+        second, heard = loop.time(), 0
         while True:
             message = await self._socket.receive()
+            heard += 1
+            if loop.time() >= second + 1.0:
+                second, heard = loop.time(), 1
+            elif heard > MOST_HEARD:
+                # one who talks without end must not keep the others from their pictures
+                await asyncio.sleep(second + 1.0 - loop.time())
             if message["type"] == "websocket.disconnect":
                 return
             text = message.get("text")
@@ -93,7 +107,7 @@ class Viewer:
                 self._is_watching, self._tone = command.on, command.tone
                 self._news.set()
             else:
-                self._show.tell(command, lambda text: loop.call_soon_threadsafe(self.answer, text))
+                self._show.tell(command, reply)
 
     async def _send_all(self) -> None:
         board = self._show.board

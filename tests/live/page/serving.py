@@ -45,10 +45,20 @@ class Served:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            start_new_session=True,  # a group of its own, which a test may signal as a whole
         )
         assert self.process.stdout is not None
         self.address = self.process.stdout.readline().split(" ")[0]
         assert self.address.startswith("http://"), self.stop()
+
+    def __enter__(self) -> Served:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave nothing behind, whatever a test has come to."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.wait()
 
     @property
     def base(self) -> str:
@@ -79,6 +89,10 @@ class Served:
         """Press Ctrl-C; the exit code, and what was said on stderr."""
         if self.process.poll() is None:
             self.process.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> tuple[int, str]:
+        """Wait for the end; the exit code, and what was said on stderr."""
         _, said = self.process.communicate(timeout=PATIENCE)
         return self.process.returncode, said
 

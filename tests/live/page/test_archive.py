@@ -13,8 +13,15 @@ import pytest
 
 from taichi_foam.errors import UserError
 from taichi_foam.live.page import archive as archive_module
+from taichi_foam.live.page import films as films_module
 from taichi_foam.live.page import viewers
-from taichi_foam.live.page.archive import MOST_CURVES, MOST_LISTED, MOST_WAITING, Archive
+from taichi_foam.live.page.archive import (
+    MOST_CURVES,
+    MOST_LISTED,
+    MOST_WAITING,
+    Archive,
+    Finished,
+)
 from taichi_foam.live.page.board import Board
 from taichi_foam.paper import paper_scene
 from taichi_foam.result import HISTORY_COLUMNS, Result
@@ -37,7 +44,7 @@ def wait_until(is_it: Callable[[], Any]) -> None:
 
 def test_folders_are_numbered_on(tmp_path: Path) -> None:
     (tmp_path / "paper-wedge-2.86-007").mkdir()
-    archive = Archive(tmp_path, lambda: None)
+    archive = Archive(tmp_path, SCENE.name, lambda: None)
     archive.add(1, ["velocity 3 m/s"], "cut short", a_result())
     archive.add(2, [], "rebound", a_result())
     assert archive.close() == []
@@ -50,7 +57,7 @@ def test_folders_are_numbered_on(tmp_path: Path) -> None:
 
 
 def test_the_list_is_bounded(tmp_path: Path) -> None:
-    archive = Archive(tmp_path, lambda: None)
+    archive = Archive(tmp_path, SCENE.name, lambda: None)
     for number in range(MOST_LISTED + 5):
         archive.add(number, [], "rebound", a_result())
         wait_until(lambda: not archive._waiting())
@@ -66,7 +73,7 @@ def test_what_a_disk_refuses_is_kept_and_saved_later(
 ) -> None:
     monkeypatch.setattr(archive_module, "TRY_AGAIN", 1000.0)
     out = tmp_path / "out"
-    archive = Archive(out, lambda: None)
+    archive = Archive(out, SCENE.name, lambda: None)
     archive.check(SCENE)
     out.write_text("in the way")
     for number in range(MOST_WAITING):
@@ -84,10 +91,73 @@ def test_what_a_disk_refuses_is_kept_and_saved_later(
     assert len(list(out.iterdir())) == MOST_WAITING
 
 
+def test_what_is_not_saved_stays_however_many_follow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(archive_module, "TRY_AGAIN", 1000.0)
+    monkeypatch.setattr(archive_module, "MOST_LISTED", 2)
+    save = Result.save
+    broken = [True]
+
+    def moody(result: Result, folder: Path) -> Path:
+        if result.run.get("number") == 1 and broken:
+            raise ZeroDivisionError("nobody has thought of this")
+        return save(result, folder)
+
+    monkeypatch.setattr(Result, "save", moody)
+    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    for number in range(1, 6):
+        result = a_result()
+        result.run["number"] = number
+        archive.add(number, [], "rebound", result)
+        wait_until(lambda: len(archive._waiting()) == 1)
+    assert [drop["number"] for drop in archive.told()["drops"]] == [5, 4, 1]
+    assert archive.told()["drops"][-1]["problem"].startswith("ZeroDivisionError: nobody")
+    broken.clear()
+    archive.try_again()
+    wait_until(lambda: not archive._waiting())
+    assert [drop["number"] for drop in archive.told()["drops"]] == [5, 4]
+    assert archive.close() == []
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_a_folder_has_the_whole_name_of_the_scene(tmp_path: Path) -> None:
+    archive = Archive(tmp_path, "foam with holes", lambda: None)
+    archive.add(1, [], "rebound", a_result())
+    assert archive.close() == []
+    assert [path.name for path in tmp_path.iterdir()] == ["foam-with-holes-001"]
+
+
+def test_who_waits_for_a_film_when_the_server_ends_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def for_ever(path: Path) -> None:
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(films_module, "_drawn_apart", for_ever)
+    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    drop = Finished(1, [], "rebound", None, folder=tmp_path)
+
+    async def ask() -> None:
+        films = films_module.Films(archive)
+        for end in (lambda task: films.close(), lambda task: _cancel(task)):
+            asking = asyncio.create_task(films.film(drop, "film.gif"))
+            await asyncio.sleep(0.01)
+            await end(asking)
+            with pytest.raises(UserError, match="the server ends"):
+                await asking
+        await films.close()
+
+    async def _cancel(task: asyncio.Task[Path]) -> None:
+        task.cancel()
+
+    asyncio.run(ask())
+
+
 def test_closing_tells_what_could_not_be_saved(tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.write_text("in the way")
-    archive = Archive(out, lambda: None)
+    archive = Archive(out, SCENE.name, lambda: None)
     archive.add(1, [], "rebound", a_result())
     (lost,) = archive.close()
     assert lost.problem is not None

@@ -131,6 +131,9 @@ def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
         '{"do": "pace", "rate": 2}',
         '{"do": "set", "shape": "flat", "values": {"impactor.mass": true}}',
         '{"do": "set", "shape": "flat", "values": {"impactor.mass": Infinity}}',
+        '{"do": "set", "shape": "flat", "values": {"impactor.mass": 1e13}}',
+        '{"do": "set", "shape": "flat", "values": {"impactor.mass": %s}}' % ("9" * 401),
+        '{"do": "set", "shape": "flat", "values": {"impactor.mass": -%s}}' % ("9" * 5000),
         json.dumps({"do": "set", "shape": "flat", "values": {f"k{n}": 1 for n in range(65)}}),
         '{"do": "watch", "on": true, "tone": "pink"}',
         '{"do": "next"} {"do": "next"}',
@@ -147,6 +150,17 @@ def test_messages_are_read() -> None:
     assert commands.read('{"do": "next"}') == commands.Next(do="next")
     let = commands.read('{"do": "drop", "shape": "flat", "values": {"foam.rate": null}}')
     assert let == commands.Let(do="drop", shape="flat", values={"foam.rate": None})
+
+
+def test_numbers_keep_their_kind_and_all_that_a_scene_allows_fits(controls: Controls) -> None:
+    for knob in controls.told()["knobs"]:
+        limits = [each for each in (knob["min"], knob["max"]) if each is not None]
+        for value in (_si(knob, limit) for limit in limits):
+            text = json.dumps({"do": "set", "shape": "flat", "values": {knob["key"]: value}})
+            command = commands.read(text)
+            assert isinstance(command, commands.Set)
+            assert command.values == {knob["key"]: value}
+            assert type(command.values[knob["key"]]) is type(value)
 
 
 def test_a_curve_arrives_in_parts_as_it_is() -> None:

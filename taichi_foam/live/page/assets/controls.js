@@ -87,8 +87,10 @@ export class Controls {
   }
 
   slide(knob, value) {
-    if (value === null) return;
-    const shown = value / knob.factor;
+    const shown = value === null ? null : Number((value / knob.factor).toPrecision(9));
+    // a slider that goes by ratios holds a number of notches, which is nothing to read out
+    knob.slider.setAttribute("aria-valuetext", shown === null ? "none" : `${shown} ${knob.unit}`.trim());
+    if (shown === null) return;
     knob.slider.value = knob.log ? NOTCHES * Math.log(Math.max(shown, 1e-9) / knob.low) / Math.log(knob.high / knob.low) : shown;
   }
 

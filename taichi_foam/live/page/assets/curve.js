@@ -1,5 +1,6 @@
 // The deceleration over time: the drop that goes on, the last ones as thin lines, what was measured.
 const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
+const SOME = 5000; // between two descriptions in words, which are read out [ms]
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 function roundUp(value) {
@@ -16,13 +17,15 @@ export class Curve {
     this.others = [];
     this.measured = null;
     this.due = false;
+    this.told = -Infinity; // when it was described last [ms]
+    this.later = null; // the timer of the next description
     new ResizeObserver(() => this.paint()).observe(element);
   }
 
   begin({ drop, measured, falls }) {
     this.measured = measured;
     this.element.closest("section").hidden = !falls;
-    if (drop !== this.drop) [this.drop, this.t, this.a] = [drop, [], []];
+    if (drop !== this.drop) [this.drop, this.t, this.a, this.told] = [drop, [], [], -Infinity];
     this.paint();
   }
 
@@ -43,7 +46,24 @@ export class Curve {
   paint() {
     if (this.due) return;
     this.due = true;
-    requestAnimationFrame(() => { this.due = false; this.plot(); });
+    requestAnimationFrame(() => { this.due = false; this.plot(); this.describe(); });
+  }
+
+  // In words, for those who do not see; rarely, so that it can be read to its end.
+  describe() {
+    const early = this.told + SOME - performance.now();
+    if (early > 0) {
+      this.later ??= setTimeout(() => { this.later = null; this.describe(); }, early);
+      return;
+    }
+    const known = this.a.findLastIndex((value) => value !== null);
+    if (known < 0) return;
+    this.told = performance.now();
+    const most = this.a.reduce((top, value) => Math.max(top, value ?? 0), 0), m = this.measured;
+    const words = [`Deceleration over time: ${this.a[known].toFixed(1)} m/s² at ${this.t[known].toFixed(1)} ms`,
+      `at most ${most.toFixed(1)} m/s² so far`];
+    if (m) words.push(`measured plateau ${m.plateau_deceleration_m_s2} m/s²`);
+    this.element.setAttribute("aria-label", words.join(", "));
   }
 
   plot() {

@@ -26,7 +26,7 @@ function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   socket = new WebSocket(`${scheme}://${location.host}/live`);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { waits = 500; lost(null); watch(); };
+  socket.onopen = watch;
   socket.onmessage = ({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : draw(data));
   socket.onclose = ({ reason }) => {
     lost(reason || "connection lost");
@@ -37,7 +37,9 @@ function connect() {
 
 function hear(message) {
   switch (message.kind) {
-    case "hello":
+    case "hello": // only now: a server may open a socket to say why it closes it
+      waits = 500;
+      lost(null);
       paces = message.paces;
       step = message.step;
       $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
@@ -108,7 +110,8 @@ async function draw(data) {
     const [, time, sunk] = new Float64Array(data, 0, 3);
     const canvas = $("picture"), blob = new Blob([new Uint8Array(data, HEADER)]);
     let image = await createImageBitmap(blob);
-    const width = Math.min(image.width, Math.round(canvas.clientWidth * devicePixelRatio));
+    const shown = Math.min(canvas.clientWidth, (canvas.clientHeight * image.width) / image.height);
+    const width = Math.min(image.width, Math.round(shown * devicePixelRatio));
     if (width < image.width) { // browsers shrink canvases roughly, and thin lines would flicker
       const height = Math.round((width * image.height) / image.width);
       image = await createImageBitmap(image, { resizeWidth: width, resizeHeight: height, resizeQuality: "high" });

@@ -1,0 +1,144 @@
+"""The show with a session that computes nothing: what viewers may bring about, and what not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taichi_foam.live.messages import Frame
+from taichi_foam.live.page import commands
+from taichi_foam.live.page import show as show_module
+from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
+from taichi_foam.live.page.show import MOST_SIZES, Show
+from taichi_foam.paper import paper_scene
+
+
+class _Session:
+    """Stands still, whatever it is told."""
+
+    begun: list[_Session]
+    fails = False
+
+    def __init__(self, arch: str, threads: int | None) -> None:
+        if self.fails:
+            raise OSError("no process to be had")
+        self.begun.append(self)
+        self.alive = self.ended = True
+        self.last: Frame | None = None
+        self.drops = 0
+
+    def start(self, scene: Any) -> int:
+        self.drops += 1
+        return self.drops
+
+    def poll(self, wait: float) -> list[Any]:
+        time.sleep(min(wait, 0.01))
+        return []
+
+    def ask(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.alive = False
+
+
+@pytest.fixture
+def show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Show]:
+    _Session.begun, _Session.fails = [], False
+    monkeypatch.setattr(show_module, "Session", _Session)
+    found = Show(paper_scene("paper/wedge-2.86"), tmp_path)
+    yield found
+    found.close()
+
+
+def wait_until(is_it: Callable[[], Any]) -> None:
+    until = time.monotonic() + 30.0
+    while not is_it():
+        assert time.monotonic() < until
+        time.sleep(0.005)
+
+
+def let(**values: int) -> commands.Let:
+    named = {f"block.{key}": value for key, value in values.items()}
+    return commands.Let(do="drop", shape="wedge", values=named)
+
+
+def moved(**values: float) -> commands.Set:
+    named = {f"impactor.{key}": value for key, value in values.items()}
+    return commands.Set(do="set", shape="wedge", values=named)
+
+
+def test_a_process_computes_lattices_of_few_sizes(show: Show) -> None:
+    show.start()
+    wait_until(lambda: _Session.begun)
+    problems: list[str] = []
+    for count in range(2 * MOST_SIZES):
+        show.tell(let(rows=31 + count // 2), problems.append)  # each size twice
+        wait_until(lambda count=count: show._number == count + 2)
+    # with the size that the scene has itself there are one more than a process has room for
+    assert problems == []
+    assert [each.drops for each in _Session.begun] == [1 + 2 * (MOST_SIZES - 1), 2]
+    assert [each.alive for each in _Session.begun] == [False, True]
+
+
+def test_a_process_that_cannot_be_started_is_told_and_started_with_the_next_drop(
+    show: Show,
+) -> None:
+    _Session.fails = True
+    show.start()
+    assert show.began.wait(30.0)
+    wait_until(lambda: '"died"' in show.board.notes.get("numbers", (0, ""))[1])
+    assert "no process to be had" in show.board.notes["numbers"][1]
+    problems: list[str] = []
+    for command in (commands.Pause(do="pause", on=True), commands.Pace(do="pace", rate=None)):
+        show.tell(command, problems.append)
+    _Session.fails = False
+    show.tell(commands.Reset(do="reset"), problems.append)
+    wait_until(lambda: _Session.begun)
+    wait_until(lambda: '"preparing"' in show.board.notes["numbers"][1])
+    assert problems == []
+
+
+def test_what_a_command_brings_about_is_told_to_its_sender_alone(
+    show: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def check(*_: Any) -> None:
+        raise OverflowError("nobody has thought of this")
+
+    show.start()
+    wait_until(lambda: '"preparing"' in show.board.notes.get("numbers", (0, ""))[1])
+    monkeypatch.setattr(show.controls, "check", check)
+    problems: list[str] = []
+    show.tell(moved(mass=1), problems.append)
+    wait_until(lambda: problems)
+    assert problems == ["OverflowError: nobody has thought of this"]
+    assert (show._state, show._message) == ("preparing", "")
+
+
+def test_little_of_each_viewer_waits() -> None:
+    inbox = Inbox()
+    one, other = [], []
+    # a slider that moves takes one place
+    for number in range(1000):
+        assert inbox.put(moved(mass=number), one.append)
+    # but what another command relies on stays before it
+    assert inbox.put(let(rows=9), one.append)
+    for number in range(1000):
+        assert inbox.put(moved(mass=number), one.append)
+    assert inbox.put(moved(velocity=1), one.append)
+    came = [inbox.put(let(rows=9), one.append) for _ in range(1000)]
+    assert sum(came) == MOST_OF_ONE - 4
+    assert inbox.put(let(rows=9), other.append)
+    taken = inbox.take()
+    assert len(taken) == MOST_AT_ONCE
+    assert [command for command, _ in taken[:4]] == [
+        moved(mass=999),
+        let(rows=9),
+        moved(mass=999),
+        moved(velocity=1),
+    ]
+    assert [whose for _, whose in inbox.take()] == [other.append]
