@@ -40,10 +40,8 @@ def size_of(scene: Scene) -> tuple[int, int]:
 
 def draw(snapshot: Snapshot, scene: Scene, look: Look, drop: int) -> bytes:
     """A picture as it is sent: `HEADER`, then a PNG."""
-    image = raster.frame(snapshot, scene, size_of(scene), look=look)
-    sunk = 0.0
-    if scene.impactor is not None:
-        sunk = scene.contact_height + scene.impactor.gap - snapshot.impactor_y
+    image = raster.frame(snapshot, scene, size_of(scene), look=look, threads=1)
+    sunk = 0.0 if scene.impactor is None else raster.sunk(snapshot, scene)
     file = io.BytesIO()
     file.write(HEADER.pack(drop, snapshot.time, sunk))
     Image.fromarray(image).save(file, "PNG", compress_level=1)
