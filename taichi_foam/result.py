@@ -194,7 +194,7 @@ class Result:
 
 def write_json(path: Path, value: Any) -> None:
     """Write JSON, indented; NumPy values become plain ones, and NaN and infinity null."""
-    text = json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
 
 
@@ -208,15 +208,21 @@ def storage_bytes(scene: Scene) -> int:
     return int(8 * doubles * snapshots + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any, digits: int | None = None) -> Any:
+    """A value that JSON can hold: NumPy's become Python's, what is not finite None.
+
+    `digits` are those that floats keep; default all.
+    """
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item, digits) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item, digits) for item in value]
     if isinstance(value, (np.generic, np.ndarray)):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+        return plain(value.tolist(), digits)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return None
+        return value if digits is None else float(f"{value:.{digits}g}")
     return value
 
 

@@ -32,6 +32,7 @@ Keep = Callable[[Result], object]
 
 #: Simulated seconds in one of watching; None: as fast as it goes.
 PACES = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, None)
+#: The pace at first: an impact of 50 ms takes five seconds.
 PACE = 1e-2
 #: Frames per second that are asked for; a single step goes on by as much as one of them.
 FPS = 30

@@ -138,7 +138,6 @@ class _Window:
             k.K_h: self._toggle_help,
             k.K_F1: self._toggle_help,
         }
-
         self._repeated = {
             k.K_RIGHT, k.K_PERIOD, k.K_UP, k.K_DOWN,
             k.K_MINUS, k.K_KP_MINUS, k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS,
@@ -198,7 +197,6 @@ class _Window:
     def _picture(self, stage: Stage):
         picture = stage.picture(self._size(), self._told or _HINT)
         if self._has_help:
-            picture = picture.copy()
             panel(picture, HELP, stage.look.theme)
         return picture
 

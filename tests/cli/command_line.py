@@ -44,3 +44,12 @@ def tree(folder: Path) -> Tree:
         str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))
     }
+
+
+def assert_refused(result, *fragments: str) -> None:
+    """The request was refused with exit code 2 and these words, and nothing on stdout."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    for fragment in fragments:
+        assert fragment in result.stderr

@@ -10,7 +10,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
-from command_line import COARSE, tree
+from command_line import COARSE, assert_refused, tree
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
@@ -39,14 +39,6 @@ def runs(stored: Path, tmp_path: Path) -> Path:
     for name in ("slow", "fast"):
         shutil.copytree(stored / name, tmp_path / name)
     return tmp_path
-
-
-def assert_refused(result, *fragments: str) -> None:
-    assert result.exit_code == 2, result.output
-    assert result.stdout == ""
-    assert "Traceback" not in result.stderr
-    for fragment in fragments:
-        assert fragment in result.stderr
 
 
 def test_films_without_a_kind_named(invoke: Callable, runs: Path) -> None:

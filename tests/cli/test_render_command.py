@@ -13,7 +13,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
-from command_line import COARSE, tree
+from command_line import COARSE, assert_refused, tree
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
@@ -45,14 +45,6 @@ def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
 
     monkeypatch.setattr(raster, "draw", refuse)
     return invoke
-
-
-def assert_refused(result, *fragments: str) -> None:
-    assert result.exit_code == 2, result.output
-    assert result.stdout == ""
-    assert "Traceback" not in result.stderr
-    for fragment in fragments:
-        assert fragment in result.stderr
 
 
 def test_films_without_a_kind_named_beside_the_run(invoke: Callable, folder: Path) -> None:

@@ -248,32 +248,28 @@ def test_screenshots_lie_beside_the_run_and_keep_their_numbers(show: Callable[..
     assert Result.load(window.folder).run["interrupted"]
 
 
-def test_a_display_that_does_not_answer_is_told(tmp_path: Path) -> None:
+def without_window(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`run --live` into a folder, with no display but what `environment` names."""
+    clean = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
-    environment = {k: v for k, v in os.environ.items() if k != "WAYLAND_DISPLAY"}
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "run")],
-        env={**environment, "DISPLAY": ":4242"},
+    return subprocess.run(
+        [*command, "--out", str(folder)],
+        env={**clean, **environment},
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=False,
     )
+
+
+def test_a_display_that_does_not_answer_is_told(tmp_path: Path) -> None:
+    done = without_window(tmp_path / "run", DISPLAY=":4242")
     assert done.returncode == 2
     assert "taichi-foam serve" in done.stderr
 
 
 def test_without_a_display_the_page_is_named(tmp_path: Path) -> None:
-    clean = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "run")],
-        env=clean,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = without_window(tmp_path / "run")
     assert done.returncode == 2
     assert "taichi-foam serve" in done.stderr
     assert not (tmp_path / "run").exists()

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.live.page.curve import Curve
-from taichi_foam.live.page.figures import plain
+from taichi_foam.result import plain
 
 Tone = str  # "light" or "dark"
+
+#: Of the numbers in messages: more than anybody can see.
+DIGITS = 6
 
 _EMPTY = np.empty(0)
 
@@ -35,7 +38,8 @@ class Board:
 
     def post(self, kind: str, content: dict[str, Any]) -> None:
         """Show this from now on; the same again is no change."""
-        text = json.dumps({"kind": kind, **plain(content)}, separators=(",", ":"), allow_nan=False)
+        told = {"kind": kind, **plain(content, DIGITS)}
+        text = json.dumps(told, separators=(",", ":"), allow_nan=False)
         number, before = self.notes.get(kind, (0, ""))
         if text != before:
             self.notes[kind] = (number + 1, text)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from taichi_foam.paper import MEASURED, NAMES, paper_scene
 from taichi_foam.scene import CHOICE_SETS
@@ -73,16 +70,3 @@ def _conditions(scene: Scene) -> tuple[Any, ...] | None:
 def _tests() -> dict[tuple[Any, ...] | None, str]:
     """The paper's tests by their conditions; a choice set may read a size differently."""
     return {_conditions(paper_scene(name, c)): name for name in NAMES for c in CHOICE_SETS}
-
-
-def plain(value: Any, digits: int = 6) -> Any:
-    """A value that JSON can hold: numbers to so many digits, None for what is not finite."""
-    if isinstance(value, dict):
-        return {str(key): plain(item, digits) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item, digits) for item in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return plain(value.tolist(), digits)
-    if isinstance(value, float):
-        return float(f"{value:.{digits}g}") if math.isfinite(value) else None
-    return value

@@ -17,6 +17,7 @@ from taichi_foam.live.page.board import Board, Tone
 from taichi_foam.live.page.controls import Controls, Value
 from taichi_foam.live.page.readings import Readings
 from taichi_foam.live.session import Session
+from taichi_foam.live.stage import PACE
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from taichi_foam.result import Snapshot
     from taichi_foam.scene import Scene
 
-#: Simulated seconds in a second at the start: an impact of 50 ms takes five seconds.
-FIRST_PACE = 0.01
 PACES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 1.0, None)
 STEP = 2e-4  # [s]
 
@@ -60,7 +59,7 @@ class Show:
         self._sizes: set[tuple[int, int]] = set()  # columns and rows that the session has met
         self._scene = scene
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
-        self._pace: float | None = FIRST_PACE
+        self._pace: float | None = PACE
         self._look = Look(scene.output.mode, words=False)
         self._theme = "auto"
         self._snapshot: Snapshot | None = None
