@@ -22,7 +22,7 @@ from timing.starts import memory, starts
 from timing.subjects import CASE, subjects
 from timing.workers import WorkerError, Workers
 
-from taichi_foam.paper import MEASURED, paper_scene
+from taichi_foam.shim2000.tests import MEASURED, paper_scene
 
 RESULTS = Path(__file__).parent / "results"
 ROUNDS = {"full": 9, "quick": 3}

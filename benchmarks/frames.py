@@ -21,17 +21,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.engine import runtime
-from taichi_foam.folders import whole_file
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.session import Session
 from taichi_foam.live.stage import FPS, Stage
-from taichi_foam.paper import paper_scene
 from taichi_foam.picture import cells, raster
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.folders import whole_file
+from taichi_foam.run.simulation import simulate
 from taichi_foam.scene import Scene
-from taichi_foam.scene_io import load_scene
-from taichi_foam.simulation import simulate
+from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/wedge-2.86"
 TIME = 0.020  # s: crushed along the faces, a crack below the tip

@@ -21,19 +21,19 @@ import taichi as ti
 from taichi_foam.engine import loading, runtime, stepper
 from taichi_foam.engine.lattice import borrowed
 from taichi_foam.errors import UserError
-from taichi_foam.paper import paper_scene
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"  # 20 x 40 nodes
 RESULTS = Path(__file__).parent / "results"
 
 # What a node and stage reads and writes on a GPU [bytes], its neighbours' numbers being in a cache:
-# the forces' pass reads the motion (32) and both connections (48) and writes their forces (32); the
+# the forces' pass reads the motion (32) and both bonds (48) and writes their forces (32); the
 # nodes' pass reads motion (32), forces (32), sums (24, as three stages of four do) and the accepted
 # state (32), and writes sums (32), motion (32) and, once a step, the state (8).
 BYTES = 304
 # Floating-point operations of a node and stage, a division or root counting as one: some 25
-# differences, twice 45 for a connection, 40 for the node, and 25 for histories and energies.
+# differences, twice 45 for a bond, 40 for the node, and 25 for histories and energies.
 FLOPS = 180
 
 # The CPU is not asked for more nodes than this: its rate is then the same.

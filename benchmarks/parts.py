@@ -13,10 +13,10 @@ import taichi as ti
 from rich.console import Console
 from rich.table import Table
 
-from taichi_foam.engine import clock, contact, faces, ledger, loading, nodes, runtime, stepper
+from taichi_foam.engine import bonds, clock, contact, ledger, loading, nodes, runtime, stepper
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
-from taichi_foam.paper import paper_scene
-from taichi_foam.simulation import run
+from taichi_foam.run.simulation import run
+from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
 IMPACT_TIME = 0.015  # s: the foam below the impactor is crushed
@@ -31,19 +31,19 @@ NEIGHBOURS = "pieces: neighbour lists, as often as needed"
 @ti.func
 def first_faces(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        faces.face_column(lattice, 0, 0, i, i, 0, i % 3, p)
+        bonds.face_column(lattice, 0, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
 def last_faces(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        faces.face_column(lattice, LAST_STAGE, 0, i, i, 0, i % 3, p)
+        bonds.face_column(lattice, LAST_STAGE, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
 def middle_faces(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        faces.face_column(lattice, 1, 0, i, i, 0, i % 3, p)
+        bonds.face_column(lattice, 1, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
@@ -51,7 +51,7 @@ def densify(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
         if lattice.tally[0, i].least.min() < p.foam.densification_strain:
             for k in range(lattice.packs):
-                faces.densify_pack(lattice, 0, i, k, 0, i % 3, p)
+                bonds.densify_pack(lattice, 0, i, k, 0, i % 3, p)
 
 
 @ti.func

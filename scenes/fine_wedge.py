@@ -7,7 +7,7 @@ Damping is there for the lattice's own shortest waves, ten times as quick here a
 
 Measured (Table 4): duration 49 ms, displacement 75 mm, plateau 66 m/s2. Computed: foam crushes in
 a thin layer along both faces, a crack runs ahead of the tip from 3 ms on, and at 12 ms the block is
-split and its halves fly off. A connection fails at a strain, whatever its length, and so breaking
+split and its halves fly off. A bond fails at a strain, whatever its length, and so breaking
 takes less energy the smaller the cells: the lattice of 5 mm is as tough as the foam, this one is
 brittle. Halves are left out as Eq. 27 is printed; docs/fidelity.md has what finer cells need.
 
@@ -20,7 +20,7 @@ scene = Scene(
     name="Wedge at 2.86 m/s, 80,000 cells",
     block=Block(columns=400, rows=200),
     impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.15),
-    model=Model(damping="connection", broken_halves="either", shear_pressure_coefficient=18.0),
+    model=Model(damping="bond", broken_halves="either", shear_pressure_coefficient=18.0),
     numerics=Numerics(damping_time=0.1 * Numerics().damping_time),
     output=Output(snapshot_interval=2e-3),
 )

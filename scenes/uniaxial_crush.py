@@ -2,7 +2,7 @@
 
 Physics: a plate wider than the column presses it down at 1 m/s, which is slow against the sound in
 the foam (330 m/s). The plate is so heavy that crushing hardly slows it. In equilibrium every
-connection carries the same nominal stress, so the force over the column's section traces Eq. 26:
+bond carries the same nominal stress, so the force over the column's section traces Eq. 26:
 elastic to 5 %, a plateau to 80 %, then densification. Strains are of the distance between the
 first and the last row of mass points, one cell less than the column's height.
 

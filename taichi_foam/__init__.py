@@ -15,22 +15,23 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.version import __version__
+
 if TYPE_CHECKING:
+    from taichi_foam.analysis.measures import summary
+    from taichi_foam.catalogue import load_scene
     from taichi_foam.errors import RunError, UserError
     from taichi_foam.live.watch import watch
-    from taichi_foam.measures import summary
-    from taichi_foam.paper import paper_scene
-    from taichi_foam.result import Result
+    from taichi_foam.results.result import Result
+    from taichi_foam.run.simulation import run, run_many, simulate, simulate_many
     from taichi_foam.scene import Scene
-    from taichi_foam.scene_io import load_scene
-    from taichi_foam.simulation import run, run_many, simulate, simulate_many
-    from taichi_foam.study.reproduce import reproduce
+    from taichi_foam.shim2000.reproduce import reproduce
+    from taichi_foam.shim2000.tests import paper_scene
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_LOG_LEVEL", "error")
 
-__version__ = "0.1.0"
 
 __all__ = [
     "Result",
@@ -50,18 +51,18 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Result": "result",
+    "Result": "results.result",
     "RunError": "errors",
     "Scene": "scene",
     "UserError": "errors",
-    "load_scene": "scene_io",
-    "paper_scene": "paper",
-    "reproduce": "study.reproduce",
-    "run": "simulation",
-    "run_many": "simulation",
-    "simulate": "simulation",
-    "simulate_many": "simulation",
-    "summary": "measures",
+    "load_scene": "catalogue",
+    "paper_scene": "shim2000.tests",
+    "reproduce": "shim2000.reproduce",
+    "run": "run.simulation",
+    "run_many": "run.simulation",
+    "simulate": "run.simulation",
+    "simulate_many": "run.simulation",
+    "summary": "analysis.measures",
     "watch": "live.watch",
 }
 
@@ -80,4 +81,4 @@ def __dir__() -> list[str]:
 
 
 if "IPython" in sys.modules:  # in a notebook scenes and results show themselves
-    import_module("taichi_foam.notebook").install()
+    import_module("taichi_foam.live.notebook").install()

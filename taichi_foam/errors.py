@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from taichi_foam.result import Result
+from typing import Any
 
 
 class UserError(Exception):
@@ -16,9 +13,9 @@ class UserError(Exception):
 class RunError(Exception):
     """A run that started well cannot go on: the message says when and where (exit code 1).
 
-    `results` holds what it gave until then.
+    `results` holds what it gave until then, as `results.result.Result`.
     """
 
-    def __init__(self, message: str, results: Sequence[Result] = ()) -> None:
+    def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.results = list(results)

@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_foam.engine import loading, stepper
 from taichi_foam.engine.lattice import BROKEN, Lattice, borrowed
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Numerics, Output, Scene
 
 # The one small block of these tests: 10 x 20 nodes, any size and cell shape.
@@ -62,7 +62,7 @@ def bench(
     worst_a: np.ndarray | None = None,
     worst_b: np.ndarray | None = None,
 ) -> Iterator[Bench]:
-    """Load scenes; what is given replaces the first lattice's start ((I, J, 2), or by link)."""
+    """Load scenes; what is given replaces the first lattice's start ((I, J, 2), or by bond)."""
     scenes = [scenes] if isinstance(scenes, Scene) else list(scenes)
     block = scenes[0].block
     with borrowed(len(scenes), block.columns, block.rows) as lattice:
@@ -72,12 +72,12 @@ def bench(
             for component, name in enumerate(names if values is not None else ""):
                 for motion in (lattice.state, lattice.trial):
                     set_nodes(motion.get_member_field(name), values[..., component])
-        given = ((lattice.link_a, broken_a, worst_a), (lattice.link_b, broken_b, worst_b))
-        for links, broken, worst in given:
+        given = ((lattice.bond_a, broken_a, worst_a), (lattice.bond_b, broken_b, worst_b))
+        for bonds, broken, worst in given:
             if worst is not None:
-                set_nodes(links.get_member_field("worst"), worst)
+                set_nodes(bonds.get_member_field("worst"), worst)
             for i, j in broken:
-                links.get_member_field("condition")[0, i, j // lattice.lanes][j % lattice.lanes] = (
+                bonds.get_member_field("condition")[0, i, j // lattice.lanes][j % lattice.lanes] = (
                     BROKEN
                 )
         loading.set_pause(lattice, np.full(len(scenes), 1e30))

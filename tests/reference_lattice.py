@@ -1,7 +1,7 @@
 """Sections 4.1-4.5 of the paper in NumPy, tensor by tensor: what the program must agree with.
 
 Nothing is shared with the program: strains come from the Green-Lagrange tensor (Eq. 12), forces
-from F S N (Eqs 10-11), and it loops over connections one by one. Shear forces of the variational
+from F S N (Eqs 10-11), and it loops over bonds one by one. Shear forces of the variational
 form are differences of the shear energy.
 """
 
@@ -15,7 +15,7 @@ from taichi_foam.scene import Scene
 
 @dataclass
 class ReferenceLattice:
-    """One lattice of I x J nodes; history and breaks by connection, as a Snapshot has them."""
+    """One lattice of I x J nodes; history and breaks by bond, as a Snapshot has them."""
 
     scene: Scene
     position: np.ndarray  # (I, J, 2)
@@ -29,7 +29,7 @@ class ReferenceLattice:
         self.I, self.J = self.position.shape[:2]
 
     def exists(self, axis: int, i: int, j: int) -> bool:
-        """Whether connection (i, j) of this axis (0: A, 1: B) was ever there."""
+        """Whether bond (i, j) of this axis (0: A, 1: B) was ever there."""
         last_i, last_j = (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
         return 0 <= i < last_i and 0 <= j < last_j
 
@@ -50,7 +50,7 @@ class ReferenceLattice:
         along = (x[ends[1]] - x[ends[0]]) / length
         step = np.array([0, 1]) if axis == 0 else np.array([1, 0])
         differences = []
-        for side in (0, -1):  # the crossing connection that starts at the node, or ends there
+        for side in (0, -1):  # the crossing bond that starts at the node, or ends there
             crossing = [
                 (end[0] + side * int(step[0]), end[1] + side * int(step[1])) for end in ends
             ]
@@ -73,7 +73,7 @@ class ReferenceLattice:
         return self.scene.block.dx, self.scene.block.dy
 
     def strains(self, axis: int, i: int, j: int) -> tuple[float, float]:
-        """Engineering strain along the connection and shear strain (Eqs 12, 21, 23)."""
+        """Engineering strain along the bond and shear strain (Eqs 12, 21, 23)."""
         F = self.gradient(axis, i, j)
         E = 0.5 * (F.T @ F - np.eye(2))
         return float(np.sqrt(1 + 2 * E[axis, axis]) - 1), float(2 * E[0, 1])
@@ -100,7 +100,7 @@ class ReferenceLattice:
         return min(sigma, 0.0) if broken else sigma
 
     def sheared_volume(self, axis: int, i: int, j: int) -> float:
-        """Reference volume [m3] of a connection that carries shear: whole and no bare fibre."""
+        """Reference volume [m3] of a bond that carries shear: whole and no bare fibre."""
         bare = not self.gradient(axis, i, j)[:, 1 - axis].any()
         volume = self.cell[0] * self.cell[1] * self.scene.block.thickness
         return 0.0 if bare or not self.whole(axis, i, j) else volume
@@ -115,14 +115,14 @@ class ReferenceLattice:
         units = replace(self, position=np.eye(nodes).reshape(self.I, self.J, nodes))
         along, across = np.zeros((2, 2, self.I, self.J, nodes))
         volume = np.zeros((2, self.I, self.J))
-        for axis, i, j in self.connections():
+        for axis, i, j in self.bonds():
             F = units.gradient(axis, i, j)
             along[axis, i, j], across[axis, i, j] = F[:, axis], F[:, 1 - axis]
             volume[axis, i, j] = self.sheared_volume(axis, i, j)
         return along, across, volume
 
     def shear_energies(self, position: np.ndarray, columns: tuple | None = None) -> np.ndarray:
-        """G gamma^2 / 2 times its volume [J] of every connection, (2, I, J)."""
+        """G gamma^2 / 2 times its volume [J] of every bond, (2, I, J)."""
         along, across, volume = columns or self.columns_of_gradients()
         nodes = position.reshape(-1, 2)
         gamma = ((along @ nodes) * (across @ nodes)).sum(axis=-1)
@@ -133,7 +133,7 @@ class ReferenceLattice:
 
         In one coordinate the energy is a polynomial of degree four (gamma is at most quadratic), so
         that the difference over five points is exact, and its step may be long: rounding is small.
-        A node's energy is that of the connections near it, so every third node is moved at once.
+        A node's energy is that of the bonds near it, so every third node is moved at once.
         """
         step = 0.1 * min(self.cell)
         columns = self.columns_of_gradients()
@@ -152,7 +152,7 @@ class ReferenceLattice:
         return forces
 
     def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
-        """Force [N] of the face on the connection's first node: T = F S N A0, and its dashpot."""
+        """Force [N] of the face on the bond's first node: T = F S N A0, and its dashpot."""
         block, f = self.scene.block, self.scene.foam
         dx, dy = self.cell
         area = (dy if axis == 0 else dx) * block.thickness
@@ -171,7 +171,7 @@ class ReferenceLattice:
             rate = (self.velocity[end] - self.velocity[i, j]) / (dx, dy)[axis]
             way = self.position[end] - self.position[i, j]
             closing = way * (way @ rate) / (way @ way)
-            across = {"connection": f.youngs_modulus, "stiffness": f.shear_modulus}
+            across = {"bond": f.youngs_modulus, "stiffness": f.shear_modulus}
             viscous = f.youngs_modulus * closing
             viscous = viscous + across[self.scene.model.damping] * (rate - closing)
             force = force + self.scene.numerics.damping_time * area * viscous
@@ -181,14 +181,14 @@ class ReferenceLattice:
         """Sum of the faces' forces on every node [N], (I, J, 2)."""
         variational = self.scene.model.shear == "variational"
         total = self.shear_forces() if variational else np.zeros((self.I, self.J, 2))
-        for axis, i, j in self.connections():
+        for axis, i, j in self.bonds():
             force = self.face_force(axis, i, j)
             total[i, j] += force
             total[(i + 1, j) if axis == 0 else (i, j + 1)] -= force
         return total
 
-    def connections(self) -> list[tuple[int, int, int]]:
-        """(axis, i, j) of every connection."""
+    def bonds(self) -> list[tuple[int, int, int]]:
+        """(axis, i, j) of every bond."""
         return [
             (axis, i, j)
             for axis in (0, 1)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_foam.paper import paper_scene
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
-from taichi_foam.simulation import run
+from taichi_foam.shim2000.tests import paper_scene
 
 from .constants import Skipped, State
 from .native import Plain, Vectors
@@ -60,7 +60,7 @@ def check() -> list[Outcome | Skipped]:
 
 def bare(scene: Scene) -> Scene:
     """The scene with the readings that the peers have, and without contact of pieces."""
-    readings = {"self_contact": False, "damping": "connection", "broken_halves": "either"}
+    readings = {"self_contact": False, "damping": "bond", "broken_halves": "either"}
     plain = {"rate": None, "crushed_strength": 1.0}
     return scene.model_copy(
         update={

@@ -119,7 +119,7 @@ def case_of(scene: Scene) -> Case:
     foam, model = p["foam"], scene.model
     refused = {
         "a cylinder": isinstance(scene.impactor, Cylinder),
-        f"damping {model.damping!r}": model.damping != "connection",
+        f"damping {model.damping!r}": model.damping != "bond",
         f"shear failure {model.shear_failure!r}": (
             model.shear_failure in ("tension-only", "angle")
         ),

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import ctypes
 
-from taichi_foam.paper import paper_scene
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import paper_scene
 
 from .constants import Skipped
 from .native import Plain

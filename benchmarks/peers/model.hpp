@@ -1,5 +1,5 @@
 // What the C++ peers share: constants, the foam's law, contact, step size. SI units, tension
-// positive; docs/model.md has the equations. Of a pair, [0] belongs to the connections along x (A),
+// positive; docs/model.md has the equations. Of a pair, [0] belongs to the bonds along x (A),
 // [1] to those along y (B).
 #pragma once
 
@@ -21,7 +21,7 @@ using std::pow;
 using std::sqrt;
 
 constexpr int A = 0, B = 1, LAST_STAGE = 3;
-constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole connections, and of none
+constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole bonds, and of none
 constexpr double BREAKING = -2.0;  // whole until the end of this step
 constexpr double GUARD = 0.05;       // part of the way to locking where densification goes straight
 constexpr double PACKED = 4.0;       // slope of packed foam against the floor, in Young's moduli
@@ -104,7 +104,7 @@ inline bool fails(const Constants& c, Real e, Real stress, Real tau, Real worst)
     return e > limit || abs(tau) > strength;
 }
 
-// Of the two halves that are whole, their factors in the mean gradient across a connection.
+// Of the two halves that are whole, their factors in the mean gradient across a bond.
 struct Halves {
     Real ahead, behind;
 };
@@ -152,7 +152,7 @@ inline Touch impactor_contact(const Constants& c, const Edge* edges, int edge_co
 }
 
 // The floor's force on a node at height `y`: half a cell of foam lies between, or what the worst
-// crush of the node's connections has left of it.
+// crush of the node's bonds has left of it.
 inline Touch floor_contact(const Constants& c, Real y, Real worst_a, Real worst_b, Real path,
                            Real stretch) {
     Touch touch = {{0.0, 0.0}, {0.0, 0.0}, 1.0, 0.0};
@@ -172,7 +172,7 @@ inline Touch floor_contact(const Constants& c, Real y, Real worst_a, Real worst_
 
 // ---- time ----
 
-// The largest stable step while the stiffest densified connection has `densified` [N/m].
+// The largest stable step while the stiffest densified bond has `densified` [N/m].
 inline Real stable_step(const Constants& c, Real densified) {
     const Real aspect = max(c.area[0] * c.per_length[0], c.area[1] * c.per_length[1]);
     const Real modulus = max(c.youngs_modulus, c.crushed_stress / c.crushed_strain);

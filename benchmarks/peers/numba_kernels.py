@@ -1,6 +1,6 @@
 """plain.cpp translated to Numba: same arrays of structs, same passes, same order of sums.
 
-A node's numbers lie together: nodes (n, 4) x, y, v_x, v_y; links (n, 4) ahead, behind, worst, break
+A node's numbers lie together: nodes (n, 4) x, y, v_x, v_y; bonds (n, 4) ahead, behind, worst, break
 time; faces (n, 4) force of A, force of B; slips (n, 2) impactor, floor. Columns are SUMS wide.
 """
 
@@ -64,7 +64,7 @@ def densification(c, e):
 
 @inlined
 def fails(c, e, stress, tau, worst):
-    """Whether an intact connection breaks in this state."""
+    """Whether an intact bond breaks in this state."""
     limit = c.crushed_strain if worst < c.yield_strain else c.tensile_strain
     strength = c.shear_strength
     if e < 0.0:
@@ -73,17 +73,17 @@ def fails(c, e, stress, tau, worst):
 
 
 def face_function(axis: int, stage: int):
-    """A function for the force of one connection, for its axis and its stage."""
+    """A function for the force of one bond, for its axis and its stage."""
 
     @inlined
-    def face_force(c, trial, links, faces, column, k, along, side):
+    def face_force(c, trial, bonds, faces, column, k, along, side):
         if axis == A:
             per_length, area, dashpot = c.per_length_a, c.area_a, c.dashpot_a
         else:
             per_length, area, dashpot = c.per_length_b, c.area_b, c.dashpot_b
         end = k + along
-        worst = links[k, 2]
-        intact = links[k, 3] < 0.0
+        worst = bonds[k, 2]
+        intact = bonds[k, 3] < 0.0
         x, y, x_end, y_end = trial[k, 0], trial[k, 1], trial[end, 0], trial[end, 1]
         reach_x, reach_y = x_end - x, y_end - y
         length = math.sqrt(reach_x * reach_x + reach_y * reach_y)
@@ -97,9 +97,9 @@ def face_function(axis: int, stage: int):
         pull = area * stress / length
         force_x, force_y = pull * reach_x, pull * reach_y
         if stage == 0 and e < worst:
-            links[k, 2] = e
+            bonds[k, 2] = e
         if intact:
-            ahead, behind = links[k, 0], links[k, 1]
+            ahead, behind = bonds[k, 0], bonds[k, 1]
             ahead_x = trial[k + side, 0] - x + (trial[end + side, 0] - x_end)
             ahead_y = trial[k + side, 1] - y + (trial[end + side, 1] - y_end)
             behind_x = x - trial[k - side, 0] + (x_end - trial[end - side, 0])
@@ -116,7 +116,7 @@ def face_function(axis: int, stage: int):
                 column[SHEAR_POWER] += shear_x * relative_x + shear_y * relative_y
                 column[DASHPOT_POWER] += drag_x * relative_x + drag_y * relative_y
             if stage == LAST_STAGE and fails(c, e, yielding, tau, min(worst, e)):
-                links[k, 3] = BREAKING
+                bonds[k, 3] = BREAKING
                 column[BREAKS] += 1.0
         faces[k, 2 * axis] = force_x
         faces[k, 2 * axis + 1] = force_y
@@ -125,11 +125,11 @@ def face_function(axis: int, stage: int):
 
 
 def column_function(stage: int):
-    """A function for the forces of one column's connections."""
+    """A function for the forces of one column's bonds."""
     force_a, force_b = face_function(A, stage), face_function(B, stage)
 
     @compiled
-    def face_column(c, columns, rows, trial, link_a, link_b, faces, column, i):
+    def face_column(c, columns, rows, trial, bond_a, bond_b, faces, column, i):
         stride = rows + 2
         column[DENSIFIED] = 0.0
         column[BREAKS] = 0.0
@@ -138,9 +138,9 @@ def column_function(stage: int):
         for j in range(rows):
             k = (i + 1) * stride + j + 1
             if i < columns - 1:
-                force_a(c, trial, link_a, faces, column, k, stride, 1)
+                force_a(c, trial, bond_a, faces, column, k, stride, 1)
             if j < rows - 1:
-                force_b(c, trial, link_b, faces, column, k, 1, stride)
+                force_b(c, trial, bond_b, faces, column, k, 1, stride)
 
     return face_column
 
@@ -151,20 +151,20 @@ last_column = column_function(LAST_STAGE)
 
 
 @compiled
-def update_halves(c, rows, link_a, link_b, i):
+def update_halves(c, rows, bond_a, bond_b, i):
     """Which halves of a column's gradients still count."""
     stride = rows + 2
     for j in range(rows):
         k = (i + 1) * stride + j + 1
         for axis in range(2):
-            link, crossing = (link_a, link_b) if axis == A else (link_b, link_a)
+            bond, crossing = (bond_a, bond_b) if axis == A else (bond_b, bond_a)
             along, side = (stride, 1) if axis == A else (1, stride)
             per_length = c.per_length_b if axis == A else c.per_length_a
             ahead = crossing[k, 3] == INTACT and crossing[k + along, 3] == INTACT
             behind = crossing[k - side, 3] == INTACT and crossing[k + along - side, 3] == INTACT
             each = 0.5 * per_length / (2.0 if ahead and behind else 1.0)
-            link[k, 0] = each if ahead else 0.0
-            link[k, 1] = each if behind else 0.0
+            bond[k, 0] = each if ahead else 0.0
+            bond[k, 1] = each if behind else 0.0
 
 
 @inlined
@@ -211,7 +211,7 @@ def floor_contact(c, y, worst_a, worst_b, path, stretch):
 
 @compiled
 def node_column(
-    c, rows, state, trial, rate, faces, link_a, link_b, slips, edges, body, column, i, stage, step
+    c, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body, column, i, stage, step
 ):
     """Gather the forces on a column's nodes, and take the stage."""
     stride = rows + 2
@@ -246,8 +246,8 @@ def node_column(
                 fx += press_x + rub_x
                 fy += press_y + rub_y
             if y < half:
-                worst_a = min(link_a[k, 2], link_a[k - stride, 2])
-                worst_b = min(link_b[k, 2], link_b[k - 1, 2])
+                worst_a = min(bond_a[k, 2], bond_a[k - stride, 2])
+                worst_b = min(bond_b[k, 2], bond_b[k - 1, 2])
                 floor_x, floor_y, floor_stretch = floor_contact(
                     c, y, worst_a, worst_b, path_x, slips[k, 1]
                 )
@@ -293,7 +293,7 @@ def node_column(
 
 @compiled
 def stable_step(c, densified):
-    """The largest stable step while the stiffest densified connection has `densified` [N/m]."""
+    """The largest stable step while the stiffest densified bond has `densified` [N/m]."""
     aspect = max(c.area_a * c.per_length_a, c.area_b * c.per_length_b)
     modulus = max(c.youngs_modulus, c.crushed_stress / c.crushed_strain)
     stiffness = 4.0 * max(modulus * aspect, densified)
@@ -313,7 +313,7 @@ def take_stock(c, column, clock):
 
 
 @compiled
-def break_links(c, columns, rows, link_a, link_b, column, clock):
+def break_links(c, columns, rows, bond_a, bond_b, column, clock):
     """What has failed in a step is broken from its end on."""
     breaks = 0.0
     for i in range(columns):
@@ -321,13 +321,13 @@ def break_links(c, columns, rows, link_a, link_b, column, clock):
     if breaks == 0.0:
         return
     clock[BROKEN] += breaks
-    for k in range(len(link_a)):
-        if link_a[k, 3] == BREAKING:
-            link_a[k, 3] = clock[TIME]
-        if link_b[k, 3] == BREAKING:
-            link_b[k, 3] = clock[TIME]
+    for k in range(len(bond_a)):
+        if bond_a[k, 3] == BREAKING:
+            bond_a[k, 3] = clock[TIME]
+        if bond_b[k, 3] == BREAKING:
+            bond_b[k, 3] = clock[TIME]
     for i in range(columns):
-        update_halves(c, rows, link_a, link_b, i)
+        update_halves(c, rows, bond_a, bond_b, i)
 
 
 @compiled
@@ -358,7 +358,7 @@ def advance_function(parallel: bool):
 
     @numba.njit(error_model="numpy", parallel=parallel)
     def advance(
-        c, columns, rows, state, trial, rate, faces, link_a, link_b, slips, edges, body, column,
+        c, columns, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body, column,
         clock, steps,
     ):  # fmt: skip
         for taken in range(steps):
@@ -367,19 +367,19 @@ def advance_function(parallel: bool):
             for stage in range(LAST_STAGE + 1):
                 for i in columns_of(columns):
                     if stage == 0:
-                        first_column(c, columns, rows, trial, link_a, link_b, faces, column[i], i)
+                        first_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
                     elif stage == LAST_STAGE:
-                        last_column(c, columns, rows, trial, link_a, link_b, faces, column[i], i)
+                        last_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
                     else:
-                        middle_column(c, columns, rows, trial, link_a, link_b, faces, column[i], i)
+                        middle_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
                 for i in columns_of(columns):
                     node_column(
-                        c, rows, state, trial, rate, faces, link_a, link_b, slips, edges, body,
+                        c, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body,
                         column[i], i, stage, step,
                     )  # fmt: skip
                 body_stage(c, column, body, stage, step)
             clock[TIME] += step
-            break_links(c, columns, rows, link_a, link_b, column, clock)
+            break_links(c, columns, rows, bond_a, bond_b, column, clock)
             if np.any(column[:, STRANGE] > 0.0):
                 return taken
         return steps

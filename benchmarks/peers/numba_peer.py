@@ -43,16 +43,16 @@ class Numba:
         def per_node(values: int) -> np.ndarray:
             return np.zeros((*padded, values))
 
-        state, link_a, link_b = per_node(4), per_node(4), per_node(4)
+        state, bond_a, bond_b = per_node(4), per_node(4), per_node(4)
         state[1:-1, 1:-1] = case.start
-        link_a[..., 3] = link_b[..., 3] = kernels.NEVER
-        link_a[1:-2, 1:-1, 3] = kernels.INTACT
-        link_b[1:-1, 1:-2, 3] = kernels.INTACT
+        bond_a[..., 3] = bond_b[..., 3] = kernels.NEVER
+        bond_a[1:-2, 1:-1, 3] = kernels.INTACT
+        bond_b[1:-1, 1:-2, 3] = kernels.INTACT
         trial, rate, faces, slips = state.copy(), per_node(4), per_node(4), per_node(2)
         # a row for every node, in the order of the kernels' arguments
         self._fields = [
             field.reshape(-1, field.shape[-1])
-            for field in (state, trial, rate, faces, link_a, link_b, slips)
+            for field in (state, trial, rate, faces, bond_a, bond_b, slips)
         ]
         self._body = np.zeros(6)
         self._body[[kernels.Y, kernels.TRIAL_Y]] = case.body[0]

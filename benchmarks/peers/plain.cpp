@@ -1,5 +1,5 @@
 // The lattice's Runge-Kutta step, plainly: a struct for each node, and two passes a stage. The
-// first finds the forces of each node's two connections, the second gathers four of them.
+// first finds the forces of each node's two bonds, the second gathers four of them.
 #include <vector>
 
 #include "interface.hpp"
@@ -12,18 +12,18 @@ struct Node {
 };
 
 struct Link {
-    Real ahead, behind;  // factors of the two halves in the gradient across the connection [1/m]
+    Real ahead, behind;  // factors of the two halves in the gradient across the bond [1/m]
     Real worst;          // the most compressive strain so far
     Real break_time;
 };
 
-struct Faces {  // forces of a node's two connections on it [N]
+struct Faces {  // forces of a node's two bonds on it [N]
     Vec force[2];
 };
 
 // What a column of nodes adds up; sums over columns have one order for any number of threads.
 struct Column {
-    Real densified;  // its stiffest densified connection [N/m]
+    Real densified;  // its stiffest densified bond [N/m]
     Real lift;       // its force on the impactor [N]
     Real shear_power, dashpot_power;  // at this stage [W]
     Real work[WORKS];
@@ -111,7 +111,7 @@ class Lattice {
         return {trial[to].x - trial[from].x, trial[to].y - trial[from].y};
     }
 
-    // Force of a connection on its first node k. The first stage, whose state is the accepted one,
+    // Force of a bond on its first node k. The first stage, whose state is the accepted one,
     // brings the worst strain up to date; the last, which looks at the step's end, finds what fails.
     template <int axis>
     Vec face_force(const Constants& c, int k, int stage, Column& sums) {
@@ -193,7 +193,7 @@ class Lattice {
 
     bool whole(int axis, int k) const { return links[axis][k].break_time == INTACT; }
 
-    // A half counts while the crossing connections at both of the connection's nodes are whole.
+    // A half counts while the crossing bonds at both of the bond's nodes are whole.
     void update_halves(int i) {
         for (int j = 0; j < rows; ++j) {
             const int k = at(i, j), right = k + stride, up = k + 1;

@@ -48,7 +48,7 @@ struct Links {
           break_time(size, NEVER) {}
     Array ahead, behind;  // factors of the two halves in the gradient across [1/m]
     Array permanent;      // strain without stress
-    Array tension;        // modulus beyond it [Pa]; 0 tells that a connection is broken
+    Array tension;        // modulus beyond it [Pa]; 0 tells that a bond is broken
     Array worst, break_time;
 };
 
@@ -131,7 +131,7 @@ class Lattice {
     }
 
   private:
-    struct Scratch {  // forces of two columns' connections, this one's and the one to the left
+    struct Scratch {  // forces of two columns' bonds, this one's and the one to the left
         explicit Scratch(int size) : a{Forces(size), Forces(size)}, b(size) {}
         Forces a[2], b;
     };
@@ -154,7 +154,7 @@ class Lattice {
     int size() const { return (columns + 2) * stride; }
     int at(int i, int j) const { return (i + 1) * stride + j; }
 
-    // Forces of a column's connections along one axis on their first nodes, short of
+    // Forces of a column's bonds along one axis on their first nodes, short of
     // densification; the column's deepest strain comes back. The first stage brings the worst strain
     // up to date, the last finds what fails; of a column that another thread records, neither.
     template <int axis, int stage, bool recording>
@@ -233,7 +233,7 @@ class Lattice {
         return least_of(deepest);
     }
 
-    // Add densification to the forces of a column's connections; the stiffest [N/m] comes back.
+    // Add densification to the forces of a column's bonds; the stiffest [N/m] comes back.
     template <int axis>
     double densify(const Nodes& now, int i, double* force_x, double* force_y) {
         const int first = at(i, 0), along = axis == A ? stride : 1;
@@ -323,7 +323,7 @@ class Lattice {
         body_stage(c, body, stage, step, lift);
     }
 
-    struct Around {  // forces of the connections around a column's nodes
+    struct Around {  // forces of the bonds around a column's nodes
         const double *right_x, *right_y, *left_x, *left_y, *above_x, *above_y;
     };
 
@@ -461,7 +461,7 @@ class Lattice {
 
     bool whole(int axis, int k) const { return links[axis].break_time[k] == INTACT; }
 
-    // A half counts while the crossing connections at both of the connection's nodes are whole.
+    // A half counts while the crossing bonds at both of the bond's nodes are whole.
     void update_halves(int i) {
         for (int j = 0; j < rows; ++j) {
             const int k = at(i, j), right = k + stride, up = k + 1;

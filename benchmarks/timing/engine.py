@@ -12,8 +12,8 @@ import taichi as ti
 
 from taichi_foam.engine import loading, stepper
 from taichi_foam.engine.lattice import RUNNING, Lattice, borrowed
-from taichi_foam.paper import paper_scene
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import paper_scene
 
 from .subjects import Subject
 
@@ -158,13 +158,13 @@ class Engine:
         """Bytes per node and stage that a lattice beyond the caches has to move.
 
         Counted from the fields as they are: each stage reads the trial and the accepted state and
-        the connections, reads and writes the weighted sums, and writes the trial state; a step's
-        first stage writes the connections' history too, its last the accepted state.
+        the bonds, reads and writes the weighted sums, and writes the trial state; a step's
+        first stage writes the bonds' history too, its last the accepted state.
         """
         lattice = self._loaded(subject.batch, subject.counts).lattice
         motion, rate = self._bytes(lattice.state), self._bytes(lattice.rate)
-        links = sum(self._bytes(link) for link in lattice.links)
-        return 3 * motion + links + 2 * rate + (links + motion) / 4
+        bonds = sum(self._bytes(bond) for bond in lattice.bonds)
+        return 3 * motion + bonds + 2 * rate + (bonds + motion) / 4
 
     @staticmethod
     def _bytes(record: Any) -> int:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from peers import lattice_of
 
-from taichi_foam.paper import paper_scene
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
 SMALL = (40, 20)

@@ -13,7 +13,7 @@ from peers.compile import compiler_version
 from rich.console import Console
 from rich.table import Table
 
-from taichi_foam.study.machine import machine, versions
+from taichi_foam.shim2000.machine import machine, versions
 
 from .goals import contact_costs, figures, roofline
 from .rounds import Record, Spread, cpu_ns, wall_ns, wall_per_ms

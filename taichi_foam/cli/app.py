@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taichi_foam import __version__
+from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import replay, serve
 from taichi_foam.cli.options import (
     Arch,
@@ -23,12 +23,12 @@ from taichi_foam.cli.options import (
 )
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_residual
 from taichi_foam.errors import RunError
-from taichi_foam.folders import check_output_folder, file_name, output_folder
-from taichi_foam.interrupts import held_interrupts
-from taichi_foam.progress import Bars
-from taichi_foam.result import Result, storage_bytes
+from taichi_foam.results.folders import check_output_folder, file_name, output_folder
+from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.run.interrupts import held_interrupts
+from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
-from taichi_foam.scene_io import list_scenes, load_scene
+from taichi_foam.version import __version__
 
 _app = typer.Typer(
     add_completion=False,
@@ -143,7 +143,7 @@ def reproduce_command(
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
         from taichi_foam.cli import tables
-        from taichi_foam.study.reproduce import reproduce
+        from taichi_foam.shim2000.reproduce import reproduce
 
         content = reproduce(
             out,
@@ -199,8 +199,9 @@ def _run(
 
             run_live(scene, folder, overwrite, arch, threads, bars, console, errors)
             return
-        from taichi_foam import films, simulation
         from taichi_foam.engine import runtime
+        from taichi_foam.picture import films
+        from taichi_foam.run import simulation
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
         runtime.start(arch, threads)
@@ -213,8 +214,8 @@ def _run(
                     raise
                 result, failure = error.results[0], error
         # measures take a while to load: after the run, not before it
+        from taichi_foam.analysis.measures import summary
         from taichi_foam.cli import tables
-        from taichi_foam.measures import summary
 
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
         figures = summary(result)
@@ -231,7 +232,7 @@ def _run(
 
 def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: bool) -> bool:
     """Write the result's folder; return whether Ctrl-C came, in the run or since."""
-    from taichi_foam import films
+    from taichi_foam.picture import films
 
     with output_folder(folder, overwrite) as staging:
         with held_interrupts() as pressed:

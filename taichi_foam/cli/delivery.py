@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import check_output_folder
-from taichi_foam.progress import Bars
+from taichi_foam.results.folders import check_output_folder
+from taichi_foam.run.progress import Bars
 
 
 @dataclass(frozen=True)

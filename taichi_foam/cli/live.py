@@ -8,15 +8,15 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from taichi_foam import films
+from taichi_foam.analysis.measures import summary
 from taichi_foam.cli import tables
 from taichi_foam.cli.outcome import INTERRUPTED, say_where, warn_of_residual
 from taichi_foam.errors import RunError
-from taichi_foam.folders import check_output_folder
 from taichi_foam.live import window
-from taichi_foam.measures import summary
-from taichi_foam.progress import Bars
-from taichi_foam.result import Result, storage_bytes
+from taichi_foam.picture import films
+from taichi_foam.results.folders import check_output_folder
+from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
 
 

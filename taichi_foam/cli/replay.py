@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.delivery import Job, deliver
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
-from taichi_foam.folders import whole_file
-from taichi_foam.progress import Bars
-from taichi_foam.result import Result
-from taichi_foam.scene_io import load_scene
+from taichi_foam.results.folders import whole_file
+from taichi_foam.results.result import Result
+from taichi_foam.run.progress import Bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,8 +73,7 @@ def render_command(
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Taichi and Matplotlib
-        from taichi_foam import films
-        from taichi_foam.picture import montage, printed
+        from taichi_foam.picture import films, montage, printed
 
         shown, jobs = result.scene.output.mode, []
         moving = [
@@ -131,8 +130,7 @@ def compare_command(
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
-        from taichi_foam import films
-        from taichi_foam.picture import comparison, montage
+        from taichi_foam.picture import comparison, films, montage
 
         lineup = comparison.Lineup.of(results, _folder_names(runs))
         output = results[0].scene.output

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.options import Arch, Choices, Dt, Set, Threads
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
-from taichi_foam.scene_io import load_scene
 
 
 def serve_command(

@@ -8,14 +8,14 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.study.compare import COMPARED, JUDGED, Quantity, comparison, is_miss
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, Quantity, comparison, is_miss
 
 _MORE = (
     Quantity("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
     Quantity("crushed_volume_m3", "volume crushed", "cm³", 1e6, 1),
     Quantity("rebound_velocity_m_s", "rebound velocity", "m/s", 1.0, 2),
     Quantity("pieces", "pieces", ""),
-    Quantity("broken_connections", "broken connections", ""),
+    Quantity("broken_bonds", "broken bonds", ""),
     Quantity("crack_lowest_height_m", "crack below impactor, down to", "cm", 1e2, 1),
     Quantity("energy_residual", "energy residual", "", 1.0, 6),
 )

@@ -1,1 +1,1 @@
-"""Fields and kernels of the lattice: what `taichi_foam.drive` drives."""
+"""Fields and kernels of the lattice: what `taichi_foam.run.batches` drives."""

@@ -1,6 +1,6 @@
-"""What has become of the connections: which are whole, which break now, and what that leaves.
+"""What has become of the bonds: which are whole, which break now, and what that leaves.
 
-A connection's shear strain is that of the foam about it: where connections that cross it have
+A bond's shear strain is that of the foam about it: where bonds that cross it have
 broken, part of that foam no longer counts.
 """
 
@@ -15,19 +15,19 @@ from taichi_foam.laws import kinematics
 
 @ti.func
 def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
-    """Condition, worst and present strain of the accepted state's connection (i, j) along `axis`.
+    """Condition, worst and present strain of the accepted state's bond (i, j) along `axis`.
 
     The axis may be known at run time only.
     """
     k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
     start = packs.position(lattice, lattice.state, b, i, j)
-    condition = lattice.link_a[b, i, k].condition[lane]
-    worst = lattice.link_a[b, i, k].worst[lane]
+    condition = lattice.bond_a[b, i, k].condition[lane]
+    worst = lattice.bond_a[b, i, k].worst[lane]
     length = p.cell.x
     end = packs.position(lattice, lattice.state, b, i + 1, j)
     if axis == B:
-        condition = lattice.link_b[b, i, k].condition[lane]
-        worst = lattice.link_b[b, i, k].worst[lane]
+        condition = lattice.bond_b[b, i, k].condition[lane]
+        worst = lattice.bond_b[b, i, k].worst[lane]
         length = p.cell.y
         end = packs.position(lattice, lattice.state, b, i, j + 1)
     strain = kinematics.engineering_strain((end - start).norm() / length)
@@ -36,13 +36,13 @@ def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
 
 @ti.func
 def volume(axis, p: ti.template()) -> ti.f64:
-    """Reference volume [m3] that a connection stands for."""
+    """Reference volume [m3] that a bond stands for."""
     return ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
 
 
 @ti.func
-def break_connections(lattice: ti.template(), b, i, p: ti.template()):
-    """At the end of a step: column `i`'s failed connections are broken from now on.
+def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
+    """At the end of a step: column `i`'s failed bonds are broken from now on.
 
     The stored energy that they lose is booked [J].
     """
@@ -57,7 +57,7 @@ def break_connections(lattice: ti.template(), b, i, p: ti.template()):
 def break_at(
     lattice: ti.template(), b, i, j, time: ti.f32, lost: ti.f64, p: ti.template()
 ) -> ti.f64:
-    """Break a node's failed connections; what they lose is added to `lost`, and comes back."""
+    """Break a node's failed bonds; what they lose is added to `lost`, and comes back."""
     k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
     total = lost
     for axis in range(2):
@@ -65,27 +65,27 @@ def break_at(
         if condition == BREAKING:
             total += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
             if axis == A:
-                lattice.link_a[b, i, k].condition[lane] = BROKEN
-                lattice.link_a[b, i, k].break_time[lane] = time
+                lattice.bond_a[b, i, k].condition[lane] = BROKEN
+                lattice.bond_a[b, i, k].break_time[lane] = time
             else:
-                lattice.link_b[b, i, k].condition[lane] = BROKEN
-                lattice.link_b[b, i, k].break_time[lane] = time
+                lattice.bond_b[b, i, k].condition[lane] = BROKEN
+                lattice.bond_b[b, i, k].break_time[lane] = time
     return total
 
 
 @ti.func
 def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
-    links = ti.static(lattice.links[axis])
+    bonds = ti.static(lattice.bonds[axis])
     return ti.i32(
-        links[b, i, packs.pack_of(lattice, j)].condition[packs.lane_of(lattice, j)] > BROKEN
+        bonds[b, i, packs.pack_of(lattice, j)].condition[packs.lane_of(lattice, j)] > BROKEN
     )
 
 
 @ti.func
 def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
-    """Weights of a connection's four cross differences, by which crossing connections are whole.
+    """Weights of a bond's four cross differences, by which crossing bonds are whole.
 
-    In twelfths, all in one number (`packs.weight`). A broken connection has none: the shear
+    In twelfths, all in one number (`packs.weight`). A broken bond has none: the shear
     vanishes with its column across.
     """
     counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
@@ -105,7 +105,7 @@ def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near,
 
 @ti.func
 def update_halves(lattice: ti.template(), b, i, j):
-    """Weights of the differences that cross the node's two connections (Eqs 13, 27, Fig. 20)."""
+    """Weights of the differences that cross the node's two bonds (Eqs 13, 27, Fig. 20)."""
     k = packs.pack_of(lattice, j)
     lane = packs.lane_of(lattice, j)
     if i < lattice.columns - 1:
@@ -114,19 +114,19 @@ def update_halves(lattice: ti.template(), b, i, j):
             is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
             is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
         )  # fmt: skip
-        lattice.link_a[b, i, k].weights[lane] = weights
+        lattice.bond_a[b, i, k].weights[lane] = weights
     if j < lattice.rows - 1:
         weights = _weigh(
             lattice, b, is_whole(lattice, B, b, i, j),
             is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
             is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
         )  # fmt: skip
-        lattice.link_b[b, i, k].weights[lane] = weights
+        lattice.bond_b[b, i, k].weights[lane] = weights
 
 
 @ti.func
 def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether any of the node's four connections is broken or was never there."""
+    """Whether any of the node's four bonds is broken or was never there."""
     return ti.i32(
         is_whole(lattice, A, b, i, j)
         + is_whole(lattice, A, b, i - 1, j)

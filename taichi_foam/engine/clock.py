@@ -39,7 +39,7 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 
 @ti.func
 def take_stock(lattice: ti.template(), b, densified, p: ti.template()):
-    """Of an accepted state whose stiffest densified connection has `densified` [N/m]: step, end.
+    """Of an accepted state whose stiffest densified bond has `densified` [N/m]: step, end.
 
     The stiffness comes from the last stage's forces, which looked at the step's end.
     """
@@ -90,7 +90,7 @@ def close_row(
 def close_step(lattice: ti.template(), b, moved, breaks, bad_node, p: ti.template()):
     """Move the clock on, and stop a lattice that has gone astray.
 
-    Of the step: the furthest motion squared [m2], connections that break, and the first node that
+    Of the step: the furthest motion squared [m2], bonds that break, and the first node that
     is astray (the count of nodes if none is).
     """
     clock = lattice.clock[b]

@@ -13,7 +13,7 @@ INSIDE = 0
 AT_SURFACE = 1
 NEW = 2  # at the surface since this listing
 
-UNLISTED = -1  # links of the search grid are not below this
+UNLISTED = -1  # bonds of the search grid are not below this
 
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
@@ -138,19 +138,19 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
 
 
 @ti.func
-def _worst(links: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
-    return links[b, i, packs.pack_of(lattice, j)].worst[packs.lane_of(lattice, j)]
+def _worst(bonds: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
+    return bonds[b, i, packs.pack_of(lattice, j)].worst[packs.lane_of(lattice, j)]
 
 
 @ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """Half the cell, or less, shrunk by the worst crush of the node's links on its thinner axis.
+    """Half the cell, or less, shrunk by the worst crush of the node's bonds on its thinner axis.
 
     Never more than the room that there was when the node could first touch.
     """
-    link_a, link_b = ti.static(lattice.links)
-    worst_a = ti.min(_worst(link_a, lattice, b, i, j), _worst(link_a, lattice, b, i - 1, j))
-    worst_b = ti.min(_worst(link_b, lattice, b, i, j), _worst(link_b, lattice, b, i, j - 1))
+    bond_a, bond_b = ti.static(lattice.bonds)
+    worst_a = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
+    worst_b = ti.min(_worst(bond_b, lattice, b, i, j), _worst(bond_b, lattice, b, i, j - 1))
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
     return ti.min(
         0.5 * p.piece_size * thinner,
@@ -215,7 +215,7 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
     A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
-    those have their connection's own law for compression, broken or not. Only one thread adds to
+    those have their bond's own law for compression, broken or not. Only one thread adds to
     a lattice's pushes, so there are no atomics.
     """
     for n in range(lattice.clock[b].touchers):
@@ -271,7 +271,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
     Serial, so that the order of the list, and with it every sum, is the same for any number of
-    threads. It is rare: a node has moved by half the skin, or a connection has broken.
+    threads. It is rare: a node has moved by half the skin, or a bond has broken.
     """
     for n in range(lattice.clock[b].touchers):
         place = place_of(lattice, lattice.toucher_node[b, n])
@@ -368,7 +368,7 @@ def _list_touchers(lattice: ti.template(), b):
     for i in range(lattice.columns):
         for k in range(lattice.packs):
             lattice.surface[b, i, k] = ti.min(lattice.surface[b, i, k], AT_SURFACE)
-    # the search grid's links are no longer needed: they tell each node's place in the list
+    # the search grid's bonds are no longer needed: they tell each node's place in the list
     found = 0
     for n in range(lattice.clock[b].pairs):
         for side in ti.static(range(2)):

@@ -1,7 +1,7 @@
 """The state of a batch of lattices with the same counts, as Taichi fields.
 
 Every field has a leading batch axis. Node fields are padded by one column and one pack on each
-side, so that a neighbour's index is always valid and a missing neighbour is only a connection that
+side, so that a neighbour's index is always valid and a missing neighbour is only a bond that
 never was.
 """
 
@@ -14,13 +14,13 @@ from taichi_foam.engine import runtime
 from taichi_foam.engine.packs import CPU_LANES
 from taichi_foam.engine.parameters import MAX_EDGES, Parameters
 
-# What a connection is (`condition`).
+# What a bond is (`condition`).
 ABSENT = -1
 BROKEN = 0
 WHOLE = 1
 BREAKING = 2  # whole until the end of this step
 
-# A connection runs along its own axis (A along x, B along y); the other axis lies across it.
+# A bond runs along its own axis (A along x, B along y); the other axis lies across it.
 A = 0
 B = 1
 
@@ -72,10 +72,10 @@ MOST_BLOCKS = 512
 # Members of a GPU's sums over a lattice.
 LIFT = 0  # on the impactor [N]
 MOVED = 1  # furthest squared in this step [m2]
-STIFFEST = 2  # densified connection [N/m]
+STIFFEST = 2  # densified bond [N/m]
 OVERLAP = 3  # deepest so far in the impactor [m]
 ASTRAY = 4  # less the lowest number of a node that is not finite
-BREAKS = 5  # connections that break in this step
+BREAKS = 5  # bonds that break in this step
 ENERGIES = 6  # kinetic, stored, potential [J]; lost by breaking; works
 ENERGY_SUMS = 12
 SUMS = ENERGIES + ENERGY_SUMS
@@ -122,7 +122,7 @@ class Clock:
     steps: ti.i32
     status: ti.i32
     rows: ti.i32
-    broken: ti.i32  # connections broken so far
+    broken: ti.i32  # bonds broken so far
     bad_node: ti.i32
     stale: ti.i32  # the neighbour list is to be built again
     touchers: ti.i32  # nodes that have a pair in the neighbour list
@@ -136,7 +136,7 @@ class Lattice:
     """Fields for `batch` lattices of `columns` x `rows` nodes.
 
     Node fields have the shape (batch, -1..columns, -1..packs); each element holds a pack of
-    `lanes` nodes. Connection A(i, j) and B(i, j) are stored at node (i, j).
+    `lanes` nodes. Bond A(i, j) and B(i, j) are stored at node (i, j).
     """
 
     def __init__(self, batch: int, columns: int, rows: int) -> None:
@@ -170,9 +170,9 @@ class Lattice:
         small_pack = ti.types.vector(self.lanes, ti.f32)
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
         # `weights` are those of the differences of Eq. 13 (above and below an A, right and left of
-        # a B; at its first node and at its second), `strength` is a connection's own over the mean
+        # a B; at its first node and at its second), `strength` is a bond's own over the mean
         # of all. An even number of 32-bit members, see below.
-        link = ti.types.struct(
+        bond = ti.types.struct(
             worst=pack, weights=ti.types.vector(self.lanes, ti.i32), condition=small_pack,
             break_time=small_pack, strength=small_pack,
         )  # fmt: skip
@@ -180,9 +180,9 @@ class Lattice:
         self.state = motion.field()  # accepted: position [m], velocity [m/s]
         self.trial = motion.field()  # at the current stage
         self.rate = motion.field()  # weighted sum of the stages' time derivatives
-        self.link_a = link.field()
-        self.link_b = link.field()
-        self.links = (self.link_a, self.link_b)
+        self.bond_a = bond.field()
+        self.bond_b = bond.field()
+        self.bonds = (self.bond_a, self.bond_b)
         # stretch of the friction springs: impactor, floor [m]
         self.slip = ti.types.struct(impactor=pack, floor=pack).field()
 
@@ -194,7 +194,7 @@ class Lattice:
         self.bin_head = ti.field(ti.i32)
         self.next_in_bin = ti.field(ti.i32)
 
-        # forces of the connections [N]; on a CPU of the few columns that a sweep needs at a time
+        # forces of the bonds [N]; on a CPU of the few columns that a sweep needs at a time
         self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
         # and of a variational shear on the differences that cross them, per unit of their weight
         self.crossing = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
@@ -204,20 +204,20 @@ class Lattice:
             least=pack,  # strain
             sheared=pack,  # power of shear [W]
             damped=pack,  # and of the dashpots
-            breaks=pack,  # connections that break in this step
-            by_faces=pack,  # power of all connections at the stage [W]
+            breaks=pack,  # bonds that break in this step
+            by_faces=pack,  # power of all bonds at the stage [W]
             moved=pack,  # squared motion in the step [m2]
             astray=pack,  # nodes that are not finite
             reaction_x=pack,  # of the bodies on the pack at hand [N]
             reaction_y=pack,
         ).field()
-        self.strip_stiffest = ti.field(ti.f64)  # densified connection [N/m]
+        self.strip_stiffest = ti.field(ti.f64)  # densified bond [N/m]
         self.strip_lift = ti.field(ti.f64)  # its force on the impactor now [N]
         self.strip_overlap = ti.field(ti.f64)  # deepest so far in the impactor [m]
         self.strip_work = vec8.field()  # members FACES to SELF_CONTACT [J]
         self.strip_fracture = ti.field(ti.f64)  # stored energy lost by breaking [J]
         self.strip_energy = vec3.field()  # kinetic, stored, potential [J]
-        self.column_breaks = ti.field(ti.i32)  # connections that break in this step
+        self.column_breaks = ti.field(ti.i32)  # bonds that break in this step
         self.column_touchers = ti.field(ti.i32)
 
         self.parameters = Parameters.field()
@@ -229,7 +229,7 @@ class Lattice:
         builder = ti.FieldsBuilder()
         padded, offset = (batch, columns + 2, self.packs + 2), (0, -1, -1)
         for field in (
-            self.state, self.trial, self.rate, self.link_a, self.link_b, self.slip,
+            self.state, self.trial, self.rate, self.bond_a, self.bond_b, self.slip,
             self.push, self.radius, self.room,
         ):  # fmt: skip
             builder.dense(ti.ijk, padded).place(field, offset=offset)

@@ -10,7 +10,7 @@ vec3 = ti.types.vector(3, ti.f64)
 vec8 = ti.types.vector(8, ti.f64)
 
 # What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
-# [N], the broken connections, and energies [J]: of the nodes, then the works of lattice.py.
+# [N], the broken bonds, and energies [J]: of the nodes, then the works of lattice.py.
 ROW_COLUMNS = (
     "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
     "faces", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
@@ -20,7 +20,7 @@ FIRST_WORK = ROW_COLUMNS.index("faces")
 
 @ti.func
 def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
-    """Stored energy [J] of the connection from (i, j) along `axis`, 0 where there is none."""
+    """Stored energy [J] of the bond from (i, j) along `axis`, 0 where there is none."""
     condition, worst, strain = breaking.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
     if condition > ABSENT:
@@ -31,7 +31,7 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
 
 @ti.func
 def energy_column(lattice: ti.template(), b, i, p: ti.template()):
-    """Add up the energies of one column of nodes and its connections."""
+    """Add up the energies of one column of nodes and its bonds."""
     energy = vec3(0.0)
     for j in range(lattice.rows):
         energy += energy_at(lattice, b, i, j, p)
@@ -40,7 +40,7 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
 
 @ti.func
 def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec3:
-    """Kinetic, stored and potential energy [J] of a node and its two connections."""
+    """Kinetic, stored and potential energy [J] of a node and its two bonds."""
     stored = 0.0
     for axis in range(2):  # not unrolled: the law is long, and compiles once so
         stored += _stored(lattice, axis, b, i, j, p)

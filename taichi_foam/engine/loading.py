@@ -28,7 +28,7 @@ from taichi_foam.engine.parameters import (
     parameters_of,
 )
 from taichi_foam.engine.strengths import strengths
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 vec2 = ti.types.vector(2, ti.f64)
@@ -135,15 +135,15 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
                     motion[b, i, k].v[lane] = v
                 to_right = inside and i < lattice.columns - 1
                 to_top = inside and j < lattice.rows - 1
-                lattice.link_a[b, i, k].condition[lane] = ti.select(to_right, WHOLE, ABSENT)
-                lattice.link_b[b, i, k].condition[lane] = ti.select(to_top, WHOLE, ABSENT)
+                lattice.bond_a[b, i, k].condition[lane] = ti.select(to_right, WHOLE, ABSENT)
+                lattice.bond_b[b, i, k].condition[lane] = ti.select(to_top, WHOLE, ABSENT)
             zeros = packs.zeros(lattice)
             no_weight = ti.cast(zeros, ti.f32)
-            for links in ti.static(lattice.links):
-                links[b, i, k].worst = zeros
-                links[b, i, k].weights = ti.cast(zeros, ti.i32)
-                links[b, i, k].break_time = no_weight
-                links[b, i, k].strength = no_weight
+            for bonds in ti.static(lattice.bonds):
+                bonds[b, i, k].worst = zeros
+                bonds[b, i, k].weights = ti.cast(zeros, ti.i32)
+                bonds[b, i, k].break_time = no_weight
+                bonds[b, i, k].strength = no_weight
             lattice.rate[b, i, k].x = zeros
             lattice.rate[b, i, k].y = zeros
             lattice.slip[b, i, k].impactor = zeros
@@ -190,17 +190,17 @@ def _set_start(lattice: ti.template(), b: ti.i32, gradient: vec4, spin: vec4):
 
 @ti.kernel
 def _set_strengths(lattice: ti.template(), b: ti.i32, values: Stack):
-    """How strong connections are; without any strength they are broken from the start."""
+    """How strong bonds are; without any strength they are broken from the start."""
     for i in range(lattice.columns):
         for j in range(lattice.rows):
             k = packs.pack_of(lattice, j)
             lane = packs.lane_of(lattice, j)
             for axis in ti.static(range(2)):
-                link = ti.static(lattice.links[axis])
+                bond = ti.static(lattice.bonds[axis])
                 strength = values[i, j, axis]
-                link[b, i, k].strength[lane] = ti.cast(strength, ti.f32)
-                if strength == 0.0 and link[b, i, k].condition[lane] == WHOLE:
-                    link[b, i, k].condition[lane] = BROKEN
+                bond[b, i, k].strength[lane] = ti.cast(strength, ti.f32)
+                if strength == 0.0 and bond[b, i, k].condition[lane] == WHOLE:
+                    bond[b, i, k].condition[lane] = BROKEN
 
 
 @ti.kernel
@@ -246,23 +246,23 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
 def snapshot(lattice: Lattice, b: int) -> Snapshot:
     """The accepted state of lattice `b`."""
     motion = np.empty((lattice.columns, lattice.rows, 4))
-    links = np.empty((lattice.columns, lattice.rows, 4))
+    bonds = np.empty((lattice.columns, lattice.rows, 4))
     instant = np.empty(2)
-    _copy_state(lattice, b, motion, links, instant)
+    _copy_state(lattice, b, motion, bonds, instant)
     return Snapshot(
         time=float(instant[0]),
         impactor_y=float(instant[1]),
         position=motion[..., :2].copy(),
         velocity=motion[..., 2:].copy(),
-        e_min_a=links[:-1, :, 0].copy(),
-        e_min_b=links[:, :-1, 1].copy(),
-        break_time_a=links[:-1, :, 2].copy(),
-        break_time_b=links[:, :-1, 3].copy(),
+        e_min_a=bonds[:-1, :, 0].copy(),
+        e_min_b=bonds[:, :-1, 1].copy(),
+        break_time_a=bonds[:-1, :, 2].copy(),
+        break_time_b=bonds[:, :-1, 3].copy(),
     )
 
 
 @ti.kernel
-def _copy_state(lattice: ti.template(), b: ti.i32, motion: Stack, links: Stack, instant: Numbers):
+def _copy_state(lattice: ti.template(), b: ti.i32, motion: Stack, bonds: Stack, instant: Numbers):
     for i in range(lattice.columns):
         for j in range(lattice.rows):
             k = packs.pack_of(lattice, j)
@@ -272,12 +272,12 @@ def _copy_state(lattice: ti.template(), b: ti.i32, motion: Stack, links: Stack, 
             for c in ti.static(range(2)):
                 motion[i, j, c] = x[c]
                 motion[i, j, 2 + c] = v[c]
-                link = ti.static(lattice.links[c])
-                links[i, j, c] = link[b, i, k].worst[lane]
-                broken_at = ti.cast(link[b, i, k].break_time[lane], ti.f64)
+                bond = ti.static(lattice.bonds[c])
+                bonds[i, j, c] = bond[b, i, k].worst[lane]
+                broken_at = ti.cast(bond[b, i, k].break_time[lane], ti.f64)
                 if breaking.is_whole(lattice, c, b, i, j):
                     broken_at = ti.math.nan
-                links[i, j, 2 + c] = broken_at
+                bonds[i, j, 2 + c] = broken_at
     for _ in range(1):
         instant[0] = lattice.clock[b].time
         instant[1] = lattice.body[b].y

@@ -25,8 +25,8 @@ def node_pack(
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
-    `slot`, `left_slot` and `right_slot` hold the forces of the connections of this column and of
-    its neighbours; `below` is the force of the connection below the first lane. After the last
+    `slot`, `left_slot` and `right_slot` hold the forces of the bonds of this column and of
+    its neighbours; `below` is the force of the bond below the first lane. After the last
     stage the step is accepted.
 
     Left and right faces are added first, then below and above: the mirror image adds the same
@@ -111,11 +111,11 @@ def node_pack(
 def _crossing_force(
     lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
 ):
-    """Force [N] along `axis` (0: x) on a pack of nodes by the shear of connections theirs cross.
+    """Force [N] along `axis` (0: x) on a pack of nodes by the shear of bonds theirs cross.
 
-    The shear strain of a connection is u . w, and w a weighted sum of differences between nodes
-    beside it. The gradient of its energy pulls at these nodes too: a connection acts as if it
-    carried, besides its own force, that of each connection it crosses by its weight there.
+    The shear strain of a bond is u . w, and w a weighted sum of differences between nodes
+    beside it. The gradient of its energy pulls at these nodes too: a bond acts as if it
+    carried, besides its own force, that of each bond it crosses by its weight there.
     """
     last = ti.static(lattice.lanes - 1)
     low, high, near, far = _crossed(lattice, axis, b, i, k, sweep, slot, left_slot, right_slot)
@@ -138,15 +138,15 @@ def _crossing_force(
 def _crossed(
     lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
 ):
-    """What a pack's connections carry for those that they cross, see `_crossing_force`.
+    """What a pack's bonds carry for those that they cross, see `_crossing_force`.
 
     `low` and `high` are what the B above and the one below a node carry for the A's at the node's
     sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
     what the one to the left does, and `far` the same of the A's of the node above.
     """
-    own, left = lattice.link_a[b, i, k].weights, lattice.link_a[b, i - 1, k].weights
-    rise, left_rise = lattice.link_b[b, i, k].weights, lattice.link_b[b, i - 1, k].weights
-    right_rise = lattice.link_b[b, i + 1, k].weights
+    own, left = lattice.bond_a[b, i, k].weights, lattice.bond_a[b, i - 1, k].weights
+    rise, left_rise = lattice.bond_b[b, i, k].weights, lattice.bond_b[b, i - 1, k].weights
+    right_rise = lattice.bond_b[b, i + 1, k].weights
     here = lattice.crossing[sweep, slot, k]
     before = lattice.crossing[sweep, left_slot, k]
     after = lattice.crossing[sweep, right_slot, k]

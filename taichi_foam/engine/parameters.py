@@ -36,16 +36,16 @@ vec2 = ti.types.vector(2, ti.f64)
 
 @ti.dataclass
 class Parameters:
-    """SI units; of a pair, the first is of the connections along x (A), the second along y (B)."""
+    """SI units; of a pair, the first is of the bonds along x (A), the second along y (B)."""
 
     foam: foam_law.Foam
-    cell: vec2  # (dx, dy), also the connections' lengths
-    area: vec2  # of the connections' faces
+    cell: vec2  # (dx, dy), also the bonds' lengths
+    area: vec2  # of the bonds' faces
     node_mass: ti.f64
     variational: ti.i32  # shear forces on all six nodes
     halves: ti.i32  # which of them Eq. 27 leaves out
-    cross_dashpot: vec2  # on the relative velocity of a connection's nodes [N s/m]
-    excess_dashpot: vec2  # on its part along the connection, beyond that
+    cross_dashpot: vec2  # on the relative velocity of a bond's nodes [N s/m]
+    excess_dashpot: vec2  # on its part along the bond, beyond that
     drag: ti.f64  # on a node's own velocity [N s/m]
     gravity: ti.f64
     hold_x: ti.i32  # of the bottom row
@@ -79,7 +79,7 @@ def parameters_of(scene: Scene) -> dict:
     """Every member of `Parameters` for one scene, nested as the record is."""
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     impactor, base = scene.impactor, scene.base
-    stiffness = foam.youngs_modulus * block.thickness  # of a square cell's connection [N/m]
+    stiffness = foam.youngs_modulus * block.thickness  # of a square cell's bond [N/m]
     area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
     per_length = np.array([area_a / block.dx, area_b / block.dy])
     along, across = _viscosities(scene)
@@ -115,7 +115,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,
         "piece_friction": model.piece_friction,
-        # half a connection's: the eight that the step's bound counts are four connections' worth
+        # half a bond's: the eight that the step's bound counts are four bonds' worth
         "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
@@ -146,11 +146,11 @@ def parameters_of(scene: Scene) -> dict:
 
 
 def _viscosities(scene: Scene) -> tuple[float, float]:
-    """Viscosity [Pa s] of a connection's dashpots along it and across it."""
+    """Viscosity [Pa s] of a bond's dashpots along it and across it."""
     time, foam = scene.numerics.damping_time, scene.foam
     along = time * foam.youngs_modulus
     return {
-        "connection": (along, along),
+        "bond": (along, along),
         "stiffness": (along, time * foam.shear_modulus),
         "absolute": (0.0, 0.0),
     }[scene.model.damping]
@@ -210,10 +210,10 @@ def impactor_edges(scene: Scene) -> np.ndarray:
 
 @ti.func
 def stable_step(p: Parameters, densified: ti.f64) -> ti.f64:
-    """Step size [s] for a lattice whose stiffest densified connection has `densified` [N/m].
+    """Step size [s] for a lattice whose stiffest densified bond has `densified` [N/m].
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear connections (20 k_s by the variational form), 8 k of packed pieces and once the
+    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces and once the
     contact with a body (normal and friction act across each other); dashpots decay at no more than
     8 c / m, with eight more of pieces that rub, a drag at C / m.
     """

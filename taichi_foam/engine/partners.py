@@ -67,8 +67,8 @@ def fill_own_bins(lattice: ti.template(), b, strip, width):
 def fill_bins(lattice: ti.template(), b, strip, width):
     """Part 2 for many nodes, with the same outcome: put the nodes of a strip into their bins.
 
-    A link is raised to the number that comes to it (an atomic maximum). The smaller of that number
-    and the one that was there goes on to the larger one's link, until a link was free.
+    A bond is raised to the number that comes to it (an atomic maximum). The smaller of that number
+    and the one that was there goes on to the larger one's bond, until a bond was free.
     """
     n = strip
     while n < lattice.nodes:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from taichi_foam.engine.strengths import strengths
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 

@@ -1,6 +1,6 @@
 """The time loop: Runge-Kutta stages, history, step size, and when to stop.
 
-A stage is a *sweep* over columns: it works out the forces of one column's connections, then moves
+A stage is a *sweep* over columns: it works out the forces of one column's bonds, then moves
 the nodes of the column before it, whose forces are then complete. So a stage reads and writes each
 node once, and keeps the forces of only a few columns.
 
@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import taichi as ti
 
-from taichi_foam.engine import blocks, breaking, clock, contact, faces, ledger, nodes
+from taichi_foam.engine import blocks, bonds, breaking, clock, contact, ledger, nodes
 from taichi_foam.engine.lattice import BLOCK_NODES, LAST_STAGE, RUNNING, Lattice
 
 # From this many nodes on, a stage is worth spreading over threads.
@@ -58,12 +58,12 @@ def _sweep(
     """
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
-            slot = faces.slot_of(lattice, i, end - 1)
-            faces.face_column(lattice, stage, b, i, i, sweep, slot, p)
+            slot = bonds.slot_of(lattice, i, end - 1)
+            bonds.face_column(lattice, stage, b, i, i, sweep, slot, p)
         if i > start:
-            slot = faces.slot_of(lattice, i - 1, end - 1)
-            left_slot = faces.slot_of(lattice, i - 2, end - 1)
-            right_slot = faces.slot_of(lattice, i, end - 1)
+            slot = bonds.slot_of(lattice, i - 1, end - 1)
+            left_slot = bonds.slot_of(lattice, i - 2, end - 1)
+            right_slot = bonds.slot_of(lattice, i, end - 1)
             nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, right_slot, p)
 
 
@@ -90,7 +90,7 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
 def _break(lattice: ti.template(), b, p: ti.template()):
     for i in range(lattice.columns):
         if lattice.column_breaks[b, i] > 0:
-            breaking.break_connections(lattice, b, i, p)
+            breaking.break_bonds(lattice, b, i, p)
     for i in range(lattice.columns):
         near = lattice.column_breaks[b, i]
         near += lattice.column_breaks[b, ti.max(i - 1, 0)]
@@ -123,7 +123,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
     if lattice.clock[b].status == RUNNING:
         if p.foam.rate > 0.0:
             for i in range(lattice.columns):
-                faces.flow_column(lattice, b, i, p)
+                bonds.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
@@ -146,7 +146,7 @@ def _prepare(lattice: ti.template(), b: ti.i32):
                 breaking.update_halves(lattice, b, i, j)
         for i in range(lattice.columns):
             sweep = b * lattice.sweeps
-            faces.face_column(lattice, 0, b, i, i, sweep, 0, p)
+            bonds.face_column(lattice, 0, b, i, i, sweep, 0, p)
 
 
 @ti.kernel
@@ -204,7 +204,7 @@ def _begin_staged(lattice: ti.template()):
             if lattice.clock[b].active and lattice.parameters[b].foam.rate > 0.0:
                 p = lattice.parameters[b]
                 for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
-                    faces.flow_column(lattice, b, i, p)
+                    bonds.flow_column(lattice, b, i, p)
 
 
 @ti.kernel
@@ -225,10 +225,10 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
                 for n in range(4):
                     i = ti.select(n < 2, start - 1 + n, end - 3 + n)
                     if i >= 0 and i < lattice.columns:
-                        slot = faces.slot_of(lattice, i, end - 1)
+                        slot = bonds.slot_of(lattice, i, end - 1)
                         own = start <= i and i < end
                         strip = ti.select(own, i, lattice.strips + sweep % lattice.sweeps)
-                        faces.face_column(lattice, stage, b, i, strip, sweep, slot, p)
+                        bonds.face_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN

@@ -1,4 +1,4 @@
-"""How strong each connection of a block is: scatter, and saw cuts."""
+"""How strong each bond of a block is: scatter, and saw cuts."""
 
 import math
 from typing import Any
@@ -10,9 +10,9 @@ from taichi_foam.scene import Block, Foam, Scene
 
 
 def strengths(scene: Scene) -> NDArray[np.float64]:
-    """Strength of every connection over the mean of all, (columns, rows, 2); 0 where it is cut.
+    """Strength of every bond over the mean of all, (columns, rows, 2); 0 where it is cut.
 
-    [i, j, 0] is that of connection A(i, j), [i, j, 1] that of B(i, j).
+    [i, j, 0] is that of bond A(i, j), [i, j, 1] that of B(i, j).
     """
     found = _scattered(scene.block, scene.foam)
     for cut in scene.start.cuts:
@@ -51,7 +51,7 @@ def weibull_modulus(scatter: float) -> float:
 def _crossed(
     block: Block, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[NDArray[np.intp], ...]:
-    """Indices of the connections whose line from node to node a straight cut crosses.
+    """Indices of the bonds whose line from node to node a straight cut crosses.
 
     A node that lies on the cut belongs to its left, seen from the cut's start.
     """
@@ -65,7 +65,7 @@ def _crossed(
         near = node[:-1] if axis == 0 else node[:, :-1]
         far = node[1:] if axis == 0 else node[:, 1:]
         sides = left[:-1] != left[1:] if axis == 0 else left[:, :-1] != left[:, 1:]
-        # both of the cut's ends are not on one side of the connection
+        # both of the cut's ends are not on one side of the bond
         across = (_cross(far - near, start - near) >= 0) != (_cross(far - near, end - near) >= 0)
         crossed[: sides.shape[0], : sides.shape[1], axis] = sides & across
     return np.nonzero(crossed)

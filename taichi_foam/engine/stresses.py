@@ -1,4 +1,4 @@
-"""Stresses of connections outside a run: of a stored instant, or along a curve."""
+"""Stresses of bonds outside a run: of a stored instant, or along a curve."""
 
 import numpy as np
 import taichi as ti
@@ -34,7 +34,7 @@ def normal_stresses(
         scene: whose foam and readings hold.
         strain: engineering strain now, any shape.
         worst: the most compressive strain so far (<= 0), of that shape or a number.
-        broken: which connections are broken, of that shape; default none.
+        broken: which bonds are broken, of that shape; default none.
     """
     runtime.start()
     flat = np.ascontiguousarray(strain, dtype=np.float64).ravel()

@@ -12,7 +12,7 @@ only; drivers order a work group's own memory all the same, and the tests would 
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, clock, faces, ledger, nodes, packs, partners
+from taichi_foam.engine import bonds, breaking, clock, ledger, nodes, packs, partners
 from taichi_foam.engine.lattice import (
     ASTRAY,
     BREAKS,
@@ -57,9 +57,9 @@ def reduce(
 
 @ti.func
 def face_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template()):
-    """Forces of a strip's connections, and the pushes on its pieces."""
+    """Forces of a strip's bonds, and the pushes on its pieces."""
     motion = ti.static(lattice.trial)
-    faces.clear_faces(lattice, b, strip)
+    bonds.clear_faces(lattice, b, strip)
     stiffest = 0.0
     n = strip
     while n < lattice.nodes:
@@ -72,9 +72,9 @@ def face_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
             here.y[0] - below.y[0], right.y[0] - right_below.y[0],
         )  # fmt: skip
         lattice.tally[b, strip].least = packs.zeros(lattice)
-        faces.face_pack(lattice, stage, b, i, k, strip, b, i, rises, p)
+        bonds.face_pack(lattice, stage, b, i, k, strip, b, i, rises, p)
         if lattice.tally[b, strip].least[0] < p.foam.densification_strain:
-            stiffest = ti.max(stiffest, faces.densify_pack(lattice, b, i, k, b, i, p))
+            stiffest = ti.max(stiffest, bonds.densify_pack(lattice, b, i, k, b, i, p))
         if p.self_contact:
             partners.push(lattice, b, n, p)
         n += width
@@ -86,7 +86,7 @@ def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.nodes:
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
-        faces.flow_pack(lattice, b, i, k, p)
+        bonds.flow_pack(lattice, b, i, k, p)
         n += width
 
 
@@ -174,7 +174,7 @@ def close_step(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Break a strip's failed connections. All have to end this before `update_halves`."""
+    """Break a strip's failed bonds. All have to end this before `update_halves`."""
     time = ti.cast(lattice.clock[b].time, ti.f32)
     lost = 0.0
     n = strip

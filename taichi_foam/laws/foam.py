@@ -1,11 +1,11 @@
 """The foam: loading curve, unloading, weak re-tension, shear, and failure (Eq. 26, Figs 19-20).
 
-A connection remembers one number, e_min, the most compressive strain that it has met, and whether
+A bond remembers one number, e_min, the most compressive strain that it has met, and whether
 it is broken. Every function takes that history as frozen. Foam that heeds the rate lags behind: its
 e_min follows the strain by a flow rule, and how far it lags is the stress beyond the static one.
 
 What a stage of the Runge-Kutta method needs has no branches on values: strains, histories and what
-is broken may be numbers or vectors of them, one for each of several connections.
+is broken may be numbers or vectors of them, one for each of several bonds.
 """
 
 import taichi as ti
@@ -14,11 +14,11 @@ from taichi_foam.laws import elementary
 
 vec2 = ti.types.vector(2, ti.f64)
 
-# How a broken connection takes compression up again (Model.broken_contact).
+# How a broken bond takes compression up again (Model.broken_contact).
 RELOAD = 0
 JUMP = 1
 
-# When shear may break a connection (Model.shear_failure).
+# When shear may break a bond (Model.shear_failure).
 TENSION_ONLY = 0
 ALWAYS = 1
 PRESSURE_DEPENDENT = 2
@@ -78,7 +78,7 @@ def _densified(foam: Foam, e):
 
 @ti.func
 def permanent_strain(foam: Foam, e_min):
-    """Strain at which a connection that has met `e_min` is without stress.
+    """Strain at which a bond that has met `e_min` is without stress.
 
     It unloads from the plateau with the slope K; densification retraces itself, so that the
     turning point is never beyond e_d.
@@ -166,7 +166,7 @@ def normal_stress(foam: Foam, e, e_min, broken):
 def stored_energy(foam: Foam, e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
     """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back.
 
-    Under the jump reading a broken connection gives nothing back: its stress drops at once.
+    Under the jump reading a broken bond gives nothing back: its stress drops at once.
     """
     permanent = permanent_strain(foam, e_min)
     energy = 0.0
@@ -234,7 +234,7 @@ def piece_stress(foam: Foam, gap: ti.f64, touch: ti.f64, length: ti.f64) -> ti.f
 
 @ti.func
 def energy_lost_by_breaking(foam: Foam, e: ti.f64, e_min: ti.f64) -> ti.f64:
-    """Stored energy per reference volume [J/m3] that a connection can no longer give back.
+    """Stored energy per reference volume [J/m3] that a bond can no longer give back.
 
     Reloading keeps what is stored in compression; the jump reading keeps nothing.
     """
@@ -257,15 +257,15 @@ def tensile_strength_left(foam: Foam, e_min):
 
 @ti.func
 def tensile_limit(foam: Foam, e_min):
-    """Strain at which a connection breaks in tension: less for crushed foam (Section 4.5)."""
+    """Strain at which a bond breaks in tension: less for crushed foam (Section 4.5)."""
     return ti.select(e_min < foam.yield_strain, foam.crushed_tensile_strain, foam.tensile_strain)
 
 
 @ti.func
 def shear_strength(foam: Foam, e, sigma_e, size):
-    """Shear stress at which a connection breaks [Pa], by the chosen reading of compression.
+    """Shear stress at which a bond breaks [Pa], by the chosen reading of compression.
 
-    `size` is the product of the lengths of F's two columns at the connection: the shear strain is
+    `size` is the product of the lengths of F's two columns at the bond: the shear strain is
     this times the sine of the angle through which its foam has sheared.
     """
     pulled = foam.shear_modulus * foam.shear_failure_strain
@@ -281,9 +281,9 @@ def shear_strength(foam: Foam, e, sigma_e, size):
 
 @ti.func
 def fails(foam: Foam, e, sigma_e, tau, e_min, size, tensile, strength):
-    """Whether an intact connection in this state breaks, in tension or in shear (Section 4.6).
+    """Whether an intact bond in this state breaks, in tension or in shear (Section 4.6).
 
-    `tensile` is what the connection's own strength in tension is over the mean of whole ones, and
+    `tensile` is what the bond's own strength in tension is over the mean of whole ones, and
     `strength` that in shear; `size` as in `shear_strength`.
     """
     in_tension = e > tensile * tensile_limit(foam, e_min)

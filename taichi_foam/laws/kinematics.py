@@ -1,8 +1,8 @@
 """From the deformation gradient at a face to strain.
 
 A face's force per reference area is F S N (Eqs 10-11 with Nanson's formula): its normal stress acts
-along the gradient's column along the connection, its shear stress along the column across it.
-Arguments may be numbers or vectors of them, one for each of several connections.
+along the gradient's column along the bond, its shear stress along the column across it.
+Arguments may be numbers or vectors of them, one for each of several bonds.
 """
 
 import taichi as ti

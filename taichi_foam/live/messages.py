@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-    from taichi_foam.result import Result, Snapshot
+    from taichi_foam.records.snapshot import Snapshot
+    from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
 

@@ -45,7 +45,7 @@ from taichi_foam.live.messages import (
 )
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Result
+    from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
 # Numbers in a row of the history: as many as `engine.ledger.ROW_COLUMNS`, which would load Taichi.
@@ -167,7 +167,7 @@ class Session:
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n, 18) of the current drop's history, for `drive.history_of`."""
+        """Rows (n, 18) of the current drop's history, for `run.batches.history_of`."""
         with self._state:
             if len(self._rows) > 1:
                 self._rows = [np.concatenate(self._rows)]

@@ -11,10 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.drive import history_of
+from taichi_foam.catalogue import load_scene
 from taichi_foam.engine.start import start_of
 from taichi_foam.errors import UserError
-from taichi_foam.interrupts import held_interrupts
 from taichi_foam.live import overlay
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, Refused
 from taichi_foam.live.session import Session
@@ -23,9 +22,10 @@ from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
+from taichi_foam.run.batches import history_of
+from taichi_foam.run.interrupts import held_interrupts
 from taichi_foam.scene import Scene
-from taichi_foam.scene_io import load_scene
 
 Image8 = NDArray[np.uint8]
 Keep = Callable[[Result], object]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from taichi_foam.errors import RunError
 from taichi_foam.live import cell, window
 from taichi_foam.live.stage import PACE
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from PIL import Image
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import whole_file
 from taichi_foam.live.overlay import panel
 from taichi_foam.live.stage import FPS, PACE, Keep, Stage
 from taichi_foam.picture import raster
+from taichi_foam.results.folders import whole_file
 from taichi_foam.scene import Scene
 
 #: What the keys do, as the help says it.

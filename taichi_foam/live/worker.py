@@ -37,8 +37,8 @@ from taichi_foam.live.messages import (
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from taichi_foam.drop import Drop
-    from taichi_foam.result import Result
+    from taichi_foam.results.result import Result
+    from taichi_foam.run.stepwise import Drop
 
 # Between two calls of the engine the worker listens.
 CALL_SECONDS = 0.01
@@ -130,8 +130,8 @@ class _Worker:
         self._number = command.drop
         self._is_paused, self._step_to = False, None
         try:
-            from taichi_foam.drop import Drop
             from taichi_foam.engine import runtime
+            from taichi_foam.run.stepwise import Drop
 
             runtime.start(self._arch, self._threads)
             self._drop = Drop(command.scene)

@@ -1,4 +1,4 @@
-"""The shape of every node's cell, from the node positions and the state of the connections.
+"""The shape of every node's cell, from the node positions and the state of the bonds.
 
 Points are complex numbers here (x + iy): turning a vector by a right angle is then a product
 with i, and one array holds both coordinates.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.crush import worst_strain
+from taichi_foam.analysis.crush import worst_strain
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
 Points = NDArray[np.complex128]
 
-#: Half lengths are kept below this share of the cell: connections break at 5 % of tension.
+#: Half lengths are kept below this share of the cell: bonds break at 5 % of tension.
 LONGEST_HALF = 0.53
 #: A crushed face is never drawn thinner than this share of the cell.
 THINNEST = 0.05
@@ -42,7 +42,7 @@ def corners(
 ) -> Floats:
     """Corner points of all cells as deformed quadrilaterals.
 
-    Around each lattice corner the cells that hang together through unbroken connections share
+    Around each lattice corner the cells that hang together through unbroken bonds share
     one point, the mean of what each of them takes its corner to be; cells on the two sides of
     a crack have a point each, so the crack opens as a gap. A free edge is carried on by half
     a cell. Crushed rubble that has tumbled about would fold or stretch its cells; each of those
@@ -50,9 +50,9 @@ def corners(
 
     Args:
         position: node positions (columns, rows, 2) [m].
-        e_min_a, e_min_b: worst compressive strain (<= 0) of the connections, (columns-1, rows)
+        e_min_a, e_min_b: worst compressive strain (<= 0) of the bonds, (columns-1, rows)
             and (columns, rows-1).
-        broken_a, broken_b: broken connections, same shapes.
+        broken_a, broken_b: broken bonds, same shapes.
         dx, dy: reference size of a cell [m].
 
     Returns:
@@ -92,7 +92,7 @@ def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
 
 
 def _torn(broken_a: Bools, broken_b: Bools) -> Bools:
-    """Which nodes have a broken connection, (columns, rows)."""
+    """Which nodes have a broken bond, (columns, rows)."""
     torn = np.zeros((broken_b.shape[0], broken_a.shape[1]), dtype=bool)
     torn[:-1] |= broken_a
     torn[1:] |= broken_a
@@ -102,20 +102,20 @@ def _torn(broken_a: Bools, broken_b: Bools) -> Bools:
 
 
 class _Joints:
-    """The connections with a rim of absent ones, so that every cell has four.
+    """The bonds with a rim of absent ones, so that every cell has four.
 
-    Connection A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
+    Bond A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
     """
 
     def __init__(self, e_min_a: Floats, e_min_b: Floats, broken_a: Bools, broken_b: Bools) -> None:
         self.whole_a = np.pad(~broken_a, 1)
         self.whole_b = np.pad(~broken_b, 1)
-        # NaN marks a side that never had a connection.
+        # NaN marks a side that never had a bond.
         self.strain_a = np.pad(e_min_a, 1, constant_values=np.nan)
         self.strain_b = np.pad(e_min_b, 1, constant_values=np.nan)
 
     def frayed_corners(self) -> tuple[Ints, Ints]:
-        """Lattice corners (p, q) with a broken or absent connection around them."""
+        """Lattice corners (p, q) with a broken or absent bond around them."""
         a, b = self.whole_a, self.whole_b
         whole = a[:, :-1] & a[:, 1:]
         whole &= b[:-1] & b[1:]
@@ -145,9 +145,9 @@ def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> N
         for guess, (i, j, _), inside in zip(guesses, cells, there, strict=True)
     ]
     a, b = joints.whole_a, joints.whole_b
-    link = (a[p, q], b[p + 1, q], a[p, q + 1], b[p, q])  # cell k to cell k+1
+    bond = (a[p, q], b[p + 1, q], a[p, q + 1], b[p, q])  # cell k to cell k+1
     for k, ((i, j, own), inside) in enumerate(zip(cells, there, strict=True)):
-        ahead, back, ahead2, back2 = link[k], link[k - 1], link[(k + 1) % 4], link[k - 2]
+        ahead, back, ahead2, back2 = bond[k], bond[k - 1], bond[(k + 1) % 4], bond[k - 2]
         after = ahead | (back & back2 & ahead2)
         before = back | (ahead & ahead2 & back2)
         across = (ahead & ahead2) | (back & back2)
@@ -190,8 +190,8 @@ def _half_vectors(
 ) -> tuple[Points, Points, Points, Points]:
     """Vectors from the nodes (i, j) to their left, right, lower and upper faces [m].
 
-    An unbroken connection gives half of itself. Beyond a broken one the cell goes on in the
-    direction of the opposite connection, with the length that its worst strain has left of it.
+    An unbroken bond gives half of itself. Beyond a broken one the cell goes on in the
+    direction of the opposite bond, with the length that its worst strain has left of it.
     """
     columns, rows = z.shape
     here = z[i, j]
@@ -218,9 +218,9 @@ def _half_vectors(
 
 
 def _reach(strain: Floats, opposite: Points, opposite_strain: Floats, size: float) -> Floats:
-    """Half length of a side without a connection [m].
+    """Half length of a side without a bond [m].
 
-    From its own worst strain; where it never had a connection, like the opposite half.
+    From its own worst strain; where it never had a bond, like the opposite half.
     """
     own = np.where(np.isnan(strain), opposite_strain, strain)
     length = 0.5 * size * np.clip(1 + np.nan_to_num(own), THINNEST, None)

@@ -19,7 +19,8 @@ from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, Window, fit, window
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Result, Snapshot
+    from taichi_foam.records.snapshot import Snapshot
+    from taichi_foam.results.result import Result
 
 Image8 = NDArray[np.uint8]
 

@@ -151,7 +151,7 @@ def stress_strain(branches: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure
             x, y = -100 * np.asarray(strain), -1e-6 * np.asarray(stress)
             axis.plot(x, y, color=colour, label=name)
             for k in (0, -1):
-                if y[k] < 0:  # a branch that ends in tension ends where the connection breaks
+                if y[k] < 0:  # a branch that ends in tension ends where the bond breaks
                     axis.plot(x[k], y[k], "x", color=colour, markersize=10, mew=2.5)
                     beside(axis, x[k], y[k], "breaks", colour, (9, -3), "top")
         axis.axhline(0, color=INK, linewidth=0.9)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.crush import permanent_strain, worst_strain
+from taichi_foam.analysis.crush import permanent_strain, worst_strain
 from taichi_foam.engine.stresses import normal_stresses
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def _worst(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _strain(snapshot: Snapshot, scene: Scene) -> Array:
-    """The most compressed of each node's connections; a broken one counts as unloaded."""
+    """The most compressed of each node's bonds; a broken one counts as unloaded."""
     e_a, e_b = _lengthwise(snapshot, scene)
     foam = scene.foam
     a = np.where(snapshot.broken_a, permanent_strain(snapshot.e_min_a, foam), e_a)
@@ -87,7 +87,7 @@ def _stress_key(scene: Scene) -> Key:
 
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
-    """The largest compressive stress of each node's connections."""
+    """The largest compressive stress of each node's bonds."""
     e_a, e_b = _lengthwise(snapshot, scene)
     s_a = normal_stresses(scene, e_a, snapshot.e_min_a, snapshot.broken_a)
     s_b = normal_stresses(scene, e_b, snapshot.e_min_b, snapshot.broken_b)
@@ -123,7 +123,7 @@ def _shear_key(scene: Scene) -> Key:
 
 
 def _shear(snapshot: Snapshot, scene: Scene) -> Array:
-    """Of each node, from the mean directions of its whole connections: F1.F2, twice E12."""
+    """Of each node, from the mean directions of its whole bonds: F1.F2, twice E12."""
     x = snapshot.position
     a = _mean_over_whole(np.diff(x, axis=0) / scene.block.dx, ~snapshot.broken_a, 0)
     b = _mean_over_whole(np.diff(x, axis=1) / scene.block.dy, ~snapshot.broken_b, 1)
@@ -131,7 +131,7 @@ def _shear(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _mean_over_whole(difference: Array, whole: NDArray[np.bool_], axis: int) -> Array:
-    """Of each node, the mean (columns, rows, 2) over its one or two connections along `axis`."""
+    """Of each node, the mean (columns, rows, 2) over its one or two bonds along `axis`."""
     kept = np.where(whole[..., None], difference, 0.0)
     rim = [(0, 0)] * 3
     first, second = rim.copy(), rim.copy()
@@ -143,11 +143,11 @@ def _mean_over_whole(difference: Array, whole: NDArray[np.bool_], axis: int) -> 
 
 def _broken_key(scene: Scene) -> Key:
     ticks = tuple((float(n), str(n)) for n in range(5))
-    return Key(("broken", "connections"), "heat", 4.0, ticks)
+    return Key(("broken", "bonds"), "heat", 4.0, ticks)
 
 
 def _broken(snapshot: Snapshot, scene: Scene) -> Array:
-    """How many of each node's connections are broken."""
+    """How many of each node's bonds are broken."""
     count = np.zeros(snapshot.position.shape[:2])
     a, b = snapshot.broken_a, snapshot.broken_b
     count[:-1] += a
@@ -167,7 +167,7 @@ def _energy_key(scene: Scene) -> Key:
 def _energy(snapshot: Snapshot, scene: Scene) -> Array:
     """Energy that crushing has taken [J/m3]: the plateau's stress over the permanent strain.
 
-    What a rate adds is left out. A node's cell holds half of each of its connections.
+    What a rate adds is left out. A node's cell holds half of each of its bonds.
     """
     foam = scene.foam
     taken = np.zeros(snapshot.position.shape[:2])
@@ -188,14 +188,14 @@ MODES: dict[str, Mode] = {
     "stress": Mode("compressive stress now", _stress_key, _stress),
     "speed": Mode("speed of the foam", _speed_key, _speed),
     "shear": Mode("shear strain now", _shear_key, _shear),
-    "broken": Mode("broken connections of each cell", _broken_key, _broken),
+    "broken": Mode("broken bonds of each cell", _broken_key, _broken),
     "energy": Mode("energy that crushing has taken", _energy_key, _energy),
 }
 """By the names that `output.mode` knows."""
 
 
 def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
-    """Engineering strains of the connections A and B, as they are now."""
+    """Engineering strains of the bonds A and B, as they are now."""
     x = snapshot.position
     along, upright = np.diff(x, axis=0), np.diff(x, axis=1)
     return (

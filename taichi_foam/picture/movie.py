@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import whole_file
 from taichi_foam.picture import raster
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
+from taichi_foam.results.folders import whole_file
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Snapshot
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
 Image8 = NDArray[np.uint8]

@@ -7,8 +7,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from taichi_foam import paper
 from taichi_foam.scene import CHOICE_SETS, Cylinder, Scene, Wedge
+from taichi_foam.shim2000 import tests
 
 #: A name holds so many keys at most, of values that are no longer than so many letters.
 MOST_KEYS, LONGEST = 2, 40
@@ -31,11 +31,11 @@ def names(scenes: Sequence[Scene], folders: Sequence[str]) -> list[tuple[str, st
     Scenes of one title are called by what differs, or by `folders`, and their title follows.
     A title that is the only one of its kind is a name; what else differs follows.
     """
-    titles = [paper.title(scene) for scene in scenes]
+    titles = [tests.title(scene) for scene in scenes]
     if len(set(titles)) == 1:
         words = told_apart(scenes) or tuple(folders)
         return [(word, titles[0]) for word in words]
-    measured = [scene.name in paper.MEASURED for scene in scenes]
+    measured = [scene.name in tests.MEASURED for scene in scenes]
     beyond = _differences(scenes, _BY_THE_WAY | (_IN_TITLES if all(measured) else frozenset()))
     found = []
     for k, title in enumerate(titles):

@@ -30,7 +30,7 @@ from taichi_foam.picture.view import Window, window
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from taichi_foam.result import Snapshot
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam import paper
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, cells, colours, inset
 from taichi_foam.picture.inset import Curve
@@ -22,9 +21,10 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.paint import FINE, GRID_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
+from taichi_foam.shim2000 import tests
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Snapshot
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
 Image8 = NDArray[np.uint8]
@@ -63,7 +63,7 @@ def frame(
         scene: what was run; block, impactor and start fix the window over a whole run.
         size: width and height [pixels].
         look: mode, theme and grid; default those of the scene.
-        title: text above the picture; default `paper.title` of the scene.
+        title: text above the picture; default `tests.title` of the scene.
         note: a few words at the right of the title.
         displacement: of the impactor from its start, downwards [m]; default from the snapshot.
         world: the part of the world to show; default `view.window(scene)`.
@@ -80,7 +80,7 @@ def frame(
     look = look or Look.of(scene)
     layout = Layout(size, look.words)
     key = look.shown.key(scene)
-    name = paper.title(scene) if title is None else title
+    name = tests.title(scene) if title is None else title
     world, falls = world or window(scene), scene.impactor is not None
     page, view = _page(layout.size, world, name, look, key, bool(note), falls)
     image, unit = page.copy(), layout.unit

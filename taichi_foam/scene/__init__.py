@@ -1,7 +1,7 @@
 """Scenes: one impact on one foam block, as typed, frozen, validated values in SI units.
 
 Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end.
-A value that cannot be raises `pydantic.ValidationError`; `taichi_foam.scene_io.explain` turns
+A value that cannot be raises `pydantic.ValidationError`; `taichi_foam.catalogue.explain` turns
 that into text for people.
 """
 

@@ -1,4 +1,4 @@
-"""The foam: the block that is hit and the law of its connections."""
+"""The foam: the block that is hit and the law of its bonds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Block(Part):
 
 
 class Foam(Part):
-    """Parameters of the connections (paper, Table 1 and Eq. 26). Strains: tension positive."""
+    """Parameters of the bonds (paper, Table 1 and Eq. 26). Strains: tension positive."""
 
     youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1e3, at_most=1e11)
     shear_modulus: float = quantity(
@@ -84,12 +84,12 @@ class Foam(Part):
         -0.05, "compression", "strain at which the plateau begins", at_least=-0.5, below=0
     )
     tensile_strain: float = quantity(
-        0.05, "tension", "tensile strain at which a connection breaks", above=0, at_most=2
+        0.05, "tension", "tensile strain at which a bond breaks", above=0, at_most=2
     )
     shear_strain: float = quantity(
         0.10,
         "tension",
-        "shear strain at which a connection breaks, either way",
+        "shear strain at which a bond breaks, either way",
         above=0,
         at_most=2,
         fix="strains are fractions (10 % is 0.10)",
@@ -119,22 +119,22 @@ class Foam(Part):
     crushed_tensile_fraction: float = quantity(
         0.5,
         "-",
-        "a crushed connection breaks at this fraction of tensile_strain",
+        "a crushed bond breaks at this fraction of tensile_strain",
         above=0,
         at_most=1,
     )
     crushed_tensile_stress: Annotated[float, Field(ge=0, le=1e9)] | None = quantity(
         None,
         "Pa",
-        "stress at which a crushed connection breaks; none: that of the virgin elastic line, "
+        "stress at which a crushed bond breaks; none: that of the virgin elastic line, "
         "youngs_modulus * crushed_tensile_fraction * tensile_strain",
         allowed="none, or at least 0 and at most 1e9 Pa",
     )
     crushed_strength: float = quantity(
         1.0,
         "-",
-        "tensile strength of a connection between two cells that have been crushed across it, over "
-        "that of whole foam; 1: only crush along a connection weakens it",
+        "tensile strength of a bond between two cells that have been crushed across it, over "
+        "that of whole foam; 1: only crush along a bond weakens it",
         at_least=0,
         at_most=1,
     )
@@ -155,7 +155,7 @@ class Foam(Part):
     strength_scatter: float = quantity(
         0.0,
         "-",
-        "scatter of the connections' strength in tension and shear, Weibull: standard deviation "
+        "scatter of the bonds' strength in tension and shear, Weibull: standard deviation "
         "over mean; 0: all are equally strong",
         at_least=0,
         at_most=0.5,

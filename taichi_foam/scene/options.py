@@ -36,20 +36,20 @@ class Base(Part):
 class Model(Part):
     """Readings of what the paper leaves open."""
 
-    damping: Literal["connection", "stiffness", "absolute"] = choice(
+    damping: Literal["bond", "stiffness", "absolute"] = choice(
         "stiffness",
-        "connection: a dashpot in each connection, on the relative velocity of its mass points; "
+        "bond: a dashpot in each bond, on the relative velocity of its mass points; "
         "stiffness: the same along it, but after G instead of K across it; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
     )
     shear: Literal["face", "variational"] = choice(
         "face",
-        "face: a connection's shear force acts on its own two mass points (Eqs 10-11); "
+        "face: a bond's shear force acts on its own two mass points (Eqs 10-11); "
         "variational: on all six that its strain depends on, as the gradient of an energy",
     )
     shear_failure: Literal["tension-only", "always", "pressure-dependent", "angle"] = choice(
         "pressure-dependent",
-        "tension-only: a connection in compression does not fail in shear; always: it does; "
+        "tension-only: a bond in compression does not fail in shear; always: it does; "
         "pressure-dependent: its shear strength grows with the compression; "
         "angle: it does, by the angle that its foam has sheared through, however short it is",
     )
@@ -62,13 +62,13 @@ class Model(Part):
     )
     broken_halves: Literal["either", "both", "each"] = choice(
         "both",
-        "what Eq. 27 leaves out of Eq. 13's mean next to broken connections: either: a half of it, "
-        "when one of the half's two connections is broken; both: when both are; "
-        "each: the broken connection's own difference only",
+        "what Eq. 27 leaves out of Eq. 13's mean next to broken bonds: either: a half of it, "
+        "when one of the half's two bonds is broken; both: when both are; "
+        "each: the broken bond's own difference only",
     )
     broken_contact: Literal["reload", "jump"] = choice(
         "reload",
-        "faces of a broken connection that meet again: reload: elastically from the strain of "
+        "faces of a broken bond that meet again: reload: elastically from the strain of "
         "zero stress; jump: on to the loading curve at the worst strain so far",
     )
     self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
@@ -90,7 +90,7 @@ class Numerics(Part):
     dt: Annotated[float, Field(gt=0, le=1e-4)] | Literal["auto"] = quantity(
         "auto",
         "s",
-        "time step; auto: from the stiffest connection at that moment",
+        "time step; auto: from the stiffest bond at that moment",
         allowed="'auto' or above 0 and at most 1e-4 s",
         fix="times are in seconds (the paper uses 1e-7)",
     )
@@ -100,7 +100,7 @@ class Numerics(Part):
     damping_time: float = quantity(
         1e-6 / 0.057,
         "s",
-        "retardation time tau of a connection: its dashpot is tau K area / length "
+        "retardation time tau of a bond: its dashpot is tau K area / length "
         "(Table 6's beta is tau times the thickness)",
         at_least=0,
         at_most=1e-2,
@@ -156,7 +156,7 @@ class Start(Part):
     cuts: Annotated[tuple[_Cut, ...], Field(strict=False, max_length=1000)] = quantity(
         (),
         "m",
-        "saw cuts: straight lines [x0, y0, x1, y1] in the undeformed block; connections whose line "
+        "saw cuts: straight lines [x0, y0, x1, y1] in the undeformed block; bonds whose line "
         "between their two mass points crosses one are broken from the start",
         allowed="up to 1000 lines of four numbers from -10 to 10 m",
     )
@@ -184,7 +184,7 @@ class Start(Part):
 
     @property
     def strains(self) -> tuple[float, float]:
-        """Engineering strains that the start gives connections A and B."""
+        """Engineering strains that the start gives bonds A and B."""
         (a, b), (c, d) = self.deformation_gradient
         return math.hypot(a, c) - 1, math.hypot(b, d) - 1
 

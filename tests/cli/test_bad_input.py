@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from command_line import COARSE_OPTIONS, call, tree
 
-from taichi_foam import drive
 from taichi_foam import result as result_module
+from taichi_foam.run import batches
 
 WEDGE = "paper/wedge-2.86"
 
@@ -37,7 +37,7 @@ def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("the request should have been refused before computing")
 
-    monkeypatch.setattr(drive, "advance_all", refuse)
+    monkeypatch.setattr(batches, "advance_all", refuse)
     return invoke
 
 
@@ -129,7 +129,7 @@ class TestOutputFolder:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         usage = type("usage", (), {"free": 1_000_000})
-        monkeypatch.setattr("taichi_foam.folders.shutil.disk_usage", lambda path: usage)
+        monkeypatch.setattr("taichi_foam.results.folders.shutil.disk_usage", lambda path: usage)
         assert_refused(ask(*command), "1 MB free")
         assert tree(tmp_path) == {}
 

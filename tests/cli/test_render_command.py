@@ -17,8 +17,8 @@ from command_line import COARSE, assert_refused, tree
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
-from taichi_foam import Result, films, load_scene, run
-from taichi_foam.picture import raster
+from taichi_foam import Result, load_scene, run
+from taichi_foam.picture import films, raster
 from taichi_foam.picture.look import Look
 
 

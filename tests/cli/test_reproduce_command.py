@@ -11,7 +11,7 @@ import pytest
 
 from taichi_foam import Scene, load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.study import reproduce as study
+from taichi_foam.shim2000 import reproduce as study
 
 SHORT = ["block.columns=16", "block.rows=8", "numerics.time_limit=0.06"]
 

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 from command_line import COARSE, COARSE_OPTIONS, ENVIRONMENT, call, tree
 
-from taichi_foam import Result, Scene, __version__, load_scene, paper, simulation
+from taichi_foam import Result, Scene, __version__, load_scene
 from taichi_foam.errors import RunError
+from taichi_foam.run import simulation
+from taichi_foam.shim2000 import tests
 
 WEDGE = "paper/wedge-2.86"
 
@@ -32,7 +34,7 @@ KEYS = {
     "rebound_velocity_m_s",
     "pieces",
     "crack_lowest_height_m",
-    "broken_connections",
+    "broken_bonds",
     "energy_residual",
     "steps",
     "dt_min_s",
@@ -53,7 +55,7 @@ def test_version(invoke: Callable) -> None:
 def test_scenes_lists_every_built_in_scene_on_a_line(invoke: Callable) -> None:
     lines = invoke("scenes").stdout.splitlines()
     names = [line.split()[0] for line in lines]
-    assert set(paper.NAMES) < set(names)
+    assert set(tests.NAMES) < set(names)
     for name in names:
         assert isinstance(load_scene(name), Scene)
 
@@ -163,7 +165,7 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
 # Says on stdout when stepping has begun, then goes on as the command line does.
 WATCHED = """
 import sys
-from taichi_foam import simulation
+from taichi_foam.run import simulation
 from taichi_foam.cli import main
 begin = simulation.run
 def run(scene, on_progress):

@@ -7,10 +7,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import pdist
 
-from taichi_foam.paper import paper_scene
-from taichi_foam.result import Result, Snapshot
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, FlatBlock, Model, Numerics, Output, Wedge
-from taichi_foam.simulation import run
+from taichi_foam.shim2000.tests import paper_scene
 
 RUNS = {
     "paper/wedge-3.60": paper_scene("paper/wedge-3.60"),
@@ -36,7 +37,7 @@ def shattered(request: pytest.FixtureRequest) -> Result:
 
 
 def touching_radii(snapshot: Snapshot, block: Block) -> np.ndarray:
-    """(I, J) half the cell on its thinner axis, less by how far its links were crushed [m]."""
+    """(I, J) half the cell on its thinner axis, less by how far its bonds were crushed [m]."""
     columns, rows = snapshot.position.shape[:2]
     a, b = np.zeros((columns + 1, rows)), np.zeros((columns, rows + 1))
     a[1:-1], b[:, 1:-1] = snapshot.e_min_a, snapshot.e_min_b
@@ -46,7 +47,7 @@ def touching_radii(snapshot: Snapshot, block: Block) -> np.ndarray:
 
 
 def at_surface(snapshot: Snapshot) -> np.ndarray:
-    """(I, J) whether a node has a link broken or missing."""
+    """(I, J) whether a node has a bond broken or missing."""
     columns, rows = snapshot.position.shape[:2]
     a, b = np.zeros((columns + 1, rows), bool), np.zeros((columns, rows + 1), bool)
     a[1:-1], b[:, 1:-1] = ~snapshot.broken_a, ~snapshot.broken_b
@@ -56,7 +57,7 @@ def at_surface(snapshot: Snapshot) -> np.ndarray:
 def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.ndarray]:
     """Distance of the pairs of nodes that touch, and the sum of their radii (n,) [m].
 
-    One of the two is at a surface, and no link ever joined them.
+    One of the two is at a surface, and no bond ever joined them.
     """
     columns, rows = snapshot.position.shape[:2]
     node = np.indices((columns, rows)).reshape(2, -1).T
@@ -84,7 +85,7 @@ def pieces(snapshot: Snapshot) -> np.ndarray:
 def deepest_intrusion(snapshot: Snapshot, block: Block) -> float:
     """How deep [m] a node of one piece is inside an intact cell of another; negative: none is.
 
-    An intact cell is four nodes with their four links whole; depth is from its nearest side.
+    An intact cell is four nodes with their four bonds whole; depth is from its nearest side.
     Nodes and cells count that keep nine tenths of their radii. Negative infinity: no such pair.
     """
     P, label = snapshot.position, pieces(snapshot)

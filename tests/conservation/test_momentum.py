@@ -5,10 +5,10 @@ import pytest
 from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import reference_positions
 
-from taichi_foam.paper import paper_scene
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.run.simulation import run, simulate
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Scene
-from taichi_foam.simulation import run, simulate
+from taichi_foam.shim2000.tests import paper_scene
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
@@ -55,7 +55,7 @@ def test_what_the_impactor_loses_the_block_gains() -> None:
 def test_the_shear_force_keeps_angular_momentum_only_in_the_sum_over_a_and_b() -> None:
     """Homogeneous shear: an A turns the block by -tau det F per volume, a B by +tau det F.
 
-    The shear force acts on two nodes though gamma depends on six, so a link alone is not in
+    The shear force acts on two nodes though gamma depends on six, so a bond alone is not in
     balance; A and B are, in pairs. A block with as many of either keeps its angular momentum; at
     10 x 20 nodes 9 * 20 A meet 10 * 19 B, and ten cells' worth is left over, an edge effect.
     """
@@ -75,7 +75,7 @@ def test_the_shear_force_keeps_angular_momentum_only_in_the_sum_over_a_and_b() -
 
 
 def test_normal_forces_alone_keep_angular_momentum() -> None:
-    """All across broken, links along x whole: central forces, no net torque, any distortion."""
+    """All across broken, bonds along x whole: central forces, no net torque, any distortion."""
     foam = Foam(tensile_strain=1.0, shear_strain=2.0)
     scene = small_scene(base=FREE, foam=foam, model=Model(self_contact=False))
     position = reference_positions(scene) + LIFT

@@ -5,7 +5,7 @@ import pytest
 from bench import COLUMNS, ROWS, numerics, run_to, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, Foam, Model, Scene
 
 K = 2.78e6
@@ -53,7 +53,7 @@ def energy(shear: str, start: dict, now: Snapshot) -> float:
         0.5 * scene.block.node_mass * (now.velocity**2).sum()
         + lattice.shear_energies(now.position).sum()
     )
-    for axis, i, j in lattice.connections():
+    for axis, i, j in lattice.bonds():
         worst = (now.e_min_a, now.e_min_b)[axis][i, j]
         if lattice.whole(axis, i, j):
             assert worst > -0.05

@@ -66,7 +66,7 @@ def test_the_wave_speed_tends_to_sqrt_k_over_rho_with_the_square_of_the_cell() -
 
 
 def test_dashpots_damp_the_chain_as_its_matrix_exponential_says() -> None:
-    """Kelvin-Voigt links, c = tau k: u'' = -(k/m) D u - tau (k/m) D u', D the chain's Laplacian.
+    """Kelvin-Voigt bonds, c = tau k: u'' = -(k/m) D u - tau (k/m) D u', D the chain's Laplacian.
 
     RK4's error over the run is below t w (w dt)^4 / 120 = 1e-8 of what it starts with.
     """
@@ -93,7 +93,7 @@ def test_dashpots_damp_the_chain_as_its_matrix_exponential_says() -> None:
 def test_absolute_damping_slows_free_flight_and_connection_damping_does_not() -> None:
     """Eqs 28-29 as printed: m v' = -C v, C = beta K = 1e-6 m s * 2.78 MPa = 2.78 N s/m."""
     time = 2e-5
-    for damping, rate in (("absolute", 2.78 / (RHO * 0.005**2 * 0.057)), ("connection", 0.0)):
+    for damping, rate in (("absolute", 2.78 / (RHO * 0.005**2 * 0.057)), ("bond", 0.0)):
         scene = small_scene(
             base=Base(kind="floor"), model=Model(damping=damping, self_contact=False)
         )
@@ -103,7 +103,7 @@ def test_absolute_damping_slows_free_flight_and_connection_damping_does_not() ->
 
 
 def test_shear_runs_at_sqrt_g_over_rho() -> None:
-    """A standing wave of a gripped layer, swinging sideways: its upright links alone are sheared.
+    """A standing wave of a gripped layer, swinging sideways: its upright bonds alone are sheared.
 
     It is a chain as well, w = (2 c_s / dy) sin(k dy / 2), c_s^2 = G / rho. Cells so wide, 0.5 m,
     that no news from the free sides reaches the middle: over four of them, (w' t / 2)^8 / 8! = 1e-8

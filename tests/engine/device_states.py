@@ -21,9 +21,9 @@ from test_same_numbers import EVERYTHING
 
 from taichi_foam.engine import loading, runtime, stepper
 from taichi_foam.engine.lattice import BLOCK_NODES, THREADS, Lattice, borrowed
-from taichi_foam.paper import paper_scene
+from taichi_foam.run.simulation import run_many
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
-from taichi_foam.simulation import run_many
+from taichi_foam.shim2000.tests import paper_scene
 
 # More nodes than a block has threads; and more than one block steps by itself.
 SMALL, BIG = (15, 20), (66, 63)
@@ -31,7 +31,7 @@ LATTICES = 8
 assert THREADS < SMALL[0] * SMALL[1] <= BLOCK_NODES < BIG[0] * BIG[1]
 
 STEPS_BEFORE = 100  # nothing has broken yet
-STEPS_AFTER = 250  # some connections break on the way
+STEPS_AFTER = 250  # some bonds break on the way
 STEPS_BIG = 120
 
 ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shear_J", "damping_J", "fracture_J")
@@ -133,12 +133,12 @@ def _states(lattice: Lattice, count: int) -> States:
 
 
 def ensemble() -> States:
-    """Of each breaking run: depth, broken connections, energies at the end, and the residual."""
+    """Of each breaking run: depth, broken bonds, energies at the end, and the residual."""
     histories = [result.history for result in run_many(breaking_scenes())]
     ends = {name: np.array([history[name][-1] for history in histories]) for name in ENERGIES}
     return ends | {
         "depth": np.array([history["displacement_m"].max() for history in histories]),
-        "broken": np.array([history["broken_connections"][-1] for history in histories]),
+        "broken": np.array([history["broken_bonds"][-1] for history in histories]),
         "residual": np.array([np.abs(history["residual_J"]).max() for history in histories]),
         "impact": np.array([history["impactor_kinetic_J"][0] for history in histories]),
     }

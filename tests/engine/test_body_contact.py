@@ -110,7 +110,7 @@ def test_the_floor_pushes_up_with_half_a_cell_of_foam(sunk: float, shares: list[
 def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
     """Feet once crushed by 40 % have a radius of 1.5 mm: the floor meets them only there.
 
-    Their own links are broken, and hold nothing at a strain beyond that of zero stress.
+    Their own bonds are broken, and hold nothing at a strain beyond that of zero stress.
     """
     scene = small_scene(base=Base(kind="floor"), model=LOOSE)
     worst = np.zeros((COLUMNS - 1, ROWS) if axis == 0 else (COLUMNS, ROWS - 1))
@@ -263,9 +263,9 @@ GRAVITY = 9.81
 def block_at_rest(friction: float) -> tuple:
     """A stiff block on a floor, at rest under gravity: scene and positions.
 
-    Statics of each column of nodes: link j carries the weight of the nodes above it, and half a
-    link's length, twice as stiff, lies between the lowest node and the floor. That half has shrunk
-    by the strain of the lowest link: as every radius, by the worst compression of its node.
+    Statics of each column of nodes: bond j carries the weight of the nodes above it, and half a
+    bond's length, twice as stiff, lies between the lowest node and the floor. That half has shrunk
+    by the strain of the lowest bond: as every radius, by the worst compression of its node.
     """
     scene = small_scene(
         base=Base(kind="floor", friction=friction),
@@ -274,7 +274,7 @@ def block_at_rest(friction: float) -> tuple:
         model=LOOSE,
     )
     block = scene.block
-    stiffness = scene.foam.youngs_modulus * block.thickness  # of a link of a square cell
+    stiffness = scene.foam.youngs_modulus * block.thickness  # of a bond of a square cell
     weight = block.node_mass * GRAVITY
     shortening = weight * np.arange(ROWS - 1, 0, -1) / stiffness
     shrinking = 0.5 * shortening[0]

@@ -58,7 +58,7 @@ def test_a_broken_neighbour_takes_its_half_of_the_gradient_along(
     position[..., 0] += 0.005 * OFFSET
     shear = {"above": ROW_SHEAR[AT], "below": ROW_SHEAR[AT - 1]}
     gamma = np.mean([shear[half] for half in halves]) if halves else 0.0
-    expected = FACE * G * gamma * np.array([gamma, 1.0])  # of A, whose own link is straight
+    expected = FACE * G * gamma * np.array([gamma, 1.0])  # of A, whose own bond is straight
     if (0, AT) not in broken_b:
         expected = expected + pull_of_b(ROW_SHEAR[AT])
     if (0, AT - 1) not in broken_b:
@@ -143,7 +143,7 @@ def test_broken_faces_meet_again_by_the_chosen_reading(
         (((1.0501, 0.0), (0.0, 1.0)), 0.0, (True, False)),
         (((1.0, 0.0), (0.0, 1.0249)), -0.2, (False, False)),
         (((1.0, 0.0), (0.0, 1.0251)), -0.2, (False, True)),
-        # A and B share gamma = 1.001 F_12; all links are stretched by 0.1 %, none compressed
+        # A and B share gamma = 1.001 F_12; all bonds are stretched by 0.1 %, none compressed
         (((1.001, 0.0998), (0.0, 1.001)), 0.0, (False, False)),
         (((1.001, 0.1), (0.0, 1.001)), 0.0, (True, True)),
         (((1.001, 0.0), (-0.1, 1.001)), 0.0, (True, True)),

@@ -9,15 +9,15 @@ from taichi_foam.scene import Foam, Model
 # Table 1's foam, and how far its limit in tension falls where it has been crushed across.
 E_T, E_Y, E_D = 0.05, -0.05, -0.8
 WEAK = Foam(crushed_strength=0.2)
-AT = (4, 9)  # a connection in the middle
+AT = (4, 9)  # a bond in the middle
 
 
 def broken(
     axis: int, foam: Foam, stretch: float, crush: dict[tuple[int, int], float]
 ) -> np.ndarray:
-    """Which connections of this axis break in a block stretched along it.
+    """Which bonds of this axis break in a block stretched along it.
 
-    `crush` gives the worst strains of connections across, by index.
+    `crush` gives the worst strains of bonds across, by index.
     """
     scene = small_scene(foam=foam, model=Model(self_contact=False), numerics=numerics(dt=INSTANT))
     block = scene.block
@@ -39,7 +39,7 @@ def limit(crush: float, strength: float = 0.2) -> float:
     return E_T * (1.0 - (1.0 - strength) * share)
 
 
-# For a connection along each axis: one that crosses it at its first node and one at its second.
+# For a bond along each axis: one that crosses it at its first node and one at its second.
 ENDS = {0: (AT, (5, 8)), 1: (AT, (3, 10))}
 
 

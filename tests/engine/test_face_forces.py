@@ -14,7 +14,7 @@ LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
 LOOSE = Model(self_contact=False)  # only the faces' forces
 
-# Positions near 0.5 m are good to 6e-17 m, strains of 5 mm links to 2e-14, forces of K A = 792 N
+# Positions near 0.5 m are good to 6e-17 m, strains of 5 mm bonds to 2e-14, forces of K A = 792 N
 # to 2e-11 N; what a node adds up, and the densified slope, up to 50 K, take it to 1e-9 N.
 ROUNDING = 1e-9
 
@@ -59,7 +59,7 @@ def test_a_uniaxial_patch_carries_eq_26(e: float, stress: float, dx: float) -> N
         scene, position = free_block(F, dx)
         sigma = (stress, 0.0) if axis == 0 else (0.0, stress)
         found = node_forces(scene, position=position)
-        # the strain of a narrow link, and with it the stress, rounds in proportion
+        # the strain of a narrow bond, and with it the stress, rounds in proportion
         np.testing.assert_allclose(found, uniform_stress(scene, F, sigma, 0.0), atol=ROUNDING)
 
 
@@ -75,7 +75,7 @@ def test_the_patch_starts_from_a_scene_alone() -> None:
 @pytest.mark.parametrize("dx", [0.005, 0.003])
 @pytest.mark.parametrize("gamma", [0.09, -0.04, 0.6])
 def test_a_simple_shear_patch_carries_eq_25(gamma: float, dx: float) -> None:
-    """S_12 = G gamma; the links across the layer also stretch, by sqrt(1 + gamma^2)."""
+    """S_12 = G gamma; the bonds across the layer also stretch, by sqrt(1 + gamma^2)."""
     F = np.array([[1.0, gamma], [0.0, 1.0]])
     scene, position = free_block(F, dx)
     stretch = math.hypot(gamma, 1.0)
@@ -113,7 +113,7 @@ def test_forces_turn_with_the_block() -> None:
 
 
 def distorted(scene, position: np.ndarray, seed: int) -> dict:
-    """Random positions (links by 4 % or so), histories, and a quarter of the links broken."""
+    """Random positions (bonds by 4 % or so), histories, and a quarter of the bonds broken."""
     rng = np.random.default_rng(seed)
     block = scene.block
     noise = rng.uniform(-0.02, 0.02, position.shape) * [block.dx, block.dy]
@@ -148,11 +148,11 @@ def test_any_state_agrees_with_the_paper_in_tensors(gradient: tuple, dx: float) 
     np.testing.assert_allclose(node_forces(scene, **start), expected, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("damping", ["connection", "stiffness"])
+@pytest.mark.parametrize("damping", ["bond", "stiffness"])
 def test_dashpots_drag_on_the_relative_velocity_of_intact_pairs(damping: str) -> None:
     """The same state in motion: 5 m/s at random, where dashpots outweigh the stresses.
 
-    tau K along the link in both readings; across it tau K too, or tau G.
+    tau K along the bond in both readings; across it tau K too, or tau G.
     One step of 1e-12 s: forward differences err by (c/m) dt = 3e-6, rounding by 1e-9, relatively.
     """
     scene, position = free_block(

@@ -8,6 +8,7 @@ from bench import bench, numerics, run_to, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.errors import RunError
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import (
     Base,
     Block,
@@ -19,7 +20,6 @@ from taichi_foam.scene import (
     Scene,
     Start,
 )
-from taichi_foam.simulation import run
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
@@ -55,8 +55,8 @@ def test_runge_kutta_is_of_order_four_while_nothing_breaks(damping_time: float) 
     assert moved > 1e5 * max(errors)  # there was something to integrate
 
 
-# The stiffest mode of a lattice of square cells, nodes alternating in both directions: links along
-# the motion give 4 K / (rho dx^2), links across it, in shear, 4 G / (rho dx^2); the averaged halves
+# The stiffest mode of a lattice of square cells, nodes alternating in both directions: bonds along
+# the motion give 4 K / (rho dx^2), bonds across it, in shear, 4 G / (rho dx^2); the averaged halves
 # of F vanish for it. RK4 follows an undamped mode up to w dt = 2 sqrt 2.
 K, G, RHO, CELL = 2.78e6, 0.84e6, 25.6, 0.005
 STIFFEST = 2.0 * math.sqrt((K + G) / RHO) / CELL
@@ -87,13 +87,13 @@ def test_the_linear_lattice_is_stable_up_to_runge_kuttas_limit() -> None:
 @pytest.mark.parametrize(
     ("values", "foam", "damping"),
     [
-        ({}, Foam(), "connection"),
-        ({"damping_time": 0.0}, Foam(), "connection"),
-        ({"damping_time": 2e-4}, Foam(), "connection"),
-        ({"contact_stiffness": 1000.0}, Foam(), "connection"),
-        ({}, Foam(shear_modulus=8e6), "connection"),
+        ({}, Foam(), "bond"),
+        ({"damping_time": 0.0}, Foam(), "bond"),
+        ({"damping_time": 2e-4}, Foam(), "bond"),
+        ({"contact_stiffness": 1000.0}, Foam(), "bond"),
+        ({}, Foam(shear_modulus=8e6), "bond"),
         ({"damping_time": 1e-4}, Foam(shear_modulus=8e6), "stiffness"),
-        ({}, Foam(crushed_tensile_stress=5e6), "connection"),
+        ({}, Foam(crushed_tensile_stress=5e6), "bond"),
     ],
     ids=[
         "default",

@@ -5,15 +5,15 @@ import pytest
 from bench import small_scene
 from test_same_numbers import assert_same_results, impacts
 
-from taichi_foam import drive
 from taichi_foam.errors import RunError
+from taichi_foam.run import batches
+from taichi_foam.run.simulation import Progress, run, run_many, simulate_many
 from taichi_foam.scene import Block, FlatBlock, Numerics, Scene
-from taichi_foam.simulation import Progress, run, run_many, simulate_many
 
 
 @pytest.fixture
 def two_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drive, "MOST_LATTICES", {"cpu": 2, "gpu": 2})
+    monkeypatch.setattr(batches, "MOST_LATTICES", {"cpu": 2, "gpu": 2})
 
 
 def drops(*ends: float) -> list[Scene]:
@@ -52,7 +52,7 @@ def test_a_lattice_that_has_ended_makes_room_and_leaves_no_trace() -> None:
 @pytest.mark.usefixtures("two_at_a_time")
 def test_results_come_as_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second of two ends first; the third then has 2 ms, and ends before the first."""
-    monkeypatch.setattr(drive, "CALL_SECONDS", 3e-4)
+    monkeypatch.setattr(batches, "CALL_SECONDS", 3e-4)
     places = [place for place, _ in simulate_many(drops(4e-3, 1e-3, 2e-3, 4e-3))]
     assert places == [1, 2, 0, 3]
 

@@ -7,7 +7,7 @@ import pytest
 from bench import COLUMNS, ROWS, bench, numerics, small_scene
 from reference_lattice import reference_positions
 
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, Model
 
 ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]

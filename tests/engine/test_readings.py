@@ -23,13 +23,13 @@ GRADIENTS = {
 }
 
 # Of three differences each has a weight of 1/3, which 32 bits hold to half a unit in the 24th. It
-# goes into a node's forces by its own connections and by those that it helps to cross, a dozen in
+# goes into a node's forces by its own bonds and by those that it helps to cross, a dozen in
 # all, twice in each, times G and a face; no column of F here is longer than 1.2.
 THIRD = 12 * 2 * 2.0**-24 * 1.2**3 * 0.84e6 * 0.005 * 0.057
 
 
 def state(shear: str, halves: str, gradient: tuple, seed: int, **parts) -> tuple[Scene, dict]:
-    """A block deformed at random about a gradient, with a third of its connections broken."""
+    """A block deformed at random about a gradient, with a third of its bonds broken."""
     scene = small_scene(
         base=FREE,
         model=Model(self_contact=False, shear=shear, broken_halves=halves),

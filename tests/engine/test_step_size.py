@@ -13,9 +13,9 @@ from bench import bench, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine.parameters import RK4_RADIUS
-from taichi_foam.paper import paper_scene
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
-from taichi_foam.simulation import run
+from taichi_foam.shim2000.tests import paper_scene
 
 K, G, RHO, CELL, THICKNESS = 2.78e6, 0.84e6, 25.6, 0.005, 0.057
 RETARDATION = 1e-6 / 0.057
@@ -32,7 +32,7 @@ class Case:
     dx: float = CELL
     dy: float = CELL
     thickness: float = THICKNESS
-    damping: str = "connection"
+    damping: str = "bond"
     damping_time: float = RETARDATION
     gradient: tuple = ((1.0, 0.0), (0.0, 1.0))
     contact: float = SMALL  # over K Z; its top row is then stuck to an impactor
@@ -42,7 +42,7 @@ class Case:
     rate: float | None = None  # its foam is BEHIND short of its strain
 
 
-# Whole connections of a corner of the block (the others are whole too), by columns: found by a
+# Whole bonds of a corner of the block (the others are whole too), by columns: found by a
 # search for the stiffest variational shear, 12 k_s for square cells, where whole foam has 6.3 k_s.
 TORN_A = ("10011", "00000", "10101", "10101")
 TORN_B = ("1000", "0111", "1111", "0000", "1111")
@@ -148,7 +148,7 @@ def modes(case: Case) -> np.ndarray:
 
 
 def tear(lattice: ReferenceLattice) -> ReferenceLattice:
-    """With some connections broken, in foam that was crushed before: they do not press either."""
+    """With some bonds broken, in foam that was crushed before: they do not press either."""
     torn: list[set] = [set(), set()]
     worst = [np.zeros((SIDE - 1, SIDE)), np.zeros((SIDE, SIDE - 1))]
     for axis, pattern in enumerate((TORN_A, TORN_B)):
@@ -164,7 +164,7 @@ def jacobian(lattice: ReferenceLattice, name: str, change: float) -> np.ndarray:
     """Derivative of all node forces by all positions or velocities.
 
     A node's forces depend on it and on the eight around it; by the variational form on all nodes
-    that share a connection's shear with it, up to two away. So every third or fifth node in each
+    that share a bond's shear with it, up to two away. So every third or fifth node in each
     direction is moved at once: what changes near one of them is its doing.
     """
     reach = 2 if lattice.scene.model.shear == "variational" else 1
@@ -191,7 +191,7 @@ def test_the_bound_holds_and_is_not_wasteful(name: str) -> None:
 
     36 nodes lack some of the fastest waves of a large block: up to 7 % of the fastest is allowed
     for. What the bound has too much: room for one-sided halves, for both axes' stiffest
-    connections in one direction, and a contact where there is none.
+    bonds in one direction, and a contact where there is none.
     """
     fastest = np.abs(modes(CASES[name])).max()
     bound = engine_bound(CASES[name])
@@ -250,7 +250,7 @@ def swing(dt: float | str, steps: int) -> float:
     """Largest speed [m/s] after shaking a free block with Table 6's dashpots by 0.1 mm/s."""
     unbreakable = Foam(tensile_strain=1.0, shear_strain=2.0)
     scene = small_scene(
-        base=FREE, foam=unbreakable, model=Model(self_contact=False, damping="connection"),
+        base=FREE, foam=unbreakable, model=Model(self_contact=False, damping="bond"),
         numerics=numerics(dt=dt, contact_stiffness=SMALL),
     )  # fmt: skip
     position = reference_positions(scene) + np.array([0.0, 0.5])
@@ -293,7 +293,7 @@ def test_the_first_millisecond_is_that_of_a_tenth_of_the_step(name: str, toleran
     coarse, fine = (first_millisecond(scene, dt, interval).history for dt in ("auto", step / 10))
     np.testing.assert_allclose(coarse["time_s"][:-1], fine["time_s"][:-1], rtol=0, atol=1e-12)
     assert np.all(coarse["dt_s"][:-1] == step)
-    assert not coarse["broken_connections"].any()
+    assert not coarse["broken_bonds"].any()
     apart = {
         key: np.abs(coarse[key] - fine[key])[:-1] / np.abs(fine[key]).max()
         for key in ("displacement_m", "velocity_m_s")

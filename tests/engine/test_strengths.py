@@ -1,4 +1,4 @@
-"""How strong connections are: Weibull's distribution, and saw cuts."""
+"""How strong bonds are: Weibull's distribution, and saw cuts."""
 
 import math
 import subprocess
@@ -10,10 +10,10 @@ from bench import bench, numerics, small_scene
 from reference_lattice import reference_positions
 from scipy.stats import kstest, weibull_min
 
+from taichi_foam.analysis.fragments import pieces
 from taichi_foam.engine.strengths import strengths, weibull_modulus
-from taichi_foam.fragments import pieces
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
-from taichi_foam.simulation import run
 
 BIG = Block(width=1.0, height=1.0, columns=200, rows=200)
 COUNT = 2 * 200 * 200
@@ -132,7 +132,7 @@ def cut_scene(*cuts: tuple, block: Block = FEW, **parts) -> Scene:
     return Scene(block=block, start=Start(cuts=metres), numerics=Numerics(end=1e-3), **parts)
 
 
-def cut_connections(scene: Scene) -> tuple[list, list]:
+def cut_bonds(scene: Scene) -> tuple[list, list]:
     found = strengths(scene)
     a, b = found[:-1, :, 0] == 0, found[:, :-1, 1] == 0
     assert set(np.unique(found)) <= {0.0, 1.0}
@@ -142,15 +142,15 @@ def cut_connections(scene: Scene) -> tuple[list, list]:
 @pytest.mark.parametrize("name", CUTS)
 def test_a_cut_breaks_what_it_crosses(name: str) -> None:
     line, a, b = CUTS[name]
-    assert cut_connections(cut_scene(line)) == (a, b)
+    assert cut_bonds(cut_scene(line)) == (a, b)
 
 
 def test_two_cuts_that_meet_on_a_connection_cut_it_and_all_others_once() -> None:
     """A cut in two halves is as good as whole, wherever it is divided."""
-    whole = cut_connections(cut_scene((0, 0, 0, 30)))
+    whole = cut_bonds(cut_scene((0, 0, 0, 30)))
     for middle in (5, 10, 15):
         halves = cut_scene((0, 0, 0, middle), (0, middle, 0, 30))
-        assert cut_connections(halves) == whole
+        assert cut_bonds(halves) == whole
 
 
 def test_a_cut_leaves_what_scatter_gave_the_others() -> None:
@@ -192,6 +192,6 @@ def test_cut_faces_neither_pull_nor_shear() -> None:
 
 def test_the_solver_is_loaded_for_scatter_only() -> None:
     """It takes half a second, which every run would wait for."""
-    code = "import sys, taichi_foam.simulation\nprint('scipy' in sys.modules)"
+    code = "import sys, taichi_foam.run.simulation\nprint('scipy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "False"

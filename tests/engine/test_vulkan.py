@@ -20,7 +20,7 @@ from taichi_foam.engine.device import device_of
 
 HERE = Path(__file__).parent
 
-# A step rounds the forces a few dozen times, and a node's force is the difference of connections'
+# A step rounds the forces a few dozen times, and a node's force is the difference of bonds'
 # forces that are up to 1e3 times as large. Stable steps let errors add up, no faster than steps.
 ROUNDING = 1e3 * 50 * np.finfo(float).eps
 

@@ -131,7 +131,7 @@ def fails(
     size: float = 1.0,
     strength: float = 1.0,
 ) -> bool:
-    """Whether an intact connection breaks."""
+    """Whether an intact bond breaks."""
     return bool(_fails(foam, e, sigma_e, tau, e_min, size, strength))
 
 
@@ -180,7 +180,7 @@ class Reference:
         return -f.rate * (self.behind(e, e_min) / -f.yield_strain) ** f.rate_exponent
 
     def normal(self, e: float, e_min: float) -> float:
-        """Stress of an intact connection."""
+        """Stress of an intact bond."""
         return self.static(e, e_min) - self.foam.youngs_modulus * self.behind(e, e_min)
 
     def static(self, e: float, e_min: float) -> float:

@@ -1,4 +1,4 @@
-"""Shear, and when a connection breaks (Eq. 25; Section 4.6)."""
+"""Shear, and when a bond breaks (Eq. 25; Section 4.6)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a connection answers with once it has been crushed or broken (Figs 19-20)."""
+"""What a bond answers with once it has been crushed or broken (Figs 19-20)."""
 
 from itertools import pairwise
 

@@ -17,7 +17,7 @@ from taichi_foam.live.overlay import panel, strip
 from taichi_foam.live.stage import PACES, VELOCITY_STEP, Stage, pace_words
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.modes import MODES
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
 SIZE = (640, 360)

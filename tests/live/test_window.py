@@ -18,7 +18,7 @@ from PIL import Image, ImageGrab
 from taichi_foam.picture import raster
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
 
 SIZE = (1280, 720)
 PATIENCE = 120.0  # a busy machine that compiles [s]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, FlatBlock, Scene
 
 
@@ -91,7 +91,7 @@ def split(scene: Scene, opening: float = 0.12, time: float = 0.03) -> Snapshot:
 
 
 def shattered(scene: Scene, time: float = 0.04, seed: int = 3) -> Snapshot:
-    """Every connection broken, every node thrown a little: powder."""
+    """Every bond broken, every node thrown a little: powder."""
     block = scene.block
     random = np.random.default_rng(seed)
     position = reference(scene) + random.normal(0, 0.4 * block.dx, (block.columns, block.rows, 2))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 
-from taichi_foam.crush import worst_strain
+from taichi_foam.analysis.crush import worst_strain
 from taichi_foam.picture import cells
-from taichi_foam.result import Snapshot
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 
@@ -80,7 +80,7 @@ def test_halves_of_a_split_block_keep_their_own_shape() -> None:
 
 
 def test_one_broken_connection_inside_whole_foam_keeps_the_corners_together() -> None:
-    """A crack opens between its tips; a single broken connection is all tip."""
+    """A crack opens between its tips; a single broken bond is all tip."""
     scene = scene_of(6, 6)
     broken_b = np.zeros((6, 5), dtype=bool)
     broken_b[2, 2] = True
@@ -132,12 +132,12 @@ def test_rubble_pushed_past_its_neighbour_is_drawn_as_a_rectangle_of_its_own() -
     scene = scene_of(6, 6)
     dx, dy = scene.block.dx, scene.block.dy
     position = reference(scene)
-    position[2, 3, 0] += 1.4 * dx  # its right connection is turned round, and 0.4 dx long
+    position[2, 3, 0] += 1.4 * dx  # its right bond is turned round, and 0.4 dx long
     broken_a, broken_b = np.zeros((5, 6), dtype=bool), np.zeros((6, 5), dtype=bool)
     broken_a[1, 3] = broken_b[2, 2] = broken_b[2, 3] = True
     snapshot = snapshot_of(scene, position, broken_a=broken_a, broken_b=broken_b)
     quad = corners_of(snapshot, scene)[2, 3]
-    # Half a whole cell on the torn side, half of what is left of the connection on the other.
+    # Half a whole cell on the torn side, half of what is left of the bond on the other.
     wide = (0.5 + 0.2) * dx
     sides = np.diff(quad, axis=0)
     np.testing.assert_allclose(sides, [[-wide, 0], [0, -dy], [wide, 0]], atol=1e-15)

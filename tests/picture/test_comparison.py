@@ -16,7 +16,9 @@ from taichi_foam.picture import annotate, comparison, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Output, Scene, Wedge
 
 SIZE = (1280, 720)

@@ -19,11 +19,11 @@ from matplotlib.text import Text
 from PIL import Image
 
 from taichi_foam.errors import UserError
-from taichi_foam.paper import MEASURED
 from taichi_foam.picture import figures, overview, style
-from taichi_foam.picture.decelerations import Deceleration, decelerations
 from taichi_foam.picture.labels import spread
 from taichi_foam.picture.overview import Whisker
+from taichi_foam.shim2000.decelerations import Deceleration, decelerations
+from taichi_foam.shim2000.tests import MEASURED
 
 VELOCITIES = (2.46, 3.03, 3.60)
 

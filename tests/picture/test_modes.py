@@ -82,7 +82,7 @@ def test_the_shear_strain_is_that_of_simple_shear(gamma: float) -> None:
     np.testing.assert_allclose(shown("shear", snapshot, scene), 0.03, rtol=1e-9)
 
 
-def test_a_rotation_is_no_shear_and_broken_connections_have_no_say() -> None:
+def test_a_rotation_is_no_shear_and_broken_bonds_have_no_say() -> None:
     scene = scene_of(impactor=None, numerics=Numerics(end=0.01))
     assert shown("shear", split(scene, 0.2), scene).max() < 1e-12
     assert shown("shear", shattered(scene), scene).max() == 0
@@ -104,7 +104,7 @@ def test_the_speed_of_a_block_without_an_impactor_has_a_scale_of_its_own() -> No
     assert MODES["speed"].key(pulled).top == pytest.approx(0.01 * sound)
 
 
-def test_broken_connections_are_counted_from_both_sides() -> None:
+def test_broken_bonds_are_counted_from_both_sides() -> None:
     scene = scene_of(6, 4)
     broken_a = np.zeros((5, 4), dtype=bool)
     broken_a[2, 1] = True

@@ -13,7 +13,9 @@ from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours
 from taichi_foam.picture.comparison import Lineup, instants
 from taichi_foam.picture.montage import choose, montage
-from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
 
 

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Scene
 
 MakeSnapshot = Callable[..., Snapshot]
@@ -43,7 +45,7 @@ def make_snapshot() -> MakeSnapshot:
         times: Callable[[int, int], float] = lambda i, j: 1e-3,
         **fields: Any,
     ) -> Snapshot:
-        """An undeformed block with the connections A in `a` and B in `b` broken at `times`."""
+        """An undeformed block with the bonds A in `a` and B in `b` broken at `times`."""
         snapshot = replace(intact_snapshot(block), **fields)
         for array, broken in ((snapshot.break_time_a, a), (snapshot.break_time_b, b)):
             for i, j in broken:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import check_output_folder, output_folder
+from taichi_foam.results.folders import check_output_folder, output_folder
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's /proc and /dev/full")
 

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.result import HISTORY_COLUMNS, Result, Snapshot, storage_bytes, write_json
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result, storage_bytes, write_json
 from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
 
 READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
@@ -29,7 +31,7 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, co
     values = {name: rng.standard_normal(50) / 3 for name in HISTORY_COLUMNS[1:]}
     # Not below the smallest normal number: Taichi has its process flush such numbers to zero.
     values["strain_J"][:5] = [math.nan, -0.0, np.finfo(float).tiny, 1.7e308, 1 / 3]
-    values["broken_connections"] = np.arange(50.0)
+    values["broken_bonds"] = np.arange(50.0)
     snapshots = []
     for n in range(count):
         broken = [(i, j) for i in range(columns - 1) for j in range(rows) if (i + j + n) % 3 == 0]
@@ -84,7 +86,7 @@ def test_history_is_plain_csv(tmp_path: Path, make_result, make_snapshot) -> Non
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == HISTORY_COLUMNS
     assert [float(row["time_s"]) for row in rows] == result.history["time_s"].tolist()
-    assert [row["broken_connections"] for row in rows[:3]] == ["0", "1", "2"]
+    assert [row["broken_bonds"] for row in rows[:3]] == ["0", "1", "2"]
 
 
 def test_summary_is_strict_json(tmp_path: Path, make_result) -> None:
@@ -206,7 +208,7 @@ def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_sn
 
 
 def test_the_crack_path_is_kept_as_polylines(make_result, make_snapshot, tmp_path: Path) -> None:
-    """Every broken connection of the last snapshot is one step of one polyline."""
+    """Every broken bond of the last snapshot is one step of one polyline."""
     result = noisy_result(make_result, make_snapshot)
     result.save(tmp_path / "run")
     lines = json.loads((tmp_path / "run" / "cracks.json").read_text())["polylines_m"]

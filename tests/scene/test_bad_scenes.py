@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import (
     Block,
@@ -20,7 +21,7 @@ from taichi_foam.scene import (
     Start,
     Wedge,
 )
-from taichi_foam.scene_io import explain, load_scene
+from taichi_foam.scene.messages import explain
 
 RECTANGULAR, CYLINDER, WEDGE = (
     "paper/rectangular-3.03",
@@ -130,7 +131,7 @@ BAD = [
     (
         RECTANGULAR,
         "model.damping=none",
-        ["model.damping = none", "'connection', 'stiffness' or 'absolute'"],
+        ["model.damping = none", "'bond', 'stiffness' or 'absolute'"],
     ),
     (RECTANGULAR, "base.kind=glued", ["base.kind = 'glued'", "'held', 'gripped' or 'floor'"]),
     (RECTANGULAR, "impactor.shape=ball", ["impactor.shape = 'ball'", "flat, cylinder, wedge"]),

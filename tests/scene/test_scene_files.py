@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taichi_foam import paper, scene_io
+from taichi_foam import catalogue
+from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import (
     CHOICE_SETS,
@@ -27,7 +28,8 @@ from taichi_foam.scene import (
     Start,
     Wedge,
 )
-from taichi_foam.scene_io import list_scenes, load_scene, scene_to_toml
+from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.shim2000 import tests
 
 # Taichi, once started, has its process flush subnormal numbers to zero.
 floats = partial(st.floats, allow_subnormal=False)
@@ -303,7 +305,7 @@ def test_calibrated_is_the_default_but_for_the_foam_and_the_rig():
 
 def test_every_built_in_scene_loads_and_has_a_description():
     names = list_scenes()
-    assert list(names)[:9] == list(paper.NAMES)
+    assert list(names)[:9] == list(tests.NAMES)
     for name, description in names.items():
         assert isinstance(load_scene(name), Scene)
         assert 20 < len(description) < 100
@@ -314,14 +316,14 @@ def test_gallery_is_found_inside_an_installed_package(tmp_path, monkeypatch):
     gallery = tmp_path / "taichi_foam" / "gallery"
     gallery.mkdir(parents=True)
     write(gallery, "one_drop.py", '"""A drop."""\n' + SCRIPT)
-    monkeypatch.setattr(scene_io, "__file__", str(tmp_path / "taichi_foam" / "scene_io.py"))
+    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "taichi_foam" / "catalogue.py"))
     assert list_scenes()["gallery/one-drop"] == "A drop."
     assert load_scene("gallery/one-drop").name == "from a script"
 
 
 def test_import_is_light():
     code = (
-        "import sys, taichi_foam.scene_io\n"
+        "import sys, taichi_foam.catalogue\n"
         "print([m for m in ('taichi', 'scipy', 'matplotlib', 'imageio') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_foam.measures import impact
+from taichi_foam.analysis.measures import impact
+from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
+from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
-from taichi_foam.scene_io import load_scene
-from taichi_foam.simulation import run
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
@@ -25,7 +25,7 @@ DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
 BIG = ("fine_wedge",)
 TABLES = ("flat_tall_block",)
 
-# Kelvin-Voigt: a link's dashpot adds this much stress per strain rate, tau K.
+# Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
 VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s
 
 

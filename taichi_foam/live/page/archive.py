@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import UserError
-from taichi_foam.folders import check_output_folder, file_name
 from taichi_foam.live.page.curve import thinned
-from taichi_foam.result import storage_bytes
+from taichi_foam.results.folders import check_output_folder, file_name
+from taichi_foam.results.result import storage_bytes
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Result
+    from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
 #: Drops that are listed, and former curves that are shown.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.messages import SHAPES
 from taichi_foam.scene.options import Numerics
-from taichi_foam.scene_io import load_scene
 
 Value = int | float | None
 

@@ -6,8 +6,8 @@ import dataclasses
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam.paper import MEASURED, NAMES, paper_scene
 from taichi_foam.scene import CHOICE_SETS
+from taichi_foam.shim2000.tests import MEASURED, NAMES, paper_scene
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -23,7 +23,7 @@ FIGURES = (
     ("crushed_width_m", "crushed width", "cm", 1e2, 1),
     ("crushed_height_m", "crushed height", "cm", 1e2, 1),
     ("pieces", "pieces", "", 1.0, 0),
-    ("broken_connections", "broken connections", "", 1.0, 0),
+    ("broken_bonds", "broken bonds", "", 1.0, 0),
     ("energy_residual", "unaccounted for", "%", 1e2, 3),
 )
 """Key in `measures.summary`, words, unit, units in one SI unit, decimals."""

@@ -93,8 +93,8 @@ async def _drawn_apart(path: Path) -> None:
 
 def main(path: Path) -> None:
     """Draw the film of this name into the folder of the run that it lies in."""
-    from taichi_foam import films
-    from taichi_foam.result import Result
+    from taichi_foam.picture import films
+    from taichi_foam.results.result import Result
 
     if hasattr(os, "nice"):
         os.nice(10)

@@ -18,7 +18,7 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.view import window
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Snapshot
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
 #: Pixels of a picture, and how wide it may be for its height and the other way round.

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_foam.drive import history_of
+from taichi_foam.analysis.measures import summary
 from taichi_foam.live.page.curve import Curve
 from taichi_foam.live.page.figures import ENERGIES, FIGURES
-from taichi_foam.measures import summary
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
+from taichi_foam.run.batches import history_of
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame
@@ -83,7 +83,7 @@ class Readings:
             "velocity": now["velocity_m_s"],
             "deceleration": now["deceleration_smoothed_m_s2"],
             "force": now["contact_force_N"],
-            "broken": int(now["broken_connections"]),
+            "broken": int(now["broken_bonds"]),
             "energies": {name: now[name] for name, _ in ENERGIES},
         }
 

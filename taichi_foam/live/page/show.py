@@ -8,7 +8,6 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam import __version__, paper
 from taichi_foam.errors import UserError
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, NothingYet, Refused
 from taichi_foam.live.page import commands, figures, painter
@@ -20,9 +19,11 @@ from taichi_foam.live.session import Session
 from taichi_foam.live.stage import PACE
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
+from taichi_foam.shim2000 import tests
+from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
-    from taichi_foam.result import Snapshot
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
 PACES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 1.0, None)
@@ -320,7 +321,7 @@ class Show:
             "scene",
             {
                 "drop": self._number,
-                "name": paper.title(self.controls.given),
+                "name": tests.title(self.controls.given),
                 "changes": self.controls.changes(scene),
                 "size": painter.size_of(scene),
                 "key": painter.key_of(scene, self._look.mode),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from serving import ENDLESS, Served
 
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,9 @@ from taichi_foam.live.page.archive import (
     Finished,
 )
 from taichi_foam.live.page.board import Board
-from taichi_foam.paper import paper_scene
-from taichi_foam.result import HISTORY_COLUMNS, Result
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.results.result import Result
+from taichi_foam.shim2000.tests import paper_scene
 
 SCENE = paper_scene("paper/wedge-2.86")
 

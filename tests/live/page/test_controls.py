@@ -14,7 +14,7 @@ from taichi_foam.live.page import commands
 from taichi_foam.live.page.controls import KNOBS, Controls
 from taichi_foam.live.page.curve import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
 from taichi_foam.live.page.figures import measured
-from taichi_foam.paper import MEASURED, NAMES, paper_scene
+from taichi_foam.shim2000.tests import MEASURED, NAMES, paper_scene
 
 WEDGE = paper_scene("paper/wedge-2.86")
 

@@ -18,7 +18,8 @@ import pytest
 from PIL import Image
 from serving import PATIENCE, SMALL, Served
 
-from taichi_foam.result import HISTORY_COLUMNS, Result
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.results.result import Result
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(
@@ -173,9 +174,9 @@ def test_new_settings_are_dropped_and_the_result_comes_home(
 
     # the drop before stands beside it as a thin line, and the figures are those of the file
     assert page.ask("document.getElementById('curve').data.length") >= 2
-    broken = int(result.history["broken_connections"][-1])
+    broken = int(result.history["broken_bonds"][-1])
     shown = "#figures tbody tr:nth-child(11)"
-    assert page.text(f"{shown} th").strip() == "broken connections"
+    assert page.text(f"{shown} th").strip() == "broken bonds"
     assert int(page.text(f"{shown} td")) == broken > 0
 
 

@@ -19,7 +19,7 @@ from serving import ENDLESS, PATIENCE, SMALL, Served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from taichi_foam import load_scene
-from taichi_foam.result import Result
+from taichi_foam.results.result import Result
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 

@@ -14,7 +14,7 @@ from taichi_foam.live.page import commands
 from taichi_foam.live.page import show as show_module
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
 from taichi_foam.live.page.show import MOST_SIZES, Show
-from taichi_foam.paper import paper_scene
+from taichi_foam.shim2000.tests import paper_scene
 
 
 class _Session:

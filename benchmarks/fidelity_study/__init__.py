@@ -1,1 +1,0 @@
-"""The choices that the paper leaves open, against its tests: `benchmarks/fidelity.py` runs it."""

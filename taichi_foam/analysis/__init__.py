@@ -1,0 +1,1 @@
+"""Measures of an impact: figures, fragments, crushing, filters."""

@@ -1,0 +1,248 @@
+"""How a block has broken: its pieces and its cracks.
+
+Cracks live on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the reference
+configuration at x = (p - I/2) dX, y = q dY. A broken bond is the cell edge that it crosses:
+
+    A(i,j), sideways    the vertical edge from corner (i+1, j) to corner (i+1, j+1)
+    B(i,j), upwards     the horizontal edge from corner (i, j+1) to corner (i+1, j+1)
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from taichi_foam.analysis.crush import crushed_cells
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Block, Scene
+
+PIECE_FRACTION = 0.05
+"""A connected part counts as a piece from this share of the mass points."""
+
+CRACK_CELLS = 3
+"""A crack below the impactor is at least so many cells long ..."""
+
+CRACK_HEIGHT_FRACTION = 0.15
+"""... and at least this share of the block's height (as much, on the paper's 20 rows)."""
+
+CRACK_EDGES_PER_ROW = 2
+"""Below the impactor, a row of cells with more broken edges of one line is shattered."""
+
+_NEXT_ROW = [[1, 0, 1], [1, 1, 1], [1, 0, 1]]
+"""Vertical edges that follow one another: in the next row, at most one column of edges away."""
+
+
+@dataclass(frozen=True)
+class Crack:
+    """A crack that starts below the impactor (reference configuration).
+
+    lowest_height  m, height of the lowest end of its vertical edges; 0 is the block's bottom. With
+                   a gripped base the bottom row cannot open: a through crack ends at dY.
+    start_x        m, where its first bond broke
+    start_height   m, middle of that vertical edge
+    start_time     s, when
+    path           m, middles (x, y) of its vertical edges, downwards: from the start, in each lower
+                   row the one that is nearest sideways to the one before
+    """
+
+    lowest_height: float
+    start_x: float
+    start_height: float
+    start_time: float
+    path: tuple[tuple[float, float], ...]
+
+    @property
+    def direction_deg(self) -> float:
+        """Lean of the straight line that fits the path best [deg].
+
+        0 is vertical; above 0 the crack runs to the right on its way down, below 0 to the left.
+        """
+        x, y = np.transpose(self.path)
+        from_mean = y - y.mean()
+        return float(np.degrees(np.arctan(-(from_mean @ x) / (from_mean @ from_mean))))
+
+
+def parts(snapshot: Snapshot, bottom_rows: int = 0) -> NDArray[np.int32]:
+    """Number, from 0, of the part that each mass point belongs to: (columns, rows - bottom_rows).
+
+    A part is joined by unbroken bonds. The lowest `bottom_rows` rows are left out, with what
+    joins them to the others.
+    """
+    columns, rows = snapshot.position.shape[:2]
+    node = np.arange(columns * (rows - bottom_rows)).reshape(columns, -1)
+    intact_a, intact_b = ~snapshot.broken_a[:, bottom_rows:], ~snapshot.broken_b[:, bottom_rows:]
+    ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
+    others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
+    return _components(ends, others, node.size).reshape(node.shape)
+
+
+def piece_sizes(snapshot: Snapshot) -> NDArray[np.float64]:
+    """Shares of the mass points that the parts have, crumbs too, the largest first."""
+    sizes = np.bincount(parts(snapshot).ravel())
+    return np.sort(sizes)[::-1] / sizes.sum()
+
+
+def pieces(snapshot: Snapshot) -> int:
+    """Number of parts, joined by unbroken bonds, with at least PIECE_FRACTION of the nodes.
+
+    Smaller parts are crumbs. The answer is 0 for a block that is all crumbs.
+    """
+    return int(np.count_nonzero(piece_sizes(snapshot) >= PIECE_FRACTION))
+
+
+def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
+    """Broken bonds chained into polylines, the longest first.
+
+    Returns arrays (n, 2) of corner positions x, y in metres, reference configuration. A polyline
+    runs between corners at which it ends or meets others; a closed loop repeats its first corner.
+    Every broken bond belongs to exactly one polyline.
+    """
+    columns, rows = snapshot.position.shape[:2]
+    first, second = _broken_edges(snapshot)
+    at: dict[int, list[int]] = defaultdict(list)  # corner -> neighbours not yet walked to
+    for p, q in zip(first.tolist(), second.tolist(), strict=True):
+        at[p].append(q)
+        at[q].append(p)
+    ends = [corner for corner, others in at.items() if len(others) != 2]
+    is_end = set(ends)
+
+    lines = []
+    for corner in (*ends, *at):  # what is left once all ends are served are closed loops
+        while at[corner]:
+            line = [corner]
+            while True:
+                here = line[-1]
+                step = at[here].pop()
+                at[step].remove(here)
+                line.append(step)
+                if step in is_end or step == corner:
+                    break
+            lines.append(line)
+
+    spacing, origin = (block.dx, block.dy), (-columns / 2 * block.dx, 0.0)
+    points = [np.stack(np.divmod(line, rows + 1), axis=1) * spacing + origin for line in lines]
+    return sorted(points, key=lambda xy: -np.abs(np.diff(xy, axis=0)).sum())
+
+
+def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
+    """The crack that runs down ahead of the impactor; None where there is none.
+
+    Vertical edges of one row of cells and the next, in the same column of edges or one beside it,
+    form a line. Below the impactor means within the width of its outline, less one cell on each
+    side: along its flanks a punch tears the foam, which is no splitting (the axis and one cell
+    beside it always belong). A line is such a crack if
+
+    1. through L or more successive rows below the impactor's lowest level it has at least one and
+       at most CRACK_EDGES_PER_ROW edges below the impactor (crushed foam that shatters has many,
+       and flanks are torn beside a punch, hardly ahead of it);
+    2. it runs down: from the row of its first broken edge below the impactor to its lowest edge are
+       L or more rows (so cracks that rise from the base do not count).
+
+    Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
+    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such lines
+    the one that reaches deepest counts, then the one that starts nearest to the axis. It starts at
+    the edge of its path that broke first (of equals the highest).
+    """
+    if scene.impactor is None:
+        return None
+    columns, rows = snapshot.position.shape[:2]
+    dx, dy = scene.block.dx, scene.block.dy
+    crushed = crushed_cells(snapshot, scene.foam)
+    lines = np.zeros((columns - 1, rows), dtype=np.int32)
+    ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
+
+    x = (np.arange(1, columns) - columns / 2) * dx
+    outline = scene.impactor.outline()[:, 0]
+    from_axis = x - scene.impactor.x
+    slack = 1e-6 * dx
+    below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
+    below |= np.abs(from_axis) <= dx + slack
+    ahead = (np.arange(rows) + 1) * dy <= snapshot.impactor_y + dy + slack
+    length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
+
+    found = []
+    for label in np.unique(lines[below][:, ahead]):
+        mine = lines == label
+        edges = np.count_nonzero(mine[below], axis=0)
+        is_line = (edges >= 1) & (edges <= CRACK_EDGES_PER_ROW) & ahead
+        if label == 0 or _longest_run(is_line) < length:
+            continue
+        path = _path(mine, snapshot.broken_a, below)
+        times = [float(snapshot.break_time_a[edge]) for edge in path]
+        path = path[times.index(min(times)) :]
+        if path[0][1] - path[-1][1] + 1 < length:
+            continue
+        middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
+        found.append(Crack(path[-1][1] * dy, *middles[0], min(times), middles))
+    axis = scene.impactor.x
+    return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
+
+
+def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None:
+    """The crack below the impactor over a run, when it had come deepest; None without any.
+
+    Later crushing and shattering hide a crack from the last snapshot, so all of them are asked.
+    """
+    seen = [crack for crack in (crack_below_impactor(s, scene) for s in snapshots) if crack]
+    return min(seen, key=lambda crack: crack.lowest_height, default=None)
+
+
+def _path(
+    line: NDArray[np.bool_], broken: NDArray[np.bool_], below: NDArray[np.bool_]
+) -> list[tuple[int, int]]:
+    """A line's edges (i, j) downwards, one in each row: the nearest sideways to the one before.
+
+    It begins above the line, where powder hides it: in each higher row at the nearest broken edge
+    that follows, below the impactor.
+    """
+    rows = np.flatnonzero(line[below].any(axis=0))
+    top = int(rows[-1])
+    i = int(np.flatnonzero(line[:, top] & below)[0])
+    above: list[tuple[int, int]] = []
+    at = i
+    for row in range(top + 1, line.shape[1]):
+        follow = np.flatnonzero(broken[:, row] & below)
+        follow = follow[np.abs(follow - at) <= 1]
+        if not follow.size:
+            break
+        at = int(follow[np.argmin(np.abs(follow - at))])
+        above.insert(0, (at, row))
+    path = [*above, (i, top)]
+    for row in range(top - 1, -1, -1):
+        follow = np.flatnonzero(line[:, row])
+        if follow.size:
+            i = int(follow[np.argmin(np.abs(follow - i))])
+            path.append((i, row))
+    return path
+
+
+def _broken_edges(snapshot: Snapshot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The two corners, numbered p (J+1) + q, of each broken bond: A first, then B."""
+    columns, rows = snapshot.position.shape[:2]
+    corner = np.arange((columns + 1) * (rows + 1)).reshape(columns + 1, rows + 1)
+    a, b = snapshot.broken_a, snapshot.broken_b
+    first = np.concatenate([corner[1:columns, :rows][a], corner[:columns, 1:rows][b]])
+    second = np.concatenate([corner[1:columns, 1:][a], corner[1:, 1:rows][b]])
+    return first, second
+
+
+def _components(
+    first: NDArray[np.int64], second: NDArray[np.int64], count: int
+) -> NDArray[np.int32]:
+    """(count,) number of the connected part of each vertex, given the edges first-second."""
+    graph = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of successive true flags."""
+    stops = np.flatnonzero(~np.concatenate([[False], flags, [False]]))
+    return int(np.diff(stops).max()) - 1

@@ -1,0 +1,391 @@
+"""The pattern of crushing and cracking, in figures: what the paper's pictures show.
+
+Every function takes an instant (or several, in order of time) and its scene, and gives None where
+its question has no answer: nothing is crushed, or nothing hits the block. SI units.
+
+The impactor's path is the strip between the vertical lines through the ends of its outline, over
+the block's whole height. A cell belongs to it by its centre in the reference configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from taichi_foam.analysis.crush import crushed_cells, permanent_strain, worst_strain
+from taichi_foam.analysis.fragments import Crack, parts
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Block, Foam, Impactor, Scene
+from taichi_foam.scene.outline import lower_chain
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SPLIT_FRACTION = 0.1
+"""A crack splits the block when it comes this near to the bottom, as a share of the height."""
+
+ELASTIC_YIELDS = 2.0
+"""Foam counts as deformed for good beyond this many yield strains.
+
+One would be too few: the plateau is level, so that all foam below a crushed layer stands at the
+yield stress, a little beyond the yield strain.
+"""
+
+WORST_SHARE = 0.1
+"""The worst crushed cells are this share of all that are crushed."""
+
+
+@dataclass(frozen=True)
+class CrushedRegion:
+    """The largest patch of crushed cells that share sides.
+
+    columns, rows  first and last index
+    width, height  m, extent in the reference configuration
+    height_left    m, what is left of its height once it is unloaded: in each of its columns the
+                   lasting heights of the crushed cells are summed (a cell is half its bonds
+                   upwards and downwards; a top cell's missing half is like the other); the median
+                   over the columns
+    fill           share of its bounding box that is crushed: 1 for a rectangle, 0.79 for half an
+                   ellipse, 0.5 for a triangle
+    """
+
+    columns: tuple[int, int]
+    rows: tuple[int, int]
+    width: float
+    height: float
+    height_left: float
+    fill: float
+
+
+@dataclass(frozen=True)
+class TopCracks:
+    """Tensile cracks that open at the top surface, beside the impactor.
+
+    count       bonds of the top row that have opened
+    depth       m, how far down the deepest of these cracks goes
+    first_time  s, when the first bond of the top row broke; None without any
+    """
+
+    count: int
+    depth: float
+    first_time: float | None
+
+
+# --- crushing -----------------------------------------------------------------------------------
+
+
+def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
+    """The largest connected patch of crushed cells; None if there is none."""
+    block = scene.block
+    patch = _largest_patch(crushed_cells(snapshot, scene.foam))
+    if patch is None:
+        return None
+    columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
+    across, up = int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)
+    links = block.dy * (1.0 + permanent_strain(snapshot.e_min_b, scene.foam))
+    cells = np.empty(patch.shape)
+    cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
+    cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
+    heights = np.where(patch, cells, 0.0).sum(axis=1)[columns]
+    return CrushedRegion(
+        columns=(int(columns[0]), int(columns[-1])),
+        rows=(int(rows[0]), int(rows[-1])),
+        width=across * block.dx,
+        height=up * block.dy,
+        height_left=float(np.median(heights)),
+        fill=float(np.count_nonzero(patch) / (across * up)),
+    )
+
+
+def boundary_cells(snapshot: Snapshot, scene: Scene) -> tuple[float, float] | None:
+    """How many cells lie between crushed and elastic foam: beside the crushed region and below it.
+
+    From the region's last crushed cell outwards (in each of its rows, to both sides; in each of its
+    columns, downwards) those cells are counted, one after another, that are deformed for good but
+    not crushed; means over the rows and sides, and over the columns. 0 is the sharpest boundary.
+    """
+    patch = _largest_patch(crushed_cells(snapshot, scene.foam))
+    if patch is None:
+        return None
+    lasting = _deformed_for_good(snapshot, scene.foam)
+    rows, columns = patch.any(axis=0), patch.any(axis=1)
+    sides = [
+        *_cells_beyond(patch.T[rows], lasting.T[rows]),
+        *_cells_beyond(patch.T[rows][:, ::-1], lasting.T[rows][:, ::-1]),
+    ]
+    below = _cells_beyond(patch[columns][:, ::-1], lasting[columns][:, ::-1])
+    return float(np.mean(sides)), float(np.mean(below))
+
+
+def crushed_outside(snapshot: Snapshot, scene: Scene, margin: float) -> float | None:
+    """Share of the crushed cells that lie further than `margin` [m] beside the impactor's path.
+
+    One cell is the least margin with a meaning: a bond across the path's edge that is crushed
+    makes a crushed cell on both its sides.
+    """
+    crushed = crushed_cells(snapshot, scene.foam)
+    if scene.impactor is None or not crushed.any():
+        return None
+    inside = _path_columns(scene, scene.impactor, margin)
+    return float(np.count_nonzero(crushed[~inside]) / np.count_nonzero(crushed))
+
+
+def severity_by_row(snapshot: Snapshot, scene: Scene) -> Array | None:
+    """(rows,) mean worst compressive strain (positive) in the impactor's path, the top first."""
+    if scene.impactor is None:
+        return None
+    inside = _path_columns(scene, scene.impactor)
+    if not inside.any():
+        return None
+    return -worst_strain(snapshot.e_min_a, snapshot.e_min_b)[inside].mean(axis=0)[::-1]
+
+
+def severity_falls(snapshot: Snapshot, scene: Scene) -> float | None:
+    """How strictly severity falls with the distance from the impactor's face: 1 always, 0 never.
+
+    Of all pairs of rows in the crushed region, the share in which the row nearer to the face is
+    the worse crushed; equal rows count half. It is (1 + Kendall's tau) / 2, and 0.5 for a region
+    that is crushed evenly: the step at its lower side does not count.
+    """
+    severity, region = severity_by_row(snapshot, scene), crushed_region(snapshot, scene)
+    if severity is None or region is None or region.rows[0] == region.rows[1]:
+        return None
+    lowest, highest = region.rows
+    crushed = severity[severity.size - 1 - highest : severity.size - lowest]
+    nearer, further = np.triu_indices(crushed.size, k=1)
+    return float(0.5 + 0.5 * np.sign(crushed[nearer] - crushed[further]).mean())
+
+
+def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
+    """Share of the worst crushed cells that lie beneath the impactor now.
+
+    The worst are WORST_SHARE of the crushed cells, those with the largest compressive strain (and
+    equals of the last one). Beneath is the impactor's width below the level where its nose is fully
+    in: under a cylinder, its lower half and not its flanks.
+    """
+    crushed = crushed_cells(snapshot, scene.foam)
+    if scene.impactor is None or not crushed.any():
+        return None
+    strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
+    count = ceil(WORST_SHARE * np.count_nonzero(crushed))
+    worst = strain <= np.sort(strain[crushed])[count - 1]
+    # A flat face has no nose; its contact lets mass points sink in by a part of a cell.
+    level = snapshot.impactor_y + max(scene.impactor.nose_depth, scene.block.dy)
+    left, right = _ends(scene.impactor)
+    x = snapshot.position[..., 0]
+    beneath = (left < x) & (x < right) & (snapshot.position[..., 1] < level)
+    return float(np.count_nonzero(worst & beneath) / np.count_nonzero(worst))
+
+
+def crushed_along_faces(snapshot: Snapshot, scene: Scene, margin: float) -> float | None:
+    """Share of the crushed cells that are now within `margin` [m] of the cavity.
+
+    The cavity is what the impactor has swept: its lower faces, and straight walls above its ends.
+    """
+    crushed = crushed_cells(snapshot, scene.foam)
+    if scene.impactor is None or not crushed.any():
+        return None
+    place = np.array([scene.impactor.x, snapshot.impactor_y])
+    chain = lower_chain(scene.impactor.outline()) + place
+    distance = _distance_from_cavity(snapshot.position[crushed], chain)
+    return float(np.count_nonzero(distance <= margin) / distance.size)
+
+
+def crushed_left(snapshot: Snapshot, scene: Scene) -> float | None:
+    """Share of the crushed cells left of the impactor's axis; cells on the axis count half."""
+    crushed = crushed_cells(snapshot, scene.foam)
+    if scene.impactor is None or not crushed.any():
+        return None
+    sides = np.sign(np.round((_column_x(scene.block) - scene.impactor.x) / scene.block.dx, 6))
+    return float(0.5 - 0.5 * np.repeat(sides, crushed.sum(axis=1)).mean())
+
+
+def crushed_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
+    """Share of the crushed cells that lie lower now than the impactor's lowest point."""
+    crushed = crushed_cells(snapshot, scene.foam)
+    if scene.impactor is None or not crushed.any():
+        return None
+    lower = snapshot.position[..., 1] < snapshot.impactor_y
+    return float(np.count_nonzero(crushed & lower) / np.count_nonzero(crushed))
+
+
+def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
+    """How far below the impactor's lowest point foam is deformed for good [m].
+
+    To the lowest side of the deformed cells that lie now in the middle half of the impactor's width
+    (half a cell below their mass points, at most); 0 where none of them is lower than it.
+    """
+    if scene.impactor is None:
+        return None
+    depth = snapshot.impactor_y - snapshot.position[..., 1] + scene.block.dy / 2
+    lasting = _deformed_for_good(snapshot, scene.foam) & _middle_half(snapshot, scene.impactor)
+    return float(depth[lasting].max(initial=0.0))
+
+
+# --- cracking -----------------------------------------------------------------------------------
+
+
+def crack_reach(crack: Crack | None, block: Block) -> float:
+    """Share of the block's height that lies above a crack's lowest end; 0 without a crack."""
+    return 1.0 - crack.lowest_height / block.height if crack else 0.0
+
+
+def splits(crack: Crack | None, block: Block) -> bool:
+    """Whether a crack below the impactor comes within SPLIT_FRACTION of the height of the bottom.
+
+    It cannot come to zero where the base grips the bottom row: that row never opens, and beside it,
+    where the halves turn as on a hinge, the crack is hardly open.
+    """
+    return crack_reach(crack, block) >= 1.0 - SPLIT_FRACTION - 1e-9
+
+
+def second_part(snapshot: Snapshot, block: Block) -> float:
+    """Share of all mass points that the second largest part above the base has; 0 without one.
+
+    The base is SPLIT_FRACTION of the block's height: gripped, it holds halves together that a crack
+    has parted (see `splits`).
+    """
+    return _second(_above_base(snapshot, block), slice(None)) / snapshot.position[..., 0].size
+
+
+def second_half(snapshot: Snapshot, block: Block) -> float:
+    """The same of the parts that stand on the base.
+
+    A block that a vertical crack has split has two of nearly the same size. What was torn off
+    sideways, above a layer that is left on the base, does not count.
+    """
+    above = _above_base(snapshot, block)
+    return _second(above, np.unique(above[:, 0])) / snapshot.position[..., 0].size
+
+
+def crack_from_tip(crack: Crack, snapshots: Sequence[Snapshot], scene: Scene) -> float | None:
+    """Distance between a crack's start and the impactor's lowest point at that time [m].
+
+    The start is a point of the reference configuration; foam ahead of a tip has hardly moved.
+    """
+    if scene.impactor is None or not snapshots:
+        return None
+    times = [snapshot.time for snapshot in snapshots]
+    tip = np.interp(crack.start_time, times, [snapshot.impactor_y for snapshot in snapshots])
+    return float(np.hypot(crack.start_x - scene.impactor.x, crack.start_height - tip))
+
+
+def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
+    """Tensile cracks of the top surface within one impactor's width beside the impactor.
+
+    A bond A has opened in tension when it is broken in the last snapshot and has stood
+    further apart than the tensile strain in any of them; a shear tear hardly lengthens its
+    bond. Its edge must lie more than half a cell outside the impactor's path, whose flanks
+    tear the foam off. Cracks begin in the top row, and go down as long as the next row has an
+    opened bond in the same or a neighbouring column.
+    """
+    if scene.impactor is None or not snapshots:
+        return None
+    dx, dy = scene.block.dx, scene.block.dy
+    left, right = _ends(scene.impactor)
+    edge = (_column_x(scene.block)[1:] + _column_x(scene.block)[:-1]) / 2
+    outside = np.maximum(left - edge, edge - right)
+    near = (outside > dx / 2) & (outside <= right - left)
+
+    lengths = np.max(
+        [np.linalg.norm(np.diff(s.position, axis=0), axis=2) for s in snapshots], axis=0
+    )
+    last = snapshots[-1]
+    opened = last.broken_a & (lengths / dx - 1 > scene.foam.tensile_strain) & near[:, None]
+    top = opened[:, -1]
+    rows, reached = 0, top
+    while reached.any():
+        rows += 1
+        if rows == opened.shape[1]:
+            break
+        reached = opened[:, -1 - rows] & ndimage.binary_dilation(reached)
+    times = last.break_time_a[top, -1]
+    return TopCracks(
+        count=int(np.count_nonzero(top)),
+        depth=rows * dy,
+        first_time=float(times.min()) if times.size else None,
+    )
+
+
+# --- parts --------------------------------------------------------------------------------------
+
+
+def _largest_patch(crushed: Flags) -> Flags | None:
+    """The largest set of crushed cells that share sides, (columns, rows); None without any."""
+    patches = np.zeros(crushed.shape, dtype=np.int32)
+    if ndimage.label(crushed, output=patches) == 0:
+        return None
+    return patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
+
+
+def _deformed_for_good(snapshot: Snapshot, foam: Foam) -> Flags:
+    """(columns, rows) whether a cell was compressed beyond ELASTIC_YIELDS yield strains."""
+    strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
+    return strain < ELASTIC_YIELDS * foam.yield_strain
+
+
+def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
+    """In each line (n, m), how many lasting cells follow on the last crushed one."""
+    lines = zip(crushed, lasting, strict=True)
+    beyond = [lasts[np.flatnonzero(crush)[-1] + 1 :] for crush, lasts in lines]
+    return [int(np.argmin(np.append(flags, False))) for flags in beyond]
+
+
+def _above_base(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
+    """The number of the part of each mass point, the base's rows left out."""
+    return parts(snapshot, bottom_rows=int(SPLIT_FRACTION * block.rows + 1e-9))
+
+
+def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int:
+    """Mass points of the second largest of the chosen parts; 0 without one."""
+    sizes = np.sort(np.bincount(labels.ravel())[chosen])
+    return int(sizes[-2]) if sizes.size > 1 else 0
+
+
+def _column_x(block: Block) -> Array:
+    """(columns,) x of the cells' centres in the reference configuration [m]."""
+    return np.asarray((np.arange(block.columns) - (block.columns - 1) / 2) * block.dx, np.float64)
+
+
+def _ends(impactor: Impactor) -> tuple[float, float]:
+    """x of the left and right end of the impactor [m]."""
+    x = impactor.outline()[:, 0]
+    return float(impactor.x + x.min()), float(impactor.x + x.max())
+
+
+def _path_columns(scene: Scene, impactor: Impactor, margin: float = 0.0) -> Flags:
+    """(columns,) whether the cells of a column lie in the path, or within `margin` [m] of it."""
+    x, (left, right) = _column_x(scene.block), _ends(impactor)
+    slack = margin + 1e-6 * scene.block.dx
+    return (x > left - slack) & (x < right + slack)
+
+
+def _middle_half(snapshot: Snapshot, impactor: Impactor) -> Flags:
+    """(columns, rows) whether a mass point now lies in the middle half of the impactor's width."""
+    left, right = _ends(impactor)
+    return np.abs(snapshot.position[..., 0] - (left + right) / 2) <= (right - left) / 4
+
+
+def _distance_from_cavity(points: Array, chain: Array) -> Array:
+    """(n,) distance [m] of points (n, 2) from the region above a chain (k, 2) of faces; 0 inside.
+
+    The chain runs from left to right; above its ends the region has vertical walls.
+    """
+    # Above an end, the nearest point of the wall is at the point's own height.
+    x, y = points.T
+    walls = [np.hypot(x - end[0], np.minimum(y - end[1], 0.0)) for end in (chain[0], chain[-1])]
+    faces = [_distance_from_side(points, a, b) for a, b in pairwise(chain)]
+    inside = (x >= chain[0, 0]) & (x <= chain[-1, 0]) & (y >= np.interp(x, *chain.T))
+    return np.where(inside, 0.0, np.min([*walls, *faces], axis=0))
+
+
+def _distance_from_side(points: Array, a: Array, b: Array) -> Array:
+    """(n,) distance [m] of points (n, 2) from the straight line between two corners."""
+    along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.linalg.norm(points - a - along[:, None] * (b - a), axis=1)

@@ -1,0 +1,184 @@
+"""Scenes in and out: built-in names, TOML files, Python scripts; choice sets and overrides."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import runpy
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene.files import read_toml, titled, validated
+from taichi_foam.scene.messages import SHAPES, explain
+from taichi_foam.shim2000 import tests
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def load_scene(
+    source: str | Path | Scene, choices: str | None = None, overrides: Sequence[str] = ()
+) -> Scene:
+    """Load a scene and apply a choice set, then single values.
+
+    Args:
+        source: built-in name ("paper/wedge-2.86", "gallery/wave-bar"), a TOML file, a Python
+            script that defines `scene`, or a scene itself. A script's
+            `if __name__ == "__main__"` part does not run.
+        choices: key of `CHOICE_SETS`; None keeps the scene's own.
+        overrides: "block.rows=40" and the like, the later ones winning. A value is read as TOML,
+            otherwise as a plain word; `none` empties an optional key.
+
+    Raises:
+        UserError: no such source, an unreadable one, or a scene that cannot be.
+    """
+    if choices is not None and choices not in CHOICE_SETS:
+        raise UserError(f"choices = {choices!r}: must be one of {', '.join(CHOICE_SETS)}")
+    data = source if isinstance(source, Scene) else _read(source, choices)
+    if isinstance(data, Scene):
+        if choices is None and not overrides:
+            return data
+        data = data.model_dump(exclude_none=True)
+    # The paper's own tests have taken the set in already, the cylinder's radius included.
+    if choices is not None and str(source) not in tests.NAMES:
+        for key, value in CHOICE_SETS[choices].items():
+            if key.startswith("impactor.") and "impactor" not in data:
+                continue
+            _put(data, key, value)
+    for text in overrides:
+        _override(data, text)
+    return validated(data, source.name if isinstance(source, Scene) else str(source))
+
+
+def list_scenes() -> dict[str, str]:
+    """Return the built-in scenes: name and a one-line description."""
+    gallery = {name: _first_line(path) for name, path in _gallery().items()}
+    return {name: tests.describe(name) for name in tests.NAMES} | gallery
+
+
+def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
+    """Return the scene of a script or of the paper, or the raw data of a TOML file."""
+    name, path = str(source), Path(source)
+    if name in tests.NAMES:
+        return tests.paper_scene(name, choices or "calibrated")
+    gallery = _gallery()
+    path = gallery.get(name, path)
+    if not path.is_file():
+        raise UserError(_missing(name, path, gallery))
+    if path.suffix == ".toml":
+        return read_toml(path)
+    if path.suffix == ".py":
+        return _run_script(path)
+    raise UserError(
+        f"{name}: a scene is a .toml or a .py file, or a built-in name ('taichi-foam scenes' "
+        "lists them); rename the file"
+    )
+
+
+def _missing(name: str, path: Path, gallery: dict[str, Path]) -> str:
+    """Say what is wrong with a source that is no file, and which built-in name comes nearest."""
+    if path.is_dir():
+        return f"{name}: is a folder; a scene is a .toml or a .py file, or a built-in name"
+    near = difflib.get_close_matches(name, [*tests.NAMES, *gallery], n=1, cutoff=0.5)
+    guess = f"did you mean {near[0]}? " if near else ""
+    return (
+        f"{name}: no such file and no built-in scene of that name; {guess}"
+        "'taichi-foam scenes' lists the built-in ones"
+    )
+
+
+def _run_script(path: Path) -> Scene:
+    """Run a scene script and return its `scene`; its main part does not run."""
+    try:
+        names = runpy.run_path(str(path), run_name="taichi_foam_scene")
+    except ValidationError as error:
+        raise UserError(titled(_where(path, error), explain(error))) from None
+    except (Exception, SystemExit) as error:
+        what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise UserError(f"{_where(path, error)}: the script failed: {what}") from None
+    if "scene" not in names:
+        raise UserError(f"{path}: defines no `scene`; add scene = Scene(...)")
+    if not isinstance(names["scene"], Scene):
+        raise UserError(
+            f"{path}: `scene` is {type(names['scene']).__name__}, not taichi_foam.scene.Scene; "
+            "write scene = Scene(...)"
+        )
+    return names["scene"]
+
+
+def _where(path: Path, error: BaseException) -> str:
+    """Return "file:line" of the script's line that an exception came from."""
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(path)
+    ]
+    if isinstance(error, SyntaxError) and error.filename == str(path):
+        lines.append(error.lineno)
+    return f"{path}:{lines[-1]}" if lines else str(path)
+
+
+def _override(data: dict[str, Any], text: str) -> None:
+    """Apply one "key=value" to a scene's raw data."""
+    key, equals, word = text.partition("=")
+    key, word = key.strip(), word.strip()
+    if not equals or not all(key.split(".")) or not word:
+        raise UserError(f"--set {text}: must read KEY=VALUE, e.g. block.rows=40")
+    value = _parse(word)
+    if key == "impactor.shape" and isinstance(data.get("impactor"), dict) and value in SHAPES:
+        # Keys of the old shape that the new one lacks would be refused as unknown.
+        known = SHAPES[value].model_fields
+        data["impactor"] = {k: v for k, v in data["impactor"].items() if k in known}
+    _put(data, key, value)
+
+
+def _parse(word: str) -> Any:
+    """Return a value read as TOML, or the word itself; None for `none`."""
+    if word == "none":
+        return None
+    try:
+        table = tomllib.loads(f"value = {word}")
+    except tomllib.TOMLDecodeError:
+        return word
+    return table["value"] if table.keys() == {"value"} else word
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key in nested dictionaries, making tables on the way."""
+    *heads, last = key.split(".")
+    table = data
+    for head in heads:
+        table = table.setdefault(head, {})
+        if not isinstance(table, dict):
+            raise UserError(f"{key}: unknown key; {head} has no keys of its own")
+    table[last] = value
+
+
+def _gallery() -> dict[str, Path]:
+    """Return the scene files that come with the package, by built-in name."""
+    package = Path(__file__).parent
+    # In the wheel they lie inside the package, in a source tree beside it.
+    folder = next((f for f in (package / "gallery", package.parent / "scenes") if f.is_dir()), None)
+    files = sorted(folder.iterdir()) if folder else []
+    return {
+        f"gallery/{path.stem.replace('_', '-')}": path
+        for path in files
+        if path.suffix in (".py", ".toml")
+    }
+
+
+def _first_line(path: Path) -> str:
+    """Return the first line of a script's docstring, or of a TOML file's opening comment."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        text = ast.get_docstring(ast.parse(text)) or ""
+    return text.lstrip("# ").partition("\n")[0].strip()

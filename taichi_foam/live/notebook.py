@@ -1,0 +1,145 @@
+"""How scenes and results show themselves in a notebook: as a picture, key figures, a small film.
+
+IPython asks what is registered here; results themselves know nothing of pictures.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taichi_foam.results.result import Result
+    from taichi_foam.scene import Scene
+
+#: Widths of montage and film [pixels].
+MONTAGE, FILM = 1200, 640
+#: A film in a notebook has at most so many frames: it lies in the notebook's file.
+MOST_FRAMES = 150
+
+
+def install() -> None:
+    """Register with the IPython that runs this process, if one does. Loads nothing heavy."""
+    from IPython.core.getipython import get_ipython
+
+    shell = get_ipython()
+    if shell is None or shell.display_formatter is None:
+        return
+    # the formatters of a shell are a trait, which type checkers take for an object
+    formatter: Any = getattr(shell.display_formatter, "formatters")["text/html"]  # noqa: B009
+    formatter.for_type_by_name("taichi_foam.results.result", "Result", result_html)
+    formatter.for_type_by_name("taichi_foam.scene.whole", "Scene", scene_html)
+
+
+def result_html(result: Result) -> str:
+    """A run as HTML that needs nothing else: instants, key figures, and the film."""
+    from taichi_foam.analysis.measures import summary
+    from taichi_foam.picture.montage import montage
+
+    figures = _figures(result.scene, summary(result))
+    if result.run.get("interrupted"):
+        figures = "<p>interrupted: this is what there was until then</p>" + figures
+    if not result.snapshots:
+        return figures
+    picture = _picture(montage(result.snapshots, result.scene, width=MONTAGE))
+    return picture + _side_by_side(f"<div>{figures}</div>", _film(result))
+
+
+def scene_html(scene: Scene) -> str:
+    """A scene as HTML: how it starts, its impactor, and what differs from the defaults."""
+    from taichi_foam.engine.start import start_of
+    from taichi_foam.picture import raster
+
+    picture = raster.frame(start_of(scene), scene, (FILM, FILM * 9 // 16))
+    return _side_by_side(_picture(picture), _table(("", "value", ""), _given(scene)))
+
+
+def _side_by_side(*parts: str) -> str:
+    style = "display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start"
+    return f'<div style="{style}">{"".join(parts)}</div>'
+
+
+def _given(scene: Scene) -> list[tuple[str, ...]]:
+    """Key, value and meaning of what has not its default value, and of all of the impactor."""
+    from taichi_foam.scene import Numerics, Scene
+
+    plain = Scene(numerics=Numerics(end=1.0))
+    found = []
+    for name in ("block", "foam", "impactor", "base", "model", "numerics", "start", "output"):
+        part, default = getattr(scene, name), getattr(plain, name)
+        for key, field in type(part).model_fields.items() if part is not None else ():
+            value = getattr(part, key)
+            if name == "impactor" or value != getattr(default, key):
+                shown = f"{value:g}" if isinstance(value, float) else str(value)
+                found.append((f"{name}.{key}", shown, field.description or ""))
+    return found
+
+
+def _figures(scene: Scene, summary: dict[str, Any]) -> str:
+    """The key figures, beside the measured ones where there are any."""
+    from taichi_foam.shim2000.compare import COMPARED, comparison
+
+    measured = comparison(scene.name, summary)["measured"]
+    known = any(value is not None for value in measured.values())
+    rows = []
+    for quantity in COMPARED:
+        value = summary[quantity.key]
+        if value is None and measured[quantity.key] is None:
+            continue
+        row = [f"{quantity.label} ({quantity.unit})", quantity.text(value)]
+        if known:
+            row.append(
+                "" if measured[quantity.key] is None else quantity.text(measured[quantity.key])
+            )
+        rows.append(tuple(row))
+    return _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A table; columns without a head are words, the others figures."""
+    plain = [k for k, words in enumerate(head) if not words]
+
+    def line(tag: str, cells: tuple[str, ...]) -> str:
+        sides = ("left" if k in plain else "right" for k in range(len(cells)))
+        return "<tr>{}</tr>".format(
+            "".join(
+                f'<{tag} style="padding:.1em .6em;text-align:{side}">{html.escape(text)}</{tag}>'
+                for side, text in zip(sides, cells, strict=True)
+            )
+        )
+
+    body = "".join(line("td", row) for row in rows)
+    return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
+
+
+def _picture(image: NDArray) -> str:
+    from PIL import Image
+
+    file = io.BytesIO()
+    # Few colours: a palette halves what a notebook's file has to hold.
+    Image.fromarray(image).quantize(192).save(file, "PNG", optimize=True)
+    return f'<img style="max-width:100%" src="{_data("image/png", file.getvalue())}">'
+
+
+def _film(result: Result) -> str:
+    """The run as a film that plays in the page; the last picture stays."""
+    from taichi_foam.picture import films, movie
+
+    output = result.scene.output
+    every = -(-len(result.snapshots) // MOST_FRAMES)
+    size = films.scaled(output.width, output.height, FILM)
+    with tempfile.TemporaryDirectory() as folder:
+        pictures = movie.frames(result.snapshots[::every], result.scene, size)
+        path = movie.save_mp4(pictures, Path(folder) / "film.mp4", output.fps)
+        data = _data("video/mp4", path.read_bytes())
+    return f'<video controls muted loop autoplay width="{size[0]}" src="{data}"></video>'
+
+
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -1,0 +1,38 @@
+"""One instant of a lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One instant of one lattice of I x J mass points; `results.result` gives the units."""
+
+    time: float
+    impactor_y: float
+    position: Array
+    velocity: Array
+    e_min_a: Array
+    e_min_b: Array
+    break_time_a: Array
+    break_time_b: Array
+
+    def __repr__(self) -> str:
+        columns, rows = self.position.shape[:2]
+        return f"<Snapshot of {columns} x {rows} mass points at {self.time:.6g} s>"
+
+    @property
+    def broken_a(self) -> NDArray[np.bool_]:
+        """(I-1, J) whether bond A(i,j) is broken."""
+        return ~np.isnan(self.break_time_a)
+
+    @property
+    def broken_b(self) -> NDArray[np.bool_]:
+        """(I, J-1) whether bond B(i,j) is broken."""
+        return ~np.isnan(self.break_time_b)

@@ -1,0 +1,1 @@
+"""A run in memory and on disk: results and their folders."""

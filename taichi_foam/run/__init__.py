@@ -1,0 +1,1 @@
+"""Running scenes: one, many, or a little at a time."""

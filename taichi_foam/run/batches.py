@@ -1,0 +1,337 @@
+"""Calls of the engine: scenes on the device, call by call, and what comes back of them.
+
+`simulation` runs scenes to their ends on this, `drop` advances one a little at a time.
+"""
+
+import contextlib
+import math
+import platform
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+
+import numpy as np
+import taichi as ti
+
+from taichi_foam.engine import loading, runtime, stepper
+from taichi_foam.engine.lattice import (
+    AT_END_TIME,
+    AT_REBOUND,
+    CROWDED,
+    NOT_FINITE,
+    RUNNING,
+    Lattice,
+    borrowed,
+)
+from taichi_foam.engine.ledger import ROW_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
+from taichi_foam.version import __version__
+
+# A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
+CALL_SECONDS = 0.075
+MOST_STEPS = 1_000_000
+
+# Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
+MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
+MOST_LATTICES = {"cpu": 64, "gpu": 4096}
+
+ENDINGS = {
+    RUNNING: "interrupt",
+    AT_END_TIME: "end time",
+    AT_REBOUND: "rebound",
+    NOT_FINITE: "values that went astray",
+    CROWDED: "a full neighbour list",
+}
+
+
+@dataclass
+class Wall:
+    """What the engine has done so far: seconds, and steps and stages of nodes of all lattices."""
+
+    seconds: float = 0.0
+    steps: int = 0
+    node_stages: int = 0
+
+
+@dataclass
+class Run:
+    """What one lattice has given so far."""
+
+    scene: Scene
+    index: int
+    begun: Wall
+    batch: int
+    rows: list[np.ndarray] = field(default_factory=list)
+    snapshots: list[Snapshot] = field(default_factory=list)
+    status: int = RUNNING
+    time: float = 0.0
+    report: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def ended(self) -> bool:
+        """Whether it takes no more steps, for good or for ill."""
+        return self.status != RUNNING
+
+    @property
+    def next_snapshot(self) -> float:
+        """Time of the next snapshot [s]: a multiple of the interval, the first at the start."""
+        return len(self.snapshots) * self.scene.output.snapshot_interval
+
+    @property
+    def fraction(self) -> float:
+        """How much of the run is done: by time, or by how much of the velocity is spent."""
+        numerics, impactor = self.scene.numerics, self.scene.impactor
+        if self.ended:
+            return 1.0
+        done = self.time / numerics.latest_end
+        if numerics.end == "rebound" and impactor is not None and self.rows:
+            start = self.rows[0][0, ROW_COLUMNS.index("v")]
+            now = self.rows[-1][-1, ROW_COLUMNS.index("v")]
+            if start < 0.0:
+                done = max(done, 1.0 - now / start)
+        return float(np.clip(done, 0.0, 1.0))
+
+    @property
+    def failure(self) -> str | None:
+        """When and where the run failed, if it did, and what to do."""
+        node, rows = int(self.report.get("bad_node", 0)), self.scene.block.rows
+        if self.status == CROWDED:
+            return (
+                f"{self.scene.name}: at {self.time * 1e3:.4f} ms more pieces touch than the "
+                "neighbour list holds; set model.self_contact = false or take a finer lattice"
+            )
+        if self.status == NOT_FINITE:
+            return (
+                f"{self.scene.name}: went astray at {self.time * 1e3:.4f} ms, first at node "
+                f"({node // rows}, {node % rows}): values that are not finite, or beyond all "
+                "measure; take a smaller numerics.dt, or 'auto'"
+            )
+        return None
+
+    def rows_since(self, since: int) -> np.ndarray:
+        """The rows (n, 18) that have come after the first `since`."""
+        late: list[np.ndarray] = []
+        before = sum(map(len, self.rows))
+        for rows in reversed(self.rows):
+            if before <= since:
+                break
+            before -= len(rows)
+            late.append(rows[max(since - before, 0) :])
+        return np.concatenate(late[::-1]) if late else np.empty((0, len(ROW_COLUMNS)))
+
+
+class Slots:
+    """The places of a borrowed lattice's batch, the runs in them, and the size of calls.
+
+    runs  those in their places, in order, also what has ended and was not cleared
+    """
+
+    def __init__(self, lattice: Lattice, wall: Wall) -> None:
+        """What the engine does is added to `wall`."""
+        self._lattice = lattice
+        self._wall = wall
+        self._advance = stepper.advance_of(lattice)
+        self._places: list[Run | None] = [None] * lattice.batch
+        # of the whole batch, from the last call that took all the steps it was to take
+        self._steps_per_second = 0.0
+        self._is_compiled = False
+
+    @property
+    def runs(self) -> list[Run]:
+        return [run for run in self._places if run is not None]
+
+    def fill(self, waiting: list[tuple[int, Scene]]) -> None:
+        """Load scenes, each with its index, from the end of `waiting` into empty places."""
+        lattice = self._lattice
+        for b in range(lattice.batch):
+            if self._places[b] is None and waiting:
+                index, scene = waiting.pop()
+                loading.load(lattice, b, scene)
+                stepper.prepare(lattice, b)
+                first = [loading.snapshot(lattice, b)]
+                begun = replace(self._wall)
+                self._places[b] = Run(scene, index, begun, lattice.batch, snapshots=first)
+        if not self._is_compiled:
+            # a call that steps nothing, and is not counted
+            loading.set_pause(lattice, np.zeros(lattice.batch))
+            self._advance(lattice, 1)
+            loading.harvest(lattice)
+            self._is_compiled = True
+
+    def advance(self, seconds: float, until: float = math.inf) -> None:
+        """One call of the engine, which takes about `seconds` of wall time.
+
+        It ends sooner for a run whose next snapshot is due or whose rows on the device are full,
+        or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs.
+        """
+        pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
+        loading.set_pause(self._lattice, np.array(pauses))
+        most_steps = int(np.clip(self._steps_per_second * seconds, 1, MOST_STEPS))
+        start = time.perf_counter()
+        self._advance(self._lattice, most_steps)
+        ti.sync()
+        took = time.perf_counter() - start
+        self._wall.seconds += took
+        taken = self._collect()
+        # what one call costs apart from its steps says little of how fast these go, so that calls
+        # cut short by a pause do not count
+        if taken >= most_steps or took > seconds:
+            self._steps_per_second = taken / max(took, 1e-6)
+
+    def _collect(self) -> int:
+        """Take the rows that a call has left, and the snapshots that are due.
+
+        Returns the most steps that it has taken with any run.
+        """
+        standing, rows = loading.harvest(self._lattice)
+        most = 0
+        for b, run in enumerate(self._places):
+            if run is None:
+                continue
+            before = run.report.get("steps", 0)
+            run.report = {name: float(values[b]) for name, values in standing.items()}
+            run.status, run.time = int(run.report["status"]), run.report["time"]
+            taken = int(run.report["steps"] - before)
+            most = max(most, taken)
+            self._wall.steps += taken
+            self._wall.node_stages += 4 * self._lattice.nodes * taken
+            if len(rows[b]):
+                run.rows.append(rows[b])
+            if run.ended or run.time >= run.next_snapshot:
+                if run.snapshots and run.snapshots[-1].time == run.time:
+                    run.snapshots.pop()  # the run has ended where its last snapshot was due
+                run.snapshots.append(loading.snapshot(self._lattice, b))
+        return most
+
+    def now(self, b: int) -> Snapshot:
+        """The run in place `b` at this instant; it is not recorded."""
+        return loading.snapshot(self._lattice, b)
+
+    def clear_ended(self) -> None:
+        """Make room where runs have ended."""
+        for b, run in enumerate(self._places):
+            if run is not None and run.ended:
+                loading.unload(self._lattice, b)
+                self._places[b] = None
+
+
+@contextlib.contextmanager
+def borrowed_slots(batch: int, columns: int, rows: int, wall: Wall) -> Iterator[Slots]:
+    """Slots on a lattice of these counts, which goes back empty."""
+    with borrowed(batch, columns, rows) as lattice:
+        try:
+            yield Slots(lattice, wall)
+        finally:
+            for b in range(batch):
+                loading.unload(lattice, b)
+
+
+def advance_all(scenes: Sequence[Scene], wall: Wall) -> Iterator[list[Run]]:
+    """Advance scenes call by call; yields the runs on the device after each.
+
+    A run is yielded for the last time with the status that ended it.
+    """
+    counts = [(scene.block.columns, scene.block.rows) for scene in scenes]
+    order = sorted(range(len(scenes)), key=lambda index: counts[index])
+    for (columns, rows), group in groupby(order, key=lambda index: counts[index]):
+        waiting = [(index, scenes[index]) for index in group][::-1]
+        runtime.start()
+        batch = _batch_size(len(waiting), columns * rows)
+        with borrowed_slots(batch, columns, rows, wall) as slots:
+            while waiting or slots.runs:
+                slots.fill(waiting)
+                slots.advance(CALL_SECONDS)
+                yield slots.runs
+                slots.clear_ended()
+
+
+def _batch_size(scenes: int, nodes: int) -> int:
+    """Lattices at a time: a power of two, so that few sizes are ever compiled."""
+    device = "cpu" if runtime.settings()["arch"] == "cpu" else "gpu"
+    most = max(1, min(MOST_LATTICES[device], MOST_NODES[device] // nodes))
+    return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
+
+
+def result_of(run: Run, wall: Wall, interrupted: bool = False) -> Result:
+    """Everything that a run has given, and how it was computed. It must have taken a call."""
+    seconds = wall.seconds - run.begun.seconds
+    node_stages = wall.node_stages - run.begun.node_stages
+    return Result(
+        scene=run.scene,
+        history=history_of(run.scene, run.rows_since(0)),
+        snapshots=run.snapshots,
+        run={
+            "ended_by": ENDINGS[run.status],
+            "interrupted": interrupted,
+            "steps": int(run.report["steps"]),
+            "dt_min_s": run.report["shortest"],
+            "dt_max_s": run.report["longest"],
+            "max_overlap_m": run.report["overlap"],
+            "batch": run.batch,
+            "wall_s": seconds,
+            "node_stages_per_s": node_stages / max(seconds, 1e-9),
+            **runtime.settings(),
+            "taichi_foam": __version__,
+            "taichi": ".".join(map(str, ti.__version__)),
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+            "machine": platform.platform(),
+        },
+    )
+
+
+def history_of(scene: Scene, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The history's columns from rows of the engine: signs and sums as people report them.
+
+    rows  (n, 18), columns as in `ledger.ROW_COLUMNS`; from the first row of the run on, n may be 0
+    Returns one array (n,) for each of `result.HISTORY_COLUMNS`.
+
+    Work counts from the first row; crushing is what the normal stresses took up beyond what they
+    still store or lost by breaking. The residual is the energy that no column accounts for.
+    """
+    # filters take a second to load: after the run, not before it
+    from taichi_foam.analysis.smoothing import smooth_deceleration
+
+    of = dict(zip(ROW_COLUMNS, rows.T, strict=True))
+    impactor = scene.impactor
+    mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
+    t, y, v = of["time"], of["y"], of["v"]
+    interval = np.diff(t, prepend=t[:1])
+    deceleration = np.divide(
+        np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
+    )
+    stored = of["stored"]
+    normal = of["faces"] - of["shear"] - of["dashpots"]
+    crushing = normal - (stored - stored[:1]) - of["fracture"]
+    potential = of["potential"] + mass * gravity * y
+    energies = {
+        "impactor_kinetic_J": 0.5 * mass * v**2,
+        "foam_kinetic_J": of["kinetic"],
+        "strain_J": stored,
+        "crushing_J": crushing,
+        "shear_J": of["shear"],
+        "damping_J": of["dashpots"] + of["drag"],
+        "friction_J": of["friction"],
+        "contact_J": of["impactor"],
+        "self_contact_J": of["self_contact"],
+        "fracture_J": of["fracture"],
+        "base_J": of["base"],
+        "gravity_J": potential - potential[:1],
+    }
+    total = np.sum(list(energies.values()), axis=0)
+    start = scene.contact_height + impactor.gap if impactor else np.nan
+    return {
+        "time_s": t,
+        "displacement_m": (start - y) if impactor else np.zeros_like(t),
+        "velocity_m_s": -v,
+        "deceleration_m_s2": deceleration,
+        "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),
+        "contact_force_N": of["force"],
+        **energies,
+        "residual_J": total[:1] - total,
+        "broken_bonds": of["broken"],
+        "dt_s": of["step"],
+    }

@@ -1,0 +1,121 @@
+"""Progress on a terminal: bars with the rate and the time left, and a line for each stage done.
+
+Without a terminal (a log, a pipe) there are only the lines.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from taichi_foam.run.simulation import Progress as Standing
+
+
+class Bars:
+    """Shows how far each stage of a long piece of work is.
+
+    seconds  wall time of each stage so far, by its name, in the order in which they ended
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        """`console` None: show nothing, only keep the time."""
+        self._console = console
+        self.seconds: dict[str, float] = {}
+
+    @contextlib.contextmanager
+    def computing(self, what: str) -> Iterator[Callable[[Standing], None]]:
+        """A bar for a run or a batch; yields the callback for `simulation.run_many`."""
+        with self._stage("computing", what, f"computing {what}", 1.0) as (show, close):
+            last: list[Standing] = []
+
+            def update(standing: Standing) -> None:
+                last[:] = [standing]
+                pace = standing.steps / max(standing.wall, 1e-9)
+                done = f"{1e3 * standing.time:.1f} ms"
+                if standing.of > 1:
+                    done = f"{standing.finished} of {standing.of} runs"
+                show(standing.fraction, f"{done}, {_count(pace)} steps/s")
+
+            yield update
+            if last:
+                steps, wall = last[0].steps, last[0].wall
+                close(f"{steps:,} steps, {_count(steps / max(wall, 1e-9))} steps/s")
+
+    @contextlib.contextmanager
+    def counting(self, name: str, what: str, total: int, unit: str) -> Iterator[Callable[[], None]]:
+        """A bar for `total` equal pieces of work; call what it yields after each."""
+        with self._stage(name, what, what, total) as (show, close):
+            done, start = 0, time.perf_counter()
+
+            def advance() -> None:
+                nonlocal done
+                done += 1
+                pace = done / max(time.perf_counter() - start, 1e-9)
+                show(done, f"{done} of {total} {unit}, {pace:.0f}/s")
+
+            yield advance
+            close(f"{done} {unit}")
+
+    @contextlib.contextmanager
+    def _stage(
+        self, name: str, short: str, what: str, total: float
+    ) -> Iterator[tuple[Callable[[float, str], None], Callable[[str], None]]]:
+        """Yields what moves the bar, and what sets the words in brackets of the closing line.
+
+        Bars fit 80 columns: `short` stands beside them, `what` in the closing line.
+        """
+        start, closing = time.perf_counter(), ""
+
+        def close(words: str) -> None:
+            nonlocal closing
+            closing = words
+
+        bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=14),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TextColumn("{task.fields[detail]}", style="dim"),
+            TimeRemainingColumn(),
+            TextColumn("left", style="dim"),
+            console=self._console,
+            transient=True,
+            disable=self._console is None or not self._console.is_terminal,
+        )
+        try:
+            with bar:
+                # Without a total the bar swings until the first news, as while kernels compile.
+                task = bar.add_task(_cut(short), total=None, detail="preparing")
+                yield (
+                    lambda done, detail: bar.update(
+                        task, completed=done, total=total, detail=detail
+                    ),
+                    close,
+                )
+        finally:
+            took = time.perf_counter() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + took
+        self.say(f"{what}: {took:.1f} s" + (f" ({closing})" if closing else ""))
+
+    def say(self, text: str) -> None:
+        """A line of plain text, whole where there is no terminal to fit it to."""
+        if self._console is not None:
+            self._console.print(Text(text), soft_wrap=not self._console.is_terminal)
+
+
+def _count(number: float) -> str:
+    """A number of steps for people: 940, 9.4k, 1.2M."""
+    for size, letter in ((1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.3g}{letter}"
+    return f"{number:.0f}"
+
+
+def _cut(text: str, length: int = 22) -> str:
+    return text if len(text) <= length else f"{text[: length - 1]}…"

@@ -1,0 +1,131 @@
+"""Run scenes, one or many.
+
+    from taichi_foam import run
+    from taichi_foam.shim2000.tests import paper_scene
+    result = run(paper_scene("paper/wedge-2.86"))
+
+`simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as
+they come; `run` and `run_many` return results. All start Taichi with its defaults unless
+`engine.runtime.start` has been called before.
+"""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
+
+from taichi_foam.errors import RunError
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.run import batches
+from taichi_foam.run.batches import Run, Wall
+from taichi_foam.scene import Scene
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run or a batch of runs stands, once per call of the engine."""
+
+    time: float  # of the slowest lattice on the device [s]
+    fraction: float  # 0 to 1; an impact ends when its velocity is spent
+    steps: int  # of all lattices together
+    wall: float  # [s]
+    finished: int = 0
+    of: int = 1
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+def simulate(scene: Scene) -> Iterator[Snapshot]:
+    """Step through `scene`, yielding a snapshot every `output.snapshot_interval`.
+
+    Raises:
+        RunError: the run met values that are not finite, or too many pieces in one place.
+    """
+    given = 0
+    for runs in batches.advance_all([scene], Wall()):
+        yield from runs[0].snapshots[given:]
+        given = len(runs[0].snapshots)
+        _raise_on_failure(runs)
+
+
+def simulate_many(
+    scenes: Sequence[Scene], on_progress: ProgressCallback | None = None
+) -> Generator[tuple[int, Result], None, None]:
+    """Run scenes side by side, yielding each one's place in `scenes` and its result as it ends.
+
+    They may differ in everything. Those with the same lattice counts share a batch, one lattice on
+    each CPU thread, and a lattice that has ended makes room for the next. Nothing is kept of what
+    has been yielded. A result does not depend, to the last bit, on what else is run.
+
+    A run that fails is yielded like any other; `run["ended_by"]` says why it ended.
+    """
+    wall = Wall()
+    finished = 0
+    for runs in batches.advance_all(scenes, wall):
+        ended = [run for run in runs if run.ended]
+        finished += len(ended)
+        if on_progress is not None:
+            on_progress(_progress(runs, wall, finished, len(scenes)))
+        for run in ended:
+            yield run.index, batches.result_of(run, wall)
+
+
+def run(scene: Scene, on_progress: ProgressCallback | None = None) -> Result:
+    """Run `scene` to its end and return everything it gave.
+
+    Ctrl-C ends it early: the result then holds what there is, with `interrupted` set.
+
+    Raises:
+        RunError: as `simulate`; its `results` hold what came before.
+    """
+    return run_many([scene], on_progress)[0]
+
+
+def run_many(scenes: Sequence[Scene], on_progress: ProgressCallback | None = None) -> list[Result]:
+    """Run scenes as `simulate_many` does, and return their results in order.
+
+    Ctrl-C ends it early: there are then results of the scenes that were begun, those that had not
+    ended with `interrupted` set.
+
+    Raises:
+        RunError: as `run`, once all others have ended; its `results` hold everything.
+    """
+    wall = Wall()
+    begun: dict[int, Run] = {}
+    results: dict[int, Result] = {}
+    try:
+        for runs in batches.advance_all(scenes, wall):
+            begun.update((run.index, run) for run in runs)
+            for run in runs:
+                if run.ended:
+                    results[run.index] = batches.result_of(run, wall)
+            if on_progress is not None:
+                on_progress(_progress(runs, wall, len(results), len(scenes)))
+    except KeyboardInterrupt:
+        for index, run in begun.items():
+            if index not in results and run.rows:
+                results[index] = batches.result_of(run, wall, interrupted=True)
+        if not results:
+            raise
+    ordered = [results[index] for index in sorted(results)]
+    _raise_on_failure(list(begun.values()), ordered)
+    return ordered
+
+
+def _progress(runs: list[Run], wall: Wall, finished: int, of: int) -> Progress:
+    running = [run for run in runs if not run.ended]
+    return Progress(
+        time=min(run.time for run in runs),
+        fraction=(finished + sum(run.fraction for run in running)) / of,
+        steps=wall.steps,
+        wall=wall.seconds,
+        finished=finished,
+        of=of,
+    )
+
+
+def _raise_on_failure(runs: Sequence[Run], results: Sequence[Result] = ()) -> None:
+    """Say when and where a run failed, with what it left."""
+    for run in runs:
+        if run.failure is not None:
+            raise RunError(run.failure, list(results))

@@ -1,0 +1,120 @@
+"""One scene, advanced a little at a time: what a live view stands on.
+
+    with Drop(scene) as drop:
+        while not drop.ended:
+            drop.advance(0.01)
+            show(drop.now())
+    result = drop.result()
+
+Steps, rows and snapshots are those of `simulation.run(scene)` to the last bit, wherever the pauses
+lie: a step's size does not look at them.
+"""
+
+import contextlib
+import math
+import time
+
+import numpy as np
+
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.run.batches import CALL_SECONDS, ENDINGS, Wall, borrowed_slots, result_of
+from taichi_foam.scene import Scene
+
+# Less than this part of what `advance` was given is not worth another call of the engine.
+REST = 0.2
+
+
+class Drop:
+    """A scene on a borrowed lattice. What it has recorded stays readable when it is closed."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Load the scene and compile what it needs; starts Taichi unless that runs already."""
+        self.scene = scene
+        self._wall = Wall()
+        with contextlib.ExitStack() as borrowed:
+            block = scene.block
+            slots = borrowed_slots(1, block.columns, block.rows, self._wall)
+            self._slots = borrowed.enter_context(slots)
+            self._slots.fill([(0, scene)])
+            self._borrowed = borrowed.pop_all()
+        self._run = self._slots.runs[0]
+        self._is_open = True
+
+    def __enter__(self) -> "Drop":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the lattice back. Closing again does nothing."""
+        self._is_open = False
+        self._borrowed.close()
+
+    def advance(self, seconds: float, until: float = math.inf) -> None:
+        """Go on for about `seconds` of wall time (inf: without limit), at most to time `until` [s].
+
+        It stops at the first step's end at or after `until`, and when the run ends. What has ended
+        stays as it is. Raises ValueError once closed.
+        """
+        self._check_open()
+        start = time.perf_counter()
+        spent = 0.0
+        while spent < (1.0 - REST) * seconds and self.time < until and not self.ended:
+            self._slots.advance(min(seconds - spent, CALL_SECONDS), until)
+            spent = time.perf_counter() - start
+
+    def now(self) -> Snapshot:
+        """This instant, which is not recorded. Raises ValueError once closed."""
+        self._check_open()
+        return self._slots.now(0)
+
+    def rows(self, since: int = 0) -> np.ndarray:
+        """Rows (n, 18) of the history after the first `since`, for `run.batches.history_of`."""
+        return self._run.rows_since(since)
+
+    def result(self, interrupted: bool = False) -> Result:
+        """What there is so far. Raises ValueError before the first row."""
+        if not self._run.rows:
+            raise ValueError(f"{self.scene.name}: nothing has been computed yet")
+        return result_of(self._run, self._wall, interrupted)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._run.time
+
+    @property
+    def ended(self) -> bool:
+        """Whether it takes no more steps, for good or for ill."""
+        return self._run.ended
+
+    @property
+    def ended_by(self) -> str | None:
+        """Why it ended, in the words of a result's record; None while it runs."""
+        return ENDINGS[self._run.status] if self.ended else None
+
+    @property
+    def failure(self) -> str | None:
+        """What a RunError would say, if the run has failed."""
+        return self._run.failure
+
+    @property
+    def fraction(self) -> float:
+        """How much of it is done, 0 to 1."""
+        return self._run.fraction
+
+    @property
+    def steps(self) -> int:
+        """Steps taken."""
+        return self._wall.steps
+
+    @property
+    def wall(self) -> float:
+        """Wall time that the engine's calls have taken [s], without compiling."""
+        return self._wall.seconds
+
+    def _check_open(self) -> None:
+        if not self._is_open:
+            raise ValueError(f"{self.scene.name}: this drop is closed, its lattice given back")

@@ -1,0 +1,55 @@
+"""Scenes as TOML, in and out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene import Scene
+from taichi_foam.scene.messages import explain
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def scene_to_toml(scene: Scene) -> str:
+    """A scene as TOML with every value resolved; `scene_from_toml` gives an equal scene back."""
+    return tomli_w.dumps(scene.model_dump(exclude_none=True))
+
+
+def scene_from_toml(path: Path) -> Scene:
+    """The scene of a TOML file. Raises UserError: unreadable, or a scene that cannot be."""
+    return validated(read_toml(path), str(path))
+
+
+def validated(data: dict[str, Any], source: str) -> Scene:
+    """The scene of raw data. Raises UserError with every problem, titled with its source."""
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise UserError(titled(source, explain(error))) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the data of a TOML file, not yet validated."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path}: not valid TOML: {error}") from None
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def titled(source: str, problems: str) -> str:
+    """Return problems as an indented list under the scene that has them."""
+    listed = "\n".join(f"  {line}" for line in problems.splitlines())
+    return f"{source}: not a valid scene:\n{listed}"

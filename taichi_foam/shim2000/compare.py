@@ -1,0 +1,145 @@
+"""Simulated figures beside measured ones: which are compared, and what is a miss."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taichi_foam.shim2000.bands import Band
+from taichi_foam.shim2000.tests import MEASURED, SIMULATED_DURATION
+
+TOLERANCE = 0.12
+"""A simulated figure further than this from the measured one, relatively, is a miss ..."""
+
+ENSEMBLE_TOLERANCE = 0.10
+"""... and the median of an ensemble, from which chance has gone, if further than this."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """One figure of a run: its key in summary.json and how people read it.
+
+    unit    for people; value in `unit` = `factor` times the value in SI units
+    digits  decimals shown in that unit
+    """
+
+    key: str
+    label: str
+    unit: str
+    factor: float = 1.0
+    digits: int = 0
+
+    def text(self, value: float | None) -> str:
+        """The value as people read it, without its unit; a dash for no answer."""
+        return "–" if value is None else f"{self.factor * value:.{self.digits}f}"
+
+    def span(self, low: float | None, high: float | None) -> str:
+        """A band as people read it; one that reaches to runs without an answer is open above."""
+        if low is None:
+            return "–"
+        return f"{self.text(low)} to {'∞' if high is None else self.text(high)}"
+
+
+DURATION = Quantity("impact_duration_s", "impact duration", "ms", 1e3, 1)
+DISPLACEMENT = Quantity("max_displacement_m", "maximum displacement", "cm", 1e2, 2)
+PLATEAU = Quantity("plateau_deceleration_m_s2", "plateau deceleration", "m/s²", 1.0, 1)
+ENERGY = Quantity("energy_per_volume_J_m3", "energy per volume", "10⁵ J/m³", 1e-5, 2)
+SLOPE = Quantity("energy_volume_slope_J_m3", "slope of energy over volume", "10⁵ J/m³", 1e-5, 2)
+PEAK = Quantity("initial_peak_m_s2", "initial peak", "m/s²", 1.0, 0)
+PEAK_TIME = Quantity("initial_peak_time_s", "time of the initial peak", "ms", 1e3, 1)
+
+JUDGED = (DISPLACEMENT, DURATION, PLATEAU, ENERGY)
+"""The four figures that the paper gives for every test."""
+
+COMPARED = (*JUDGED, SLOPE, PEAK, PEAK_TIME)
+"""All that the paper gives. Both energies stand beside Table 5, whose figures are slopes."""
+
+
+def measured_figures(name: str) -> dict[str, float | None]:
+    """What the paper measured in a test, by the keys of a run's summary; {} for other scenes."""
+    found = MEASURED.get(name)
+    if found is None:
+        return {}
+    figures = dataclasses.asdict(found)
+    return {**figures, SLOPE.key: found.energy_per_volume_J_m3}
+
+
+def comparison(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """One entry of `cases`: name, and measured, simulated and error with the same keys.
+
+    error is simulated / measured - 1; measured and error are None where nothing was measured.
+    """
+    known = measured_figures(name)
+    measured = {key: known.get(key) for key in summary}
+    error = {key: relative_error(value, measured[key]) for key, value in summary.items()}
+    return {"name": name, "measured": measured, "simulated": dict(summary), "error": error}
+
+
+def comparison_of_medians(name: str, found: Mapping[str, Band], runs: int) -> dict[str, Any]:
+    """The same for an ensemble: simulated and error are those of the medians.
+
+    low and high, with the same keys, are the ends of the bands; None where the band reaches to
+    no answer. runs: how many have finished.
+    """
+    medians = {key: _known(one.median) for key, one in found.items()}
+    ends = {
+        "low": {key: _known(one.low) for key, one in found.items()},
+        "high": {key: _known(one.high) for key, one in found.items()},
+    }
+    return {**comparison(name, medians), **ends, "runs": runs}
+
+
+def relative_error(simulated: Any, measured: float | None) -> float | None:
+    """simulated / measured - 1, or None where either is missing."""
+    return None if simulated is None or measured is None else simulated / measured - 1.0
+
+
+def is_miss(case: Mapping[str, Any], key: str, tolerance: float = TOLERANCE) -> bool:
+    """Whether a figure was measured, and the simulated one is beyond the tolerance or missing."""
+    error = case["error"][key]
+    return case["measured"][key] is not None and (error is None or abs(error) > tolerance)
+
+
+def hits(
+    cases: Sequence[Mapping[str, Any]], tolerance: float = TOLERANCE
+) -> dict[str, dict[str, int]]:
+    """For each judged figure, in how many cases it is no miss, and of how many."""
+    return {
+        quantity.key: {
+            "within": sum(not is_miss(case, quantity.key, tolerance) for case in cases),
+            "of": len(cases),
+        }
+        for quantity in JUDGED
+    }
+
+
+def write_tables(
+    path: Path, cases: Sequence[Mapping[str, Any]], tolerance: float = TOLERANCE
+) -> None:
+    """Write tables.csv: a row for each case and compared figure that was measured, in SI units.
+
+    Of ensembles, simulated is the median, and low and high are the ends of its band.
+    """
+    ends = [end for end in ("low", "high") if any(end in case for case in cases)]
+    header = ("case", "quantity", "measured", "paper_simulation", "simulated", *ends)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow((*header, "error", "miss"))
+        for case in cases:
+            for quantity in COMPARED:
+                key = quantity.key
+                if case["measured"][key] is None:
+                    continue
+                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
+                found = [case[part][key] for part in ("simulated", *ends, "error")]
+                values = [case["measured"][key], theirs, *found]
+                texts = ["" if value is None else f"{value:.6g}" for value in values]
+                writer.writerow([case["name"], key, *texts, int(is_miss(case, key, tolerance))])
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None

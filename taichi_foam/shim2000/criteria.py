@@ -1,0 +1,401 @@
+"""What the paper's pictures show, as criteria that a machine can check (Figs 22, 24, 26).
+
+Three tests have pictures. Each statement about them has a figure from `analysis.pattern` and
+limits; where the limits come from stands beside them. They are readings of words ("about one
+third", "hardly any"), as wide as the words allow, whatever the model gives.
+
+A test is judged as it is when its impactor has stopped (of a run that never gets there: at its
+last instant), by the snapshot nearest to that time, unless the statement is about another time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+from taichi_foam.analysis import pattern
+from taichi_foam.analysis.fragments import Crack, crack_over_time
+from taichi_foam.analysis.measures import Impact, impact
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Block, Impactor, Scene
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One statement about a picture, and whether a run agrees.
+
+    key      name, unique over all tests
+    text     the statement in one short sentence
+    source   the picture
+    value    the figure in `unit`; None where there is nothing to measure
+    unit     for people; "-" for a ratio
+    allowed  limits of the value, for people
+    holds    whether the value lies within them
+    """
+
+    key: str
+    text: str
+    source: str
+    value: float | None
+    unit: str
+    allowed: str
+    holds: bool
+
+
+def criteria(result: Result) -> list[Criterion]:
+    """The criteria of a test that has a picture, in the order of the paper's words.
+
+    [] for any other scene, and for a result without snapshots. A scene counts as a test by its
+    name, also when its velocity is not quite the test's.
+    """
+    if result.scene.name not in _PICTURES or not result.snapshots or not result.scene.impactor:
+        return []
+    figure, judge = _PICTURES[result.scene.name]
+    return judge(_Run(result, result.scene.impactor, figure))
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run, and what several criteria ask about it."""
+
+    result: Result
+    impactor: Impactor
+    figure: str
+
+    @property
+    def scene(self) -> Scene:
+        return self.result.scene
+
+    @property
+    def block(self) -> Block:
+        return self.scene.block
+
+    @property
+    def cell(self) -> float:
+        """The longer side of a cell [m]."""
+        return max(self.block.dx, self.block.dy)
+
+    @cached_property
+    def impact(self) -> Impact | None:
+        return impact(self.result)
+
+    @cached_property
+    def stop(self) -> Snapshot:
+        """The instant nearest to the impactor's stop."""
+        snapshots = self.result.snapshots
+        when = self.impact.stop if self.impact else snapshots[-1].time
+        return min(snapshots, key=lambda snapshot: abs(snapshot.time - when))
+
+    @cached_property
+    def until_stop(self) -> list[Snapshot]:
+        return [s for s in self.result.snapshots if s.time <= self.stop.time]
+
+    @cached_property
+    def crack(self) -> Crack | None:
+        """The crack below the impactor, up to the stop."""
+        return crack_over_time(self.until_stop, self.scene)
+
+    def between(
+        self, key: str, text: str, value: float | None, limits: tuple[float, float], unit: str = "-"
+    ) -> Criterion:
+        low, high = limits
+        holds = value is not None and low - _ROUNDING <= value <= high + _ROUNDING
+        allowed = f"{low:.3g} to {high:.3g}"
+        return Criterion(key, text, self.figure, value, unit, allowed, holds)
+
+    def at_most(
+        self, key: str, text: str, value: float | None, limit: float, unit: str = "-"
+    ) -> Criterion:
+        holds = value is not None and value <= limit + _ROUNDING
+        return Criterion(key, text, self.figure, value, unit, f"at most {limit:.3g}", holds)
+
+    def at_least(self, key: str, text: str, value: float | None, limit: float) -> Criterion:
+        holds = value is not None and value >= limit - _ROUNDING
+        return Criterion(key, text, self.figure, value, "-", f"at least {limit:.3g}", holds)
+
+
+# --- limits -------------------------------------------------------------------------------------
+
+CONFINED = 0.05
+"""Crushed cells outside the path: at most one in twenty. Figs 22 and 24 show none; a few crumbs
+that break off do not make a region."""
+
+SHARP_CELLS = 1.0
+"""A sharp boundary takes one cell on average: a front that stands within a cell leaves it half
+crushed, and no lattice shows less. Two would be 10 mm, a fifth of the flat face."""
+
+RECTANGLE_FILL = 0.9
+"""A region is rather a rectangle than half an ellipse (0.79 of its box) above the middle of the
+two."""
+
+FALLS = 2 / 3
+"""Severity falls with distance if twice as many pairs of crushed rows have the nearer one crushed
+worse as have the other. Even crushing gives a half; among 14 rows chance gives two thirds in one
+case of twenty (Kendall's tau)."""
+
+THIRD = (0.25, 5 / 12)
+"""About one third: within a quarter of it. Foam that Table 1's law crushes just to its strain of
+densification, -0.8, springs back to -0.75 and has 0.25 / 0.8 = 0.31."""
+
+QUARTER = 0.25
+"""A half has at least a quarter of the mass points. Impactors are a quarter as wide as the block,
+so that a plug punched out of their path, which is lower than the block, has less."""
+
+MAJORITY = 0.5
+"""The worst crushing is beneath the impactor if at least half of the worst cells are there."""
+
+VERTICAL_DEG = 15.0
+"""A crack is vertical if it leans by no more than about one in four."""
+
+NEAR_TIP_CELLS = 2.0
+"""A crack starts at the tip within two cells of it: one of them may be crushed foam, which does not
+count as cracked, and the other has the bond that opens."""
+
+ALONG_FACES_CELLS = 2.0
+ALONG_FACES = 0.9
+"""Deformation follows the faces if nine of ten crushed cells are within two cells of the cavity:
+10 mm, on each side two fifths of the wedge's half width."""
+
+BOTH_FACES = (0.4, 0.6)
+"""Two faces: neither has more than one and a half times the other's crushed cells."""
+
+HARDLY_ANY = 0.05
+"""Almost no crushing ahead of the tip: at most one crushed cell in twenty."""
+
+REACH_AHEAD = 0.1
+"""Almost no deformation ahead of the tip: no deeper than a tenth of the penetration. Below a flat
+face it is the third of Fig. 22 and more."""
+
+EARLY = 0.5
+"""Section 3.4 ascribes the plateau's decline to the crack; it must then be there by the middle of
+the impact."""
+
+SMALL_CRACK = 0.2
+"""A crack of the top surface is small up to this share of the block's height (4 of 20 cells)."""
+
+_ROUNDING = 1e-9
+
+
+# --- the three tests ----------------------------------------------------------------------------
+
+
+def _flat(run: _Run) -> list[Criterion]:
+    scene, stop = run.scene, run.stop
+    region = pattern.crushed_region(stop, scene)
+    beside, below = pattern.boundary_cells(stop, scene) or (None, None)
+    cell = 1e3 * run.cell
+    width = 1e3 * run.impactor.width
+    return [
+        _confined("flat-confined", "Gross crushing only under the impactor", run),
+        run.between(
+            "flat-width",
+            "The crushed region is as wide as the impactor",
+            1e3 * region.width if region else None,
+            # A crushed bond across the path's edge widens the region by a cell.
+            (width - 2 * cell, width + 2 * cell),
+            "mm",
+        ),
+        run.at_least(
+            "flat-rectangle",
+            "The crushed region is a rectangle (share of its box)",
+            region.fill if region else None,
+            RECTANGLE_FILL,
+        ),
+        run.at_most(
+            "flat-sharp-sides",
+            "Its sides are sharp (cells between crushed and elastic)",
+            beside,
+            SHARP_CELLS,
+            "cells",
+        ),
+        run.at_most(
+            "flat-sharp-front",
+            "Its lower side is sharp (cells between crushed and elastic)",
+            below,
+            SHARP_CELLS,
+            "cells",
+        ),
+        run.at_least(
+            "flat-severity",
+            "Severity falls with distance from the impactor (share of pairs of rows)",
+            pattern.severity_falls(stop, scene),
+            FALLS,
+        ),
+        run.between(
+            "flat-height",
+            "Crushed height is about one third of the displacement",
+            _height_ratio(run),
+            THIRD,
+        ),
+        _no_crack_through(run),
+        run.at_most(
+            "flat-whole",
+            "The block is not split (share of its second largest part)",
+            pattern.second_part(stop, run.block),
+            QUARTER,
+        ),
+    ]
+
+
+def _height_ratio(run: _Run) -> float | None:
+    """Height of the crushed material over the largest displacement.
+
+    Section 3.2 takes the third from specimens after the test (Fig. 6), when the crushed foam has
+    sprung back: so as it is once unloaded.
+    """
+    region = pattern.crushed_region(run.stop, run.scene)
+    return region.height_left / run.impact.depth if region and run.impact else None
+
+
+def _no_crack_through(run: _Run) -> Criterion:
+    """Unlike that of `_split`, the limit itself is excluded: no run can both split and not."""
+    return Criterion(
+        key="flat-no-crack",
+        text="No crack runs through the block (share of its height)",
+        source=run.figure,
+        value=pattern.crack_reach(run.crack, run.block),
+        unit="-",
+        allowed=f"below {1 - pattern.SPLIT_FRACTION:.3g}",
+        holds=not pattern.splits(run.crack, run.block),
+    )
+
+
+def _cylinder(run: _Run) -> list[Criterion]:
+    offset = run.crack and 1e3 * abs(run.crack.start_x - run.impactor.x)
+    return [
+        _confined("cylinder-confined", "Crushing is confined to the impactor's path", run),
+        run.at_least(
+            "cylinder-worst",
+            "The worst crushing is beneath the impactor (share of the worst cells)",
+            pattern.worst_beneath(run.stop, run.scene),
+            MAJORITY,
+        ),
+        run.at_most(
+            "cylinder-crack-start",
+            "A crack starts below the impactor (distance from its axis)",
+            offset,
+            # Section 3.3: it extends from the tip, which on a circle is the middle half at most.
+            1e3 * run.impactor.width / 4,
+            "mm",
+        ),
+        _vertical("cylinder-crack-vertical", run),
+        *_split("cylinder", run),
+    ]
+
+
+def _wedge(run: _Run) -> list[Criterion]:
+    scene, stop = run.scene, run.stop
+    reach = pattern.reach_ahead(stop, scene)
+    return [
+        run.at_least(
+            "wedge-faces",
+            "Crushing follows the wedge's faces (share of the crushed cells)",
+            pattern.crushed_along_faces(stop, scene, ALONG_FACES_CELLS * run.cell),
+            ALONG_FACES,
+        ),
+        run.between(
+            "wedge-both-faces",
+            "It follows both faces (share of the left one)",
+            pattern.crushed_left(stop, scene),
+            BOTH_FACES,
+        ),
+        run.at_most(
+            "wedge-ahead",
+            "Almost no crushing ahead of the tip (share of the crushed cells)",
+            pattern.crushed_ahead(stop, scene),
+            HARDLY_ANY,
+        ),
+        run.at_most(
+            "wedge-reach-ahead",
+            "Almost no lasting deformation ahead of the tip (its depth over the displacement)",
+            reach / run.impact.depth if reach is not None and run.impact else None,
+            REACH_AHEAD,
+        ),
+        run.at_most(
+            "wedge-crack-start",
+            "A crack starts at the tip (distance from it)",
+            _crack_from_tip(run),
+            1e3 * NEAR_TIP_CELLS * run.cell,
+            "mm",
+        ),
+        run.at_most(
+            "wedge-crack-time",
+            "The crack is there while the wedge sinks (start over the impact's duration)",
+            _crack_time(run),
+            EARLY,
+        ),
+        _vertical("wedge-crack-vertical", run),
+        *_split("wedge", run),
+        _small_top_cracks(run),
+    ]
+
+
+def _crack_from_tip(run: _Run) -> float | None:
+    if run.crack is None:
+        return None
+    distance = pattern.crack_from_tip(run.crack, run.until_stop, run.scene)
+    return None if distance is None else 1e3 * distance
+
+
+def _crack_time(run: _Run) -> float | None:
+    if run.crack is None or run.impact is None:
+        return None
+    return (run.crack.start_time - run.impact.contact) / run.impact.duration
+
+
+def _small_top_cracks(run: _Run) -> Criterion:
+    """Cracks at the top surface: there are some, and all are small."""
+    found = pattern.top_cracks(run.until_stop, run.scene)
+    longest = SMALL_CRACK * run.block.height
+    return Criterion(
+        key="wedge-top-cracks",
+        text="Small tensile cracks at the top surface near the cavity",
+        source=run.figure,
+        value=found and float(found.count),
+        unit="cracks",
+        allowed=f"at least 1, none deeper than {1e3 * longest:.3g} mm",
+        holds=found is not None and found.count >= 1 and found.depth <= longest + _ROUNDING,
+    )
+
+
+_PICTURES: Mapping[str, tuple[str, Callable[[_Run], list[Criterion]]]] = MappingProxyType(
+    {
+        "paper/rectangular-3.03": ("Fig. 22", _flat),
+        "paper/cylinder-3.32": ("Fig. 24", _cylinder),
+        "paper/wedge-2.86": ("Fig. 26", _wedge),
+    }
+)
+
+
+# --- statements about more than one test --------------------------------------------------------
+
+
+def _confined(key: str, text: str, run: _Run) -> Criterion:
+    outside = pattern.crushed_outside(run.stop, run.scene, margin=run.block.dx)
+    return run.at_most(key, f"{text} (share of crushed cells outside)", outside, CONFINED)
+
+
+def _vertical(key: str, run: _Run) -> Criterion:
+    lean = run.crack and abs(run.crack.direction_deg)
+    return run.at_most(key, "The crack is vertical (its lean)", lean, VERTICAL_DEG, "deg")
+
+
+def _split(shape: str, run: _Run) -> list[Criterion]:
+    """The crack runs through the block, and what is left are two halves."""
+    return [
+        run.at_least(
+            f"{shape}-crack-through",
+            "The crack runs through the block (share of its height)",
+            pattern.crack_reach(run.crack, run.block),
+            1 - pattern.SPLIT_FRACTION,
+        ),
+        run.at_least(
+            f"{shape}-halves",
+            "It splits the block into halves (share of the smaller one)",
+            pattern.second_half(run.stop, run.block),
+            QUARTER,
+        ),
+    ]

@@ -1,0 +1,84 @@
+"""What the report shows of ensembles only: texts, row by row, and the errors to draw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from taichi_foam.picture.overview import Whisker
+from taichi_foam.shim2000.compare import ENERGY, Quantity
+from taichi_foam.shim2000.plates import short
+from taichi_foam.shim2000.rows import Row, hit
+from taichi_foam.shim2000.scores import HELD_OUT, SCORED, SHARE
+
+
+def headline(content: Mapping[str, Any]) -> list[Row]:
+    """The score of ensembles, as cards."""
+    ensemble = content["ensemble"]
+    cards = [
+        hit("figures: durations, displacements and plateaus", ensemble["all"]),
+        {
+            "large": _error(ensemble["all"]["median_absolute_error"]),
+            "small": "",
+            "label": f"median of these {ensemble['all']['of']} absolute errors",
+        },
+        hit(ENERGY.label, content["within_tolerance"][ENERGY.key]),
+    ]
+    if ensemble["criteria"]:
+        met = sum(criterion["holds"] for criterion in ensemble["criteria"])
+        found = {"within": met, "of": len(ensemble["criteria"])}
+        cards.append(hit(f"criteria met by at least {100 * SHARE:.0f} % of the runs", found))
+    return cards
+
+
+def groups(content: Mapping[str, Any]) -> list[Row]:
+    """Fitted and held-out tests beside each other; a group without a test is left out."""
+    titles = {"fitted": "fitted", "held_out": "held out"}
+    found = {title: content["ensemble"][key] for key, title in titles.items()}
+    return [
+        {
+            "title": title,
+            "tests": ", ".join(map(short, group["cases"])),
+            "within": f"{group['within']} of {group['of']}",
+            "error": _error(group["median_absolute_error"]),
+        }
+        for title, group in found.items()
+        if group["cases"]
+    ]
+
+
+def criteria(content: Mapping[str, Any]) -> list[Row]:
+    """Each criterion of the paper's pictures, and how many runs meet it."""
+    return [
+        {
+            "case": short(found["case"]),
+            "text": found["text"],
+            "source": found["source"],
+            "median": "–" if found["median"] is None else f"{found['median']:.3g}{_unit(found)}",
+            "allowed": f"{found['allowed']}{_unit(found)}",
+            "met": f"{found['met']} of {found['of']}",
+            "miss": not found["holds"],
+        }
+        for found in content["ensemble"]["criteria"]
+    ]
+
+
+def whiskers(content: Mapping[str, Any]) -> dict[str, Sequence[Whisker]]:
+    """Errors of the medians and of the ends of their bands, by figure."""
+    return {q.label: [_whisker(q, case) for case in content["cases"]] for q in SCORED}
+
+
+def _whisker(quantity: Quantity, case: Mapping[str, Any]) -> Whisker:
+    measured = case["measured"][quantity.key]
+    found = [case[part][quantity.key] for part in ("low", "simulated", "high")]
+    errors = [math.inf if value is None else value / measured - 1.0 for value in found]
+    return Whisker(short(case["name"]), *errors, held_out=case["name"] in HELD_OUT)
+
+
+def _error(value: float | None) -> str:
+    return "no answer" if value is None else f"{100 * value:.1f} %"
+
+
+def _unit(found: Mapping[str, Any]) -> str:
+    return "" if found["unit"] == "-" or found["unit"] in found["allowed"] else f" {found['unit']}"

@@ -1,0 +1,302 @@
+"""The pictures of a report: drawn into figures/, and as data that a page carries inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from taichi_foam.analysis.measures import NOSE_RISE_LIMIT_M, absorption_curve, impact
+from taichi_foam.picture import figures, films, overview, style
+from taichi_foam.picture.figures import Absorption
+from taichi_foam.picture.montage import montage
+from taichi_foam.picture.overview import Whisker
+from taichi_foam.shim2000 import law_curve
+from taichi_foam.shim2000.bands import band_of_curves
+from taichi_foam.shim2000.case import Case, from_contact
+from taichi_foam.shim2000.decelerations import Deceleration, decelerations
+from taichi_foam.shim2000.tests import MEASURED, title
+
+#: Width of the report's GIFs [pixels]; they show every second frame.
+GIF_WIDTH, GIF_EVERY = 480, 2
+_MONTAGE_COLOURS = 192
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An impactor's shape: its name, the paper's figures of it, the test they show, and its end.
+
+    `reported` is what the paper reports of that test's end, in lines for below the pictures.
+    """
+
+    name: str
+    curves_figure: int
+    montage_figure: int
+    shown_case: str
+    reported: tuple[str, ...]
+
+
+KINDS: Mapping[str, Kind] = {
+    "rectangular": Kind(
+        "Flat block",
+        21,
+        22,
+        "paper/rectangular-3.03",
+        (
+            "Measured: at rest after 42 ms, 6.5 cm deep (the paper's own simulation: 40.2 ms).",
+            "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a "
+            "sharp boundary; height one third of the displacement; no split.",
+        ),
+    ),
+    "cylinder": Kind(
+        "Cylinder",
+        23,
+        24,
+        "paper/cylinder-3.32",
+        (
+            "Measured: at rest after 53 ms, 9.0 cm deep.",
+            "Specimens (section 3.3): crushed in a thin layer around the path, most of it beneath; "
+            "most were split by a vertical crack down from the tip.",
+        ),
+    ),
+    "wedge": Kind(
+        "Wedge",
+        25,
+        26,
+        "paper/wedge-2.86",
+        (
+            "Measured: at rest after 49 ms, 7.5 cm deep (the paper's own simulation: 48.3 ms).",
+            "Specimens (section 3.4): crushed along the sides of the cavity, hardly ahead of the "
+            "tip; a crack runs from the tip; small tensile cracks on top.",
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A picture in figures/.
+
+    source   data URI of the whole file
+    still    data URI of a still picture, for an animated one
+    size     width and height [pixels]
+    """
+
+    file: str
+    caption: str
+    alt: str
+    source: str
+    size: tuple[int, int]
+    still: str | None = None
+
+
+def short(name: str) -> str:
+    """ "paper/wedge-2.86" as people read it."""
+    kind, _, velocity = name.removeprefix("paper/").partition("-")
+    return f"{KINDS[kind].name} {velocity}"
+
+
+def grouped(cases: Sequence[Case]) -> dict[str, list[Case]]:
+    """Cases by key of `KINDS`, in its order, each group by rising velocity."""
+    groups: dict[str, list[Case]] = {}
+    for key in KINDS:
+        group = [case for case in cases if case.name.startswith(f"paper/{key}-")]
+        if group:
+            groups[key] = sorted(group, key=lambda case: case.velocity)
+    return groups
+
+
+def shown(key: str, group: Sequence[Case]) -> Case:
+    """The case of a group that its montage and film show: the paper's, or else the fastest."""
+    return next((case for case in group if case.name == KINDS[key].shown_case), group[-1])
+
+
+def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Plate]]:
+    """What draws each plate into `folder`, by the plate's name.
+
+    For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
+    (flat block), "energy" (impacts that came to rest) and "law".
+    """
+    found: dict[str, Callable[[], Plate]] = {}
+    for key, group in groups.items():
+        one = shown(key, group)
+        found[f"{key}-curves"] = partial(_curves, folder, key, group)
+        found[f"{key}-montage"] = partial(_montage, folder, key, one)
+        found[f"{key}-film"] = partial(_film, folder, key, one)
+        found[f"{key}-ledger"] = partial(_ledger, folder, key, one)
+    if "rectangular" in groups:
+        found["histories"] = partial(_histories, folder, groups["rectangular"])
+    stopped = {
+        key: [case for case in group if impact(case.result)] for key, group in groups.items()
+    }
+    stopped = {key: group for key, group in stopped.items() if group}
+    if stopped:
+        found["energy"] = partial(_energy, folder, stopped)
+    if groups:
+        found["law"] = partial(_law, folder, next(iter(groups.values()))[0])
+    return found
+
+
+def errors_at_a_glance(
+    folder: Path, panels: Mapping[str, Sequence[Whisker]], tolerance: float
+) -> Plate:
+    """All errors of an ensemble's medians with their bands, a panel for each figure."""
+    span = f"±{100 * tolerance:.0f} %"
+    return _saved(
+        overview.errors(panels, tolerance),
+        folder / "errors.png",
+        f"Error of each median, and of 5 and 95 % of the runs; shaded: {span}. Medians beyond it "
+        "are diamonds with their error. Tests with open marks were left out of the score of "
+        "choices.",
+        f"Dots and whiskers of errors in {', '.join(panels)} for each test, with a band of {span}.",
+    )
+
+
+def _curves(folder: Path, key: str, group: Sequence[Case]) -> Plate:
+    kind = KINDS[key]
+    what = "Median and 5–95 % band of the decelerations" if group[0].members else "Deceleration"
+    return _saved(
+        decelerations([_deceleration(case) for case in group], kind.name),
+        folder / f"decelerations-{key}.png",
+        f"{what} over time, as in Fig. {kind.curves_figure} (CFC 180 filter). Of the test, "
+        "the tabled figures are marked.",
+        f"{kind.name}: curves of computed deceleration over time at {_velocities(group)}, "
+        "with the measured figures marked on them.",
+    )
+
+
+def _montage(folder: Path, key: str, case: Case) -> Plate:
+    kind, head = KINDS[key], _title(case)
+    path = folder / f"montage-{key}.png"
+    scene, snapshots = case.result.scene, case.result.snapshots
+    picture = Image.fromarray(montage(snapshots, scene, title=head, note=kind.reported))
+    # Flat colours: a palette takes a third of the bytes and no eye sees it.
+    picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
+    picture.save(path, optimize=True)
+    return _plate(
+        path,
+        f"{head}{_which(case)}, as in Fig. {kind.montage_figure}. Each cell has the colour of the "
+        "worst compressive strain that it has met; gaps are cracks.",
+        f"Eight instants of the {kind.name.lower()} sinking into the foam at "
+        f"{case.velocity:.2f} m/s.",
+    )
+
+
+def _film(folder: Path, key: str, case: Case) -> Plate:
+    output = case.result.scene.output
+    path = films.write_gif(case.result, folder / f"film-{key}.gif", GIF_WIDTH, GIF_EVERY)
+    still = path.with_suffix(".png")
+    with Image.open(path) as film:
+        film.seek(getattr(film, "n_frames", 1) - 1)
+        film.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(still, optimize=True)
+    slower = 1 / (output.fps * output.snapshot_interval)
+    caption = f"{_title(case)}{_which(case)}, slowed down {slower:.0f} times."
+    alt = f"Animation of the {KINDS[key].name.lower()} sinking into the foam."
+    plate = _plate(path, caption, alt, still=_uri(still))
+    still.unlink()
+    return plate
+
+
+def _ledger(folder: Path, key: str, case: Case) -> Plate:
+    head = _title(case)
+    return _saved(
+        figures.energy_ledger(case.result.history),
+        folder / f"energy-ledger-{key}.png",
+        f"{head}{_which(case)}: where the energy is at each instant.",
+        f"Stacked areas of energy by mechanism over time; {head}. Its last instant stands in the "
+        "table of energies.",
+    )
+
+
+def _histories(folder: Path, group: Sequence[Case]) -> Plate:
+    histories = {case.velocity: from_contact(case.result) for case in group}
+    of_which = " of the runs nearest to the medians" if group[0].members else ""
+    return _saved(
+        figures.impact_histories(histories),
+        folder / "histories-rectangular.png",
+        f"Flat block: deceleration (CFC 180 filter), velocity and displacement{of_which}, as in "
+        "Fig. 5.",
+        f"Computed deceleration, velocity and displacement over time at {_velocities(group)}.",
+    )
+
+
+def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Plate:
+    absorptions, slopes = {}, {}
+    for key, group in groups.items():
+        name = KINDS[key].name.lower()
+        absorptions[name] = [_absorption(case) for case in group]
+        slopes[name] = [MEASURED[case.name].energy_per_volume_J_m3 for case in group]
+    return _saved(
+        figures.energy_against_volume(absorptions, slopes),
+        folder / "energy-volume.png",
+        "Energy absorbed over volume crushed (Eqs 4-7), as in Fig. 13. The wedge of colour spans "
+        "the measured slopes of Table 5.",
+        "Nearly straight lines of energy absorbed over volume crushed, a panel for each impactor.",
+    )
+
+
+def _law(folder: Path, case: Case) -> Plate:
+    return _saved(
+        figures.stress_strain(law_curve.branches(case.scene)),
+        folder / "foam-law.png",
+        "The foam's law, as in Fig. 19, evaluated by the functions that the runs call.",
+        "Compressive stress over compressive strain: elastic to 5 %, a plateau to 80 %, then steep "
+        "densification; unloading along the elastic slope; weak tension after crushing.",
+    )
+
+
+def _deceleration(case: Case) -> Deceleration:
+    history = from_contact(case.result)
+    start = 3e-3
+    if case.scene.impactor is not None and case.scene.impactor.nose_depth > 0:
+        depth = history["displacement_m"]
+        sinking = slice(0, int(np.argmax(depth)) + 1)
+        time = history["time_s"][sinking]
+        start = float(np.interp(NOSE_RISE_LIMIT_M, depth[sinking], time))
+    time, deceleration, band = history["time_s"], history["deceleration_smoothed_m_s2"], None
+    if case.members:
+        found = band_of_curves([(member.time, member.deceleration) for member in case.members])
+        time, deceleration, band = found.time, found.median, (found.low, found.high)
+    return Deceleration(case.velocity, time, deceleration, MEASURED.get(case.name), start, band)
+
+
+def _absorption(case: Case) -> Absorption:
+    curve = absorption_curve(case.result)
+    assert curve is not None  # only impacts that came to rest are drawn
+    return Absorption(case.velocity, *curve)
+
+
+def _title(case: Case) -> str:
+    """What a test is called at the head of a picture or a sentence."""
+    return title(case.scene).capitalize()
+
+
+def _which(case: Case) -> str:
+    """Which run of an ensemble a picture shows."""
+    return ", the run nearest to the medians" if case.members else ""
+
+
+def _velocities(group: Sequence[Case]) -> str:
+    *head, last = [f"{case.velocity:.2f}" for case in group]
+    return f"{', '.join(head)} and {last} m/s" if head else f"{last} m/s"
+
+
+def _saved(figure: Figure, path: Path, caption: str, alt: str) -> Plate:
+    return _plate(style.save(figure, path)[0], caption, alt)
+
+
+def _plate(path: Path, caption: str, alt: str, still: str | None = None) -> Plate:
+    with Image.open(path) as picture:
+        size = picture.size
+    return Plate(f"{path.parent.name}/{path.name}", caption, alt, _uri(path), size, still)
+
+
+def _uri(path: Path) -> str:
+    coded = base64.b64encode(path.read_bytes()).decode("ascii")
+    return f"data:image/{path.suffix.removeprefix('.')};base64,{coded}"

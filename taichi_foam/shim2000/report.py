@@ -1,0 +1,102 @@
+"""report.html: everything that a study found, in one file that needs nothing else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from taichi_foam.analysis.measures import PLATEAU_END_FRACTION
+from taichi_foam.run.progress import Bars
+from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import ensemble_rows, plates, rows
+from taichi_foam.shim2000.case import Case
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, PEAK, PEAK_TIME, SLOPE, is_miss
+from taichi_foam.shim2000.ensemble import WITHIN
+from taichi_foam.shim2000.scores import SHARE
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+_STAGES = {"computing": "compiling and computing", "films": "drawing and encoding films"}
+
+
+def write(
+    folder: Path, cases: Sequence[Case], content: Mapping[str, Any], bars: Bars, begun: float
+) -> None:
+    """Write figures/ and report.html into `folder`.
+
+    Args:
+        cases: what was computed.
+        content: of summary.json so far; its cases stand in the same order.
+        bars: shows progress, and knows how long the stages before took.
+        begun: when the study began, by `time.perf_counter`.
+    """
+    pictures = folder / "figures"
+    pictures.mkdir()
+    groups = plates.grouped(cases)
+    jobs = plates.jobs(pictures, groups)
+    if content["ensemble"] and cases:
+        panels = ensemble_rows.whiskers(content)
+        jobs["errors"] = partial(plates.errors_at_a_glance, pictures, panels, content["tolerance"])
+    with bars.counting("report", "writing the report", len(jobs), "figures") as on_plate:
+        drawn = {}
+        for name, draw in jobs.items():
+            drawn[name] = draw()
+            on_plate()
+        page = _template().render(
+            content=content,
+            tests=_tests(len(cases)),
+            created=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+            judged=[rows.table(quantity, content) for quantity in JUDGED],
+            slope=rows.table(SLOPE, content),
+            peaks=[rows.table(quantity, content) for quantity in (PEAK, PEAK_TIME)],
+            tolerance=f"{100 * content['tolerance']:.0f} %",
+            plateau_end=f"{100 * PLATEAU_END_FRACTION:.0f} %",
+            hits=ensemble_rows.headline(content) if content["ensemble"] else rows.hits(content),
+            misses=_misses(content),
+            groups=ensemble_rows.groups(content) if content["ensemble"] else [],
+            criteria=ensemble_rows.criteria(content) if content["ensemble"] else [],
+            kinds=[rows.kind(key, group) for key, group in groups.items()],
+            plates=drawn,
+            ledger=rows.ledger(cases),
+            choices=rows.choices(cases),
+            runs=[rows.run(case) for case in cases],
+            batch=cases[0].result.run if cases else None,
+            seconds={_STAGES.get(stage, stage): took for stage, took in bars.seconds.items()}
+            | {"in all, up to this report": time.perf_counter() - begun},
+            bonds=_bonds(cases[0].scene) if cases else 0,
+            short=plates.short,
+            within=f"{100 * WITHIN:g} %",
+            share=f"{100 * SHARE:.0f} %",
+            scatters=any(case.scene.foam.strength_scatter > 0.0 for case in cases),
+        )
+        (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def _misses(content: Mapping[str, Any]) -> int:
+    tolerance = content["tolerance"]
+    return sum(is_miss(case, q.key, tolerance) for case in content["cases"] for q in COMPARED)
+
+
+def _template() -> Any:
+    environment = Environment(
+        loader=PackageLoader("taichi_foam.shim2000", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2")
+
+
+def _tests(count: int) -> str:
+    return f"{_NUMBERS[count]} drop test{'' if count == 1 else 's'}"
+
+
+def _bonds(scene: Scene) -> int:
+    columns, rows = scene.block.columns, scene.block.rows
+    return (columns - 1) * rows + columns * (rows - 1)

@@ -1,0 +1,213 @@
+"""The paper's nine impacts in one go: a folder with every run, tables and a report.
+
+    import taichi_foam as tf
+    tf.reproduce("reproduction", cases=["wedge-2.86"])
+    tf.reproduce("medians", ensemble=16)
+
+The folder holds report.html (self-contained), tables.csv, summary.json, figures/ and a folder a
+case with the run's files and films. With `ensemble` each test runs many times and medians stand in
+the tables; members.csv then has every run's figures, and a case's folder the run nearest to them.
+"""
+
+from __future__ import annotations
+
+import difflib
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from taichi_foam import films as film_files
+from taichi_foam.catalogue import load_scene
+from taichi_foam.engine import runtime
+from taichi_foam.errors import RunError, UserError
+from taichi_foam.results.folders import check_output_folder, output_folder
+from taichi_foam.results.result import storage_bytes, write_json
+from taichi_foam.run import simulation
+from taichi_foam.run.interrupts import held_interrupts
+from taichi_foam.run.progress import Bars
+from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import compare, report
+from taichi_foam.shim2000 import ensemble as ensembles
+from taichi_foam.shim2000.bands import bands
+from taichi_foam.shim2000.case import Case, Computed, has_failed
+from taichi_foam.shim2000.machine import machine, versions
+from taichi_foam.shim2000.scores import scores
+from taichi_foam.shim2000.tests import NAMES
+
+DEFAULT_FOLDER = "reproduction"
+
+# Room for report, tables and figures [bytes].
+_REPORT_BYTES = 20_000_000
+
+
+def case_names(cases: Sequence[str] | None) -> list[str]:
+    """Full names of tests given with or without "paper/"; all nine for None.
+
+    Raises:
+        UserError: a name that no test has, or no name at all.
+    """
+    if cases is None:
+        return list(NAMES)
+    wanted = [case.strip() for case in cases if case.strip()]
+    if not wanted:
+        raise UserError(f"cases: none given; choose from {_listed()}")
+    full = [f"paper/{case.removeprefix('paper/')}" for case in wanted]
+    for given, name in zip(wanted, full, strict=True):
+        if name not in NAMES:
+            near = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.5)
+            guess = f"did you mean {near[0].removeprefix('paper/')}? " if near else ""
+            raise UserError(f"cases: {given!r} is not a test; {guess}Choose from {_listed()}")
+    return list(dict.fromkeys(full))
+
+
+def reproduce(
+    out: str | Path = DEFAULT_FOLDER,
+    cases: Sequence[str] | None = None,
+    *,
+    ensemble: int | None = None,
+    choices: str = "calibrated",
+    overrides: Sequence[str] = (),
+    arch: str = "cpu",
+    threads: int | None = None,
+    overwrite: bool = False,
+    films: bool = True,
+    bars: Bars | None = None,
+) -> dict[str, Any]:
+    """Run the paper's tests side by side and write a folder with results and a report.
+
+    Args:
+        out: the folder; it appears when everything in it is complete.
+        cases: names of tests, with or without "paper/"; None: all nine.
+        ensemble: run each test so many times with velocities within 0.5 %, and with other
+            strengths where the foam's scatter; the tables then hold medians and bands. 2 to 100;
+            None: each test once.
+        choices: a key of `CHOICE_SETS`.
+        overrides: "block.rows=10" and the like, for every case.
+        arch, threads: as `engine.runtime.start`.
+        overwrite: replace a folder that has content.
+        films: write film.gif and film.mp4 for each case.
+        bars: where progress shows; None: nowhere.
+
+    Returns:
+        The content of summary.json. Ctrl-C ends the work early: the runs that had finished are
+        kept, `interrupted` is true, `not_finished` names the cases that have none.
+
+    Raises:
+        UserError: anything that cannot be; nothing has been computed or written then.
+        RunError: a run failed; the folder holds what was computed.
+        KeyboardInterrupt: Ctrl-C before any run had finished; nothing has been written.
+    """
+    begun = time.perf_counter()
+    bars = bars or Bars()
+    if ensemble is not None:
+        ensembles.check(ensemble)
+    scenes = [load_scene(name, choices, overrides) for name in case_names(cases)]
+    if not films:
+        scenes = [_without_films(scene) for scene in scenes]
+    needed = sum(storage_bytes(s) + film_files.storage_bytes(s) for s in scenes) + _REPORT_BYTES
+    check_output_folder(out, overwrite, needed)
+    runtime.start(arch, threads)
+
+    if ensemble is None:
+        computed = _compute(scenes, bars)
+    else:
+        computed = ensembles.compute(scenes, ensemble, bars)
+    with output_folder(out, overwrite) as staging:
+        interrupted = _write_runs(staging, computed, bars)
+        with held_interrupts():
+            content = _content(computed, ensemble)
+            content |= {
+                "choices": choices,
+                "overrides": list(overrides),
+                "interrupted": interrupted,
+                "machine": machine(),
+                "versions": versions(),
+            }
+            compare.write_tables(staging / "tables.csv", content["cases"], content["tolerance"])
+            if ensemble is not None:
+                ensembles.write_members(staging / "members.csv", computed.cases)
+            report.write(staging, computed.cases, content, bars, begun)
+            content["seconds"] = {**bars.seconds, "total": time.perf_counter() - begun}
+            write_json(staging / "summary.json", content)
+    if computed.failure is not None:
+        raise RunError(
+            f"{computed.failure}\nWhat was computed is in {out}.",
+            [*(case.result for case in computed.cases), *computed.failed],
+        )
+    return content
+
+
+def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
+    """What the cases gave, as summary.json has it; `runs` of each test were asked for."""
+    tolerance = compare.TOLERANCE if runs is None else compare.ENSEMBLE_TOLERANCE
+    entries = [_entry(case) for case in computed.cases]
+    return {
+        "cases": entries,
+        "ensemble": None if runs is None else scores(computed.cases, entries, runs, tolerance),
+        "tolerance": tolerance,
+        "within_tolerance": compare.hits(entries, tolerance),
+        "not_finished": computed.cut,
+        "failed": [result.scene.name for result in computed.failed],
+        "failure": computed.failure,
+    }
+
+
+def _entry(case: Case) -> dict[str, Any]:
+    if not case.members:
+        return compare.comparison(case.name, case.figures)
+    found = bands([member.figures for member in case.members])
+    return compare.comparison_of_medians(case.name, found, len(case.members))
+
+
+def case_folder(name: str) -> str:
+    """Folder of a case within the study's: "paper/wedge-2.86" has its own in wedge-2.86/."""
+    return name.removeprefix("paper/")
+
+
+def _listed() -> str:
+    return ", ".join(case_folder(name) for name in NAMES)
+
+
+def _without_films(scene: Scene) -> Scene:
+    return load_scene(scene, overrides=["output.film=false", "output.frames=false"])
+
+
+def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
+    """Run each test once, all as one batch, and sort what comes out."""
+    failure = None
+    what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
+    with bars.computing(what) as on_progress:
+        try:
+            results = simulation.run_many(scenes, on_progress)
+        except RunError as error:
+            results, failure = error.results, str(error)
+    cut = [r.scene.name for r in results if r.run["interrupted"]]
+    ended = [r for r in results if not r.run["interrupted"]]
+    failed = [r for r in ended if has_failed(r)]
+    cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
+    if cut and not cases and not failed:
+        raise KeyboardInterrupt("no case had finished; nothing was written")
+    return Computed(cases, cut, failed, failure, interrupted=bool(cut))
+
+
+def _write_runs(staging: Path, computed: Computed, bars: Bars) -> bool:
+    """Write the runs' files and films; return whether Ctrl-C has cut the work short."""
+    finished = [case.result for case in computed.cases]
+    with held_interrupts() as pressed:
+        for result in [*finished, *computed.failed]:
+            folder = staging / case_folder(result.scene.name)
+            folder.mkdir()
+            result.write(folder)
+    if pressed.is_set() or computed.interrupted:
+        return True
+    frames = sum(map(film_files.frames_to_draw, finished))
+    if frames == 0:
+        return False
+    try:
+        with bars.counting("films", "drawing films", frames, "frames") as on_frame:
+            for result in finished:
+                film_files.write(result, staging / case_folder(result.scene.name), on_frame)
+    except KeyboardInterrupt:
+        return True
+    return False

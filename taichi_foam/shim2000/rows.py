@@ -1,0 +1,170 @@
+"""What the report's tables show: texts, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from taichi_foam.picture.figures import LEDGER
+from taichi_foam.scene import Cylinder, Scene
+from taichi_foam.shim2000 import plates
+from taichi_foam.shim2000.case import Case
+from taichi_foam.shim2000.compare import DURATION, JUDGED, Quantity, is_miss
+from taichi_foam.shim2000.tests import SIMULATED_DURATION
+
+#: Error at the ends of the small error scale.
+SCALE = 0.30
+
+Row = dict[str, Any]
+
+
+def table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
+    """One figure in all cases in which it was measured."""
+    entries = [case for case in content["cases"] if case["measured"][quantity.key] is not None]
+    return {
+        "label": quantity.label[0].upper() + quantity.label[1:],
+        "unit": quantity.unit,
+        "rows": [_compared(quantity, case, content["tolerance"]) for case in entries],
+        "has_theirs": quantity is DURATION,
+        "has_band": content["ensemble"] is not None,
+    }
+
+
+def _compared(quantity: Quantity, case: Mapping[str, Any], tolerance: float) -> Row:
+    """One figure of one case beside the measured one; of an ensemble its median and band."""
+    measured, error = case["measured"][quantity.key], case["error"][quantity.key]
+    theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
+    row = {
+        "case": plates.short(case["name"]),
+        "measured": quantity.text(measured),
+        "theirs": quantity.text(theirs),
+        "simulated": quantity.text(case["simulated"][quantity.key]),
+        "error": "no answer" if error is None else _percent(error),
+        "at": None if error is None else _place(error),
+        "miss": is_miss(case, quantity.key, tolerance),
+        "band": None,
+    }
+    if "low" in case:
+        row["band"] = quantity.span(*(case[end][quantity.key] for end in ("low", "high")))
+    return row
+
+
+def _percent(error: float) -> str:
+    """An error with its sign: a true minus, as wide as the plus."""
+    return f"{100 * error:+.1f} %".replace("-", "−")
+
+
+def _place(error: float) -> float:
+    """Where an error lies on the small scale [% of its width]."""
+    return 50 + 50 * max(-1.0, min(1.0, error / SCALE))
+
+
+def hits(content: Mapping[str, Any]) -> list[Row]:
+    """The score of single runs: in how many cases each judged figure lies within the tolerance."""
+    return [hit(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
+
+
+def hit(label: str, found: Mapping[str, Any]) -> Row:
+    """A count as a card: large number, small number, words."""
+    return {"large": found["within"], "small": f"of {found['of']}", "label": label}
+
+
+def kind(key: str, group: Sequence[Case]) -> Row:
+    """What a section about one impactor shows."""
+    return {
+        "key": key,
+        "name": plates.KINDS[key].name,
+        "rows": [_damage(case) for case in group],
+    }
+
+
+def _damage(case: Case) -> Row:
+    """How a block looks at the end of its run, in words for one row of a table."""
+    found = case.figures
+    crack, start = found["crack_lowest_height_m"], found["crack_start_height_m"]
+    region = "none"
+    if found["crushed_width_m"] is not None:
+        width, height = 1e2 * found["crushed_width_m"], 1e2 * found["crushed_height_m"]
+        region = f"{width:.1f} × {height:.1f} cm"
+    return {
+        "case": plates.short(case.name),
+        "pieces": found["pieces"],
+        "region": region,
+        "crack": "none"
+        if crack is None
+        else f"at {1e2 * start:.1f} cm, {1e3 * found['crack_start_time_s']:.1f} ms",
+        "depth": "–" if crack is None else f"{1e2 * crack:.1f} cm",
+        "broken": found["broken_bonds"],
+        "rebound": "–"
+        if found["rebound_velocity_m_s"] is None
+        else f"{found['rebound_velocity_m_s']:.2f} m/s",
+    }
+
+
+def ledger(cases: Sequence[Case]) -> Row:
+    """Energies at the end of each run [J], the parts named as in the figures."""
+    rows = []
+    for case in cases:
+        h = case.result.history
+        parts = [sum(float(h[column][-1]) for column in columns) for columns, _, _ in LEDGER]
+        rows.append(
+            {
+                "case": plates.short(case.name),
+                "impact": f"{h['impactor_kinetic_J'][0]:.2f}",
+                # Adding 0 turns -0.00 into 0.00.
+                "parts": [f"{round(part, 2) + 0.0:.2f}".replace("-", "−") for part in parts],
+                "residual": _scientific(case.figures["energy_residual"]),
+            }
+        )
+    return {"names": [name for _, name, _ in LEDGER], "rows": rows}
+
+
+BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
+"""What the foam of a scene may do besides Table 1."""
+
+
+def choices(cases: Sequence[Case]) -> list[Row]:
+    """Every choice of model and numerics, with its meaning from the scene's own description."""
+    if not cases:
+        return []
+    scene = cases[0].scene
+    rows = [_choice(scene, "impactor", "friction")]
+    rounds = [case.scene for case in cases if isinstance(case.scene.impactor, Cylinder)]
+    rows += [_choice(cylinder, "impactor", "radius") for cylinder in rounds[:1]]
+    rows += [_choice(scene, "foam", field) for field in BEYOND_THE_PAPER]
+    for part in ("base", "model", "numerics"):
+        rows += [_choice(scene, part, field) for field in type(getattr(scene, part)).model_fields]
+    return rows
+
+
+def _choice(scene: Scene, part: str, field: str) -> Row:
+    owner = getattr(scene, part)
+    value = getattr(owner, field)
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    else:
+        text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    meaning = type(owner).model_fields[field].description or ""
+    return {"key": f"{part}.{field}", "value": text, "meaning": meaning}
+
+
+def run(case: Case) -> Row:
+    """How one case was computed."""
+    run, block = case.result.run, case.scene.block
+    overlap = run["max_overlap_m"] / min(block.dx, block.dy)
+    low, high = 1e6 * run["dt_min_s"], 1e6 * run["dt_max_s"]
+    return {
+        "case": plates.short(case.name),
+        "steps": f"{run['steps']:,}",
+        "dt": f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}",
+        "overlap": f"{100 * overlap:.2f} %",
+        "ended_by": run["ended_by"],
+    }
+
+
+def _scientific(value: float | None) -> str:
+    if value is None:
+        return "–"
+    mantissa, _, power = f"{value:.1e}".partition("e")
+    superscript = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return f"{mantissa} · 10{str(int(power)).translate(superscript)}".replace("-", "−")

@@ -1,0 +1,347 @@
+"""The criteria of the three pictures: ideal pictures meet all, and each spoiled one misses its own.
+
+The ideal runs stop after 40 ms at a depth of 60 mm, by a constant deceleration of 75 m/s2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Block
+from taichi_foam.shim2000.criteria import Criterion, criteria
+from taichi_foam.shim2000.tests import NAMES, paper_scene
+
+FLAT, CYLINDER, WEDGE = "paper/rectangular-3.03", "paper/cylinder-3.32", "paper/wedge-2.86"
+BLOCK = Block()  # 40 x 20 cells of 5 mm
+DX = DY = 0.005
+AXIS = 19  # the A bonds that cross x = 0
+STOP, DEPTH = 0.040, 0.060
+TIP = 0.0975 - DEPTH  # height of the impactor's lowest point at the stop
+CRUSHED = -0.85
+
+
+@pytest.fixture
+def judged(make_snapshot, make_result) -> Callable[[str, Snapshot], dict[str, Criterion]]:
+    """The criteria, by key, of a run that stops in the given state."""
+
+    def judge(name: str, stop: Snapshot) -> dict[str, Criterion]:
+        t = np.linspace(0.0, 0.045, 46)
+        result = make_result(
+            scene=paper_scene(name),
+            time=t,
+            displacement_m=3.0 * t - 37.5 * t**2,
+            velocity_m_s=3.0 - 75.0 * t,
+            contact_force_N=np.where(t > 0, 450.0, 0.0),
+            snapshots=[make_snapshot(BLOCK), stop, replace(stop, time=t[-1])],
+        )
+        return {criterion.key: criterion for criterion in criteria(result)}
+
+    return judge
+
+
+# --- parts ------------------------------------------------------------------------------------
+
+
+def missed(found: dict[str, Criterion]) -> set[str]:
+    return {key for key, criterion in found.items() if not criterion.holds}
+
+
+@pytest.fixture
+def stopped(make_snapshot) -> Snapshot:
+    return make_snapshot(BLOCK, time=STOP, impactor_y=TIP)
+
+
+def crack(
+    snapshot: Snapshot,
+    rows: range = range(2, 20),
+    time: Callable[[int], float] = lambda j: 1e-3 * (20 - j),
+    column: Callable[[int], int] = lambda j: AXIS,
+) -> None:
+    """Break A's from the highest row down; where the column changes, B's join them."""
+    before = None
+    for j in reversed(rows):
+        i = column(j)
+        snapshot.break_time_a[i, j] = time(j)
+        if before is not None and i > before:
+            snapshot.break_time_b[before + 1 : i + 1, j] = time(j)
+        before = i
+
+
+def uncrack(snapshot: Snapshot) -> None:
+    snapshot.break_time_a[:] = np.nan
+    snapshot.break_time_b[:] = np.nan
+
+
+# --- Fig. 22 ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def flat(stopped) -> Snapshot:
+    """A crushed rectangle of 15 rows, the worse the higher."""
+    stopped.e_min_b[15:25, 5:19] = -np.linspace(0.8, 0.9, 14)
+    return stopped
+
+
+def test_fig_22(judged, flat) -> None:
+    found = judged(FLAT, flat)
+    assert missed(found) == set()
+    assert {criterion.source for criterion in found.values()} == {"Fig. 22"}
+    # 14 bonds spring back to a quarter of their length; the lowest cell is half above whole foam
+    assert found["flat-height"].value == pytest.approx((14.5 * 0.25 + 0.5) * DY / DEPTH)
+    assert found["flat-width"].value == pytest.approx(50.0)
+    assert found["flat-rectangle"].value == pytest.approx(1.0)
+
+
+def crush_elsewhere(flat: Snapshot) -> None:
+    flat.e_min_b[2:4, 5:12] = -0.5
+
+
+def crush_narrowly(flat: Snapshot) -> None:
+    flat.e_min_b[[15, 16, 23, 24]] = 0.0
+
+
+def crush_a_triangle(flat: Snapshot) -> None:
+    for k, i in enumerate((15, 16, 17, 18, 21, 22, 23, 24)):
+        flat.e_min_b[i, : (18, 15, 12, 9, 9, 12, 15, 18)[k]] = 0.0
+
+
+def blur_the_sides(flat: Snapshot) -> None:
+    flat.e_min_b[[12, 13, 14, 25, 26, 27], 5:19] = -0.2
+
+
+def blur_the_front(flat: Snapshot) -> None:
+    flat.e_min_b[15:25, 3] = -0.2  # cells of rows 3 and 4
+
+
+def crush_downwards(flat: Snapshot) -> None:
+    flat.e_min_b[15:25, 5:19] = -np.linspace(0.9, 0.8, 14)
+
+
+def crush_few_rows(flat: Snapshot) -> None:
+    flat.e_min_b[15:25, 5:10] = 0.0
+
+
+def crack_through(flat: Snapshot) -> None:
+    crack(flat, range(2, 20))
+
+
+def tear_a_layer_off(flat: Snapshot) -> None:
+    flat.break_time_b[:, 9] = 0.01
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (crush_elsewhere, {"flat-confined"}),
+        (crush_narrowly, {"flat-width"}),
+        (crush_a_triangle, {"flat-rectangle", "flat-height"}),
+        (blur_the_sides, {"flat-sharp-sides"}),
+        (blur_the_front, {"flat-sharp-front"}),
+        (crush_downwards, {"flat-severity"}),
+        (crush_few_rows, {"flat-height"}),
+        (crack_through, {"flat-no-crack", "flat-whole"}),
+        (tear_a_layer_off, {"flat-whole"}),
+    ],
+)
+def test_fig_22_spoiled(judged, flat, spoil, expected) -> None:
+    spoil(flat)
+    assert missed(judged(FLAT, flat)) == expected
+
+
+def test_a_run_that_never_stops_has_no_displacement(make_result, flat) -> None:
+    """The rest is judged at its last instant."""
+    moving = make_result(scene=paper_scene(FLAT), snapshots=[flat])
+    found = {criterion.key: criterion for criterion in criteria(moving)}
+    assert found["flat-height"].value is None
+    assert missed(found) == {"flat-height"}
+
+
+# --- Fig. 24 ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cylinder(stopped) -> Snapshot:
+    """The path crushed from row 8 up, the worst on the axis, and a crack from there down."""
+    stopped.e_min_b[15:25, 8:19] = -0.6
+    stopped.e_min_b[18:22, 8:11] = -0.9  # 16 cells of 120
+    crack(stopped)
+    return stopped
+
+
+def test_fig_24(judged, cylinder) -> None:
+    found = judged(CYLINDER, cylinder)
+    assert missed(found) == set()
+    assert found["cylinder-crack-start"].value == pytest.approx(0.0)
+    assert found["cylinder-halves"].value == pytest.approx(0.45)
+
+
+def crush_the_flank_worse(cylinder: Snapshot) -> None:
+    cylinder.e_min_b[15, 8:19] = -0.94
+
+
+def crack_beside_the_tip(cylinder: Snapshot) -> None:
+    uncrack(cylinder)
+    crack(cylinder, column=lambda j: AXIS - 3)
+
+
+def crack_obliquely(cylinder: Snapshot) -> None:
+    uncrack(cylinder)
+    crack(cylinder, range(2, 20), column=lambda j: AXIS + max(0, 8 - j))
+
+
+def crack_halfway(cylinder: Snapshot) -> None:
+    cylinder.break_time_a[:, :3] = np.nan
+
+
+def heal(cylinder: Snapshot) -> None:
+    uncrack(cylinder)
+
+
+def tear_from_the_base(cylinder: Snapshot) -> None:
+    """Cracked through, but the halves have come off above a layer that stays."""
+    cylinder.break_time_b[:, 4] = 0.01
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (crush_elsewhere, {"cylinder-confined"}),
+        (crush_the_flank_worse, {"cylinder-worst"}),
+        (crack_beside_the_tip, {"cylinder-crack-start"}),
+        (crack_obliquely, {"cylinder-crack-vertical"}),
+        (crack_halfway, {"cylinder-crack-through", "cylinder-halves"}),
+        (tear_from_the_base, {"cylinder-halves"}),
+        (
+            heal,
+            {
+                "cylinder-crack-start",
+                "cylinder-crack-vertical",
+                "cylinder-crack-through",
+                "cylinder-halves",
+            },
+        ),
+    ],
+)
+def test_fig_24_spoiled(judged, cylinder, spoil, expected) -> None:
+    spoil(cylinder)
+    assert missed(judged(CYLINDER, cylinder)) == expected
+
+
+# --- Fig. 26 ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def wedge(stopped) -> Snapshot:
+    """Crushed cells along both faces, a crack down from the tip, two small ones at the top."""
+    for k in range(5):
+        stopped.e_min_b[[19 - k, 20 + k], 8 + k] = CRUSHED
+    crack(stopped)
+    for i, shift in ((11, -1), (27, 1)):
+        stopped.break_time_a[i, 19] = 0.02
+        stopped.position[(slice(0, i + 1), slice(i + 1, None))[shift > 0], :, 0] += shift * 5e-4
+    return stopped
+
+
+def test_fig_26(judged, wedge) -> None:
+    found = judged(WEDGE, wedge)
+    assert missed(found) == set()
+    assert found["wedge-top-cracks"].value == 2.0
+    # The crack starts after 1 ms at 97.5 mm; the tip is then 1/40 of its way of 60 mm down.
+    assert found["wedge-crack-start"].value == pytest.approx(1.5)
+    assert found["wedge-crack-time"].value == pytest.approx(1 / 40)
+
+
+def crush_far_from_the_faces(wedge: Snapshot) -> None:
+    wedge.e_min_b[[2, 37], 12] = CRUSHED
+
+
+def crush_one_side(wedge: Snapshot) -> None:
+    wedge.e_min_b[:20] = 0.0
+
+
+def crush_ahead(wedge: Snapshot) -> None:
+    wedge.e_min_b[18:22, 5] = CRUSHED
+
+
+def deform_ahead(wedge: Snapshot) -> None:
+    wedge.e_min_b[18:22, 5] = -0.2
+
+
+def crack_below_the_tip(wedge: Snapshot) -> None:
+    wedge.break_time_a[AXIS, 7:] = np.nan
+    crack(wedge, range(2, 7), time=lambda j: 1e-3 * (8 - j))
+
+
+def crack_late(wedge: Snapshot) -> None:
+    """From row 11 (57.5 mm) after 27 ms, when the tip is at 57 mm, both ways."""
+    crack(wedge, time=lambda j: 0.027 + 1e-4 * abs(11 - j))
+
+
+def lean_the_crack(wedge: Snapshot) -> None:
+    wedge.break_time_a[AXIS] = np.nan
+    crack(wedge, column=lambda j: AXIS + (19 - j) // 3)
+
+
+def deepen_the_top_cracks(wedge: Snapshot) -> None:
+    wedge.break_time_a[[11, 27], 15:] = 0.02
+
+
+def no_top_cracks(wedge: Snapshot) -> None:
+    wedge.break_time_a[[11, 27]] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (crush_far_from_the_faces, {"wedge-faces"}),
+        (crush_one_side, {"wedge-both-faces"}),
+        (crush_ahead, {"wedge-ahead", "wedge-reach-ahead", "wedge-faces"}),
+        (deform_ahead, {"wedge-reach-ahead"}),
+        (crack_below_the_tip, {"wedge-crack-start", "wedge-halves"}),
+        (crack_late, {"wedge-crack-time"}),
+        (lean_the_crack, {"wedge-crack-vertical"}),
+        (crack_halfway, {"wedge-crack-through", "wedge-halves"}),
+        (deepen_the_top_cracks, {"wedge-top-cracks"}),
+        (no_top_cracks, {"wedge-top-cracks"}),
+    ],
+)
+def test_fig_26_spoiled(judged, wedge, spoil, expected) -> None:
+    spoil(wedge)
+    assert missed(judged(WEDGE, wedge)) == expected
+
+
+# --- all three --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [FLAT, CYLINDER, WEDGE])
+def test_every_statement_can_be_read(judged, stopped, name) -> None:
+    """Of an intact block, too, whose measures have nothing to measure."""
+    found = judged(name, stopped)
+    assert all(
+        criterion.text and criterion.unit and criterion.allowed for criterion in found.values()
+    )
+    unmeasured = {key for key, criterion in found.items() if criterion.value is None}
+    assert unmeasured <= missed(found)
+
+
+def test_a_scene_counts_by_its_name(make_result, flat) -> None:
+    def keys(result: Result) -> list[str]:
+        return [criterion.key for criterion in criteria(result)]
+
+    scene = paper_scene(FLAT)
+    faster = scene.model_copy(
+        update={"impactor": scene.impactor.model_copy(update={"velocity": 3.04})}
+    )
+    assert keys(make_result(scene=faster, snapshots=[flat])) == keys(
+        make_result(scene=scene, snapshots=[flat])
+    )
+    assert keys(make_result(scene=scene)) == []
+    others = [name for name in NAMES if name not in (FLAT, CYLINDER, WEDGE)]
+    for other in others:
+        assert keys(make_result(scene=paper_scene(other), snapshots=[flat])) == []

@@ -1,0 +1,63 @@
+"""Films and frames of a stored run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from imageio_ffmpeg import count_frames_and_secs
+from PIL import Image
+from PIL.GifImagePlugin import GifImageFile
+
+from taichi_foam import Result
+from taichi_foam.picture import films
+
+
+@pytest.fixture(scope="module")
+def result(study) -> Result:
+    return Result.load(study.folder / "wedge-2.86")
+
+
+def wanting(result: Result, **output: object) -> Result:
+    scene = result.scene
+    wanted = scene.output.model_copy(update=output)
+    return replace(result, scene=scene.model_copy(update={"output": wanted}))
+
+
+@pytest.mark.parametrize(
+    ("film", "frames"), [(True, True), (True, False), (False, True), (False, False)]
+)
+def test_what_the_scene_asks_for_is_written(
+    result: Result, tmp_path: Path, film: bool, frames: bool
+) -> None:
+    asked = wanting(replace(result, snapshots=result.snapshots[:5]), film=film, frames=frames)
+    drawn: list[None] = []
+    written = films.write(asked, tmp_path, lambda: drawn.append(None))
+    assert set(written) == set(tmp_path.iterdir())
+    assert {path.name for path in written} == ({"film.gif", "film.mp4"} if film else set()) | (
+        {"frames"} if frames else set()
+    )
+    assert len(drawn) == films.frames_to_draw(asked)
+    if frames:
+        pictures = sorted((tmp_path / "frames").iterdir())
+        assert [path.name for path in pictures] == [f"frame_{n:05d}.png" for n in range(5)]
+        with Image.open(pictures[0]) as picture:
+            assert picture.size == (320, 180)
+    if film:
+        assert count_frames_and_secs(str(tmp_path / "film.mp4"))[0] == 5
+
+
+def test_a_gif_keeps_the_pace_of_the_film(result: Result, tmp_path: Path) -> None:
+    """At 50 frames a second an MP4 of n frames takes n / 50 s; a GIF takes every second frame."""
+    asked = wanting(replace(result, snapshots=result.snapshots[:20]), fps=50)
+    films.write(asked, tmp_path)
+    with GifImageFile(tmp_path / "film.gif") as film:
+        assert film.n_frames == 10
+        assert film.info["duration"] == 40
+
+
+def test_pictures_take_no_more_room_than_foretold(study, result: Result) -> None:
+    for case in ("rectangular-3.03", "wedge-2.86"):
+        stored = [study.folder / case / name for name in ("film.gif", "film.mp4")]
+        assert sum(path.stat().st_size for path in stored) < films.storage_bytes(result.scene)

@@ -1,0 +1,97 @@
+"""The report: alone on a page, readable without pictures, honest about what misses."""
+
+from __future__ import annotations
+
+import base64
+from io import BytesIO
+
+import pytest
+from page import Page
+from PIL import Image
+
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, hits, is_miss
+
+
+@pytest.fixture(scope="module")
+def text(study) -> str:
+    return (study.folder / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def page(text: str) -> Page:
+    return Page(text)
+
+
+def test_the_page_is_well_formed_and_needs_nothing_from_outside(page: Page, text: str) -> None:
+    assert page.open == []
+    assert all(source.startswith("data:image/") for source in page.sources)
+    assert "http:" not in text
+    assert "https:" not in text
+    assert "<script" not in text
+    assert "url(" not in text
+
+
+def test_links_lead_somewhere(page: Page, study) -> None:
+    assert len(page.links) > 8
+    for link in page.links:
+        if link.startswith("#"):
+            assert link[1:] in page.ids
+        else:
+            assert (study.folder / link).exists(), link
+
+
+def test_pictures_have_words_and_their_true_size(page: Page) -> None:
+    assert len(page.images) == 2 * 4 + 3
+    for image in page.images:
+        assert len(image["alt"] or "") > 20
+        data = base64.b64decode((image["src"] or "").partition("base64,")[2])
+        with Image.open(BytesIO(data)) as picture:
+            assert picture.size == (int(image["width"] or 0), int(image["height"] or 0))
+
+
+def test_there_is_a_montage_and_a_film_for_each_kind(study) -> None:
+    names = {path.name for path in (study.folder / "figures").iterdir()}
+    assert {"montage-rectangular.png", "montage-wedge.png"} <= names
+    assert {"film-rectangular.gif", "film-wedge.gif"} <= names
+    assert not any("cylinder" in name for name in names)
+
+
+def test_every_miss_has_its_badge(page: Page, study) -> None:
+    misses = sum(
+        case["measured"][q.key] is not None and not abs(case["error"][q.key] or 1) <= 0.12
+        for case in study.content["cases"]
+        for q in COMPARED
+    )
+    assert page.badges == misses + 1  # and the one that explains them
+
+
+def test_measured_and_simulated_stand_in_the_text(text: str, study) -> None:
+    for case in study.content["cases"]:
+        for quantity in JUDGED:
+            assert f"<td>{quantity.text(case['measured'][quantity.key])}</td>" in text
+            assert f"<b>{quantity.text(case['simulated'][quantity.key])}</b>" in text
+    assert "energy_residual" not in text  # keys are for machines
+    for key in ("base.kind", "model.shear_failure", "numerics.safety", "impactor.friction"):
+        assert key in text
+
+
+def summary_with(**figures: float | None) -> dict[str, float | None]:
+    return {quantity.key: None for quantity in COMPARED} | figures
+
+
+def test_hits_count_what_lies_within_twelve_per_cent() -> None:
+    """Measured in wedge 2.86: 7.5 cm. 8.4 cm is 12 % more; no answer is a miss."""
+    name, key = "paper/wedge-2.86", "max_displacement_m"
+    within = comparison(name, summary_with(max_displacement_m=0.0839))
+    beyond = comparison(name, summary_with(max_displacement_m=0.0841))
+    without = comparison(name, summary_with())
+    assert within["error"][key] == pytest.approx(0.0839 / 0.075 - 1)
+    assert [is_miss(case, key) for case in (within, beyond, without)] == [False, True, True]
+    assert not is_miss(without, "initial_peak_m_s2")  # a wedge has none to miss
+    assert hits([within, beyond, without])[key] == {"within": 1, "of": 3}
+
+
+def test_other_scenes_have_nothing_measured() -> None:
+    case = comparison("my own", summary_with(max_displacement_m=0.05))
+    assert set(case["measured"].values()) == {None}
+    assert set(case["error"].values()) == {None}

@@ -1,0 +1,162 @@
+"""What `reproduce` writes, and what it does when a case fails or Ctrl-C comes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from taichi_foam import Result, UserError
+from taichi_foam.errors import RunError
+from taichi_foam.picture import films
+from taichi_foam.run import simulation
+from taichi_foam.shim2000.reproduce import case_names, reproduce
+from taichi_foam.shim2000.tests import NAMES
+
+CASES = ["rectangular-3.03", "wedge-2.86"]
+SMALL = ("block.columns=12", "block.rows=6", "numerics.end=3e-3")
+
+
+def test_case_names_with_and_without_prefix() -> None:
+    assert case_names(None) == list(NAMES)
+    assert case_names(["wedge-2.86", " paper/wedge-2.86 ", "cylinder-2.32"]) == [
+        "paper/wedge-2.86",
+        "paper/cylinder-2.32",
+    ]
+    with pytest.raises(UserError, match=r"did you mean cylinder-2\.32"):
+        case_names(["cylinder-2.23"])
+
+
+def test_the_folder_holds_all_of_it(study) -> None:
+    names = {path.name for path in study.folder.iterdir()}
+    assert names == {"report.html", "tables.csv", "summary.json", "figures", *CASES}
+    for case in CASES:
+        assert {path.name for path in (study.folder / case).iterdir()} == {
+            "scene.toml",
+            "cracks.json",
+            "history.csv",
+            "snapshots.npz",
+            "summary.json",
+            "film.gif",
+            "film.mp4",
+        }
+        with Image.open(study.folder / case / "film.gif") as film:
+            assert film.size == (320, 180)
+
+
+def test_summary_has_the_cases_with_the_same_keys(study) -> None:
+    content = json.loads((study.folder / "summary.json").read_text())
+    assert [case["name"] for case in content["cases"]] == [f"paper/{case}" for case in CASES]
+    assert content["choices"] == "calibrated"
+    assert content["interrupted"] is False
+    assert {"processor", "cores"} <= set(content["machine"])
+    for case in content["cases"]:
+        own = json.loads((study.folder / case["name"][6:] / "summary.json").read_text())
+        assert own.pop("run")["batch"] == 2
+        assert case["simulated"] == own
+        assert set(case["measured"]) == set(case["error"]) == set(own)
+
+
+def test_errors_are_relative_to_the_tables(study) -> None:
+    """Against figures read from Tables 2, 4 and 5 of the paper."""
+    flat, wedge = study.content["cases"]
+    for case, key, measured in (
+        (flat, "impact_duration_s", 0.042),
+        (flat, "max_displacement_m", 0.065),
+        (flat, "initial_peak_m_s2", 97.0),
+        (wedge, "plateau_deceleration_m_s2", 66.0),
+        (wedge, "energy_per_volume_J_m3", 1.36e5),
+    ):
+        assert case["measured"][key] == pytest.approx(measured)
+        simulated = case["simulated"][key]
+        assert case["error"][key] == pytest.approx((simulated - measured) / measured)
+    assert wedge["measured"]["initial_peak_m_s2"] is None
+    assert wedge["error"]["initial_peak_m_s2"] is None
+    assert flat["measured"]["rebound_velocity_m_s"] is None
+
+
+def test_tables_repeat_the_summary(study) -> None:
+    with (study.folder / "tables.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    by_name = {case["name"]: case for case in study.content["cases"]}
+    assert len(rows) == 7 + 5  # a flat block has an initial peak and its time
+    for row in rows:
+        case, key = by_name[row["case"]], row["quantity"]
+        assert float(row["measured"]) == pytest.approx(case["measured"][key], rel=1e-5)
+        assert float(row["simulated"]) == pytest.approx(case["simulated"][key], rel=1e-5)
+        assert row["miss"] == str(int(abs(case["error"][key]) > 0.12))
+    theirs = {row["case"]: row["paper_simulation"] for row in rows if row["paper_simulation"]}
+    assert theirs == {"paper/rectangular-3.03": "0.0402", "paper/wedge-2.86": "0.0483"}
+
+
+def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
+    (tmp_path / "note").write_text("mine")
+    with pytest.raises(UserError, match="--overwrite"):
+        reproduce(tmp_path, CASES)
+    assert [path.name for path in tmp_path.iterdir()] == ["note"]
+
+
+def altered(change: Callable[[list[Result]], list[Result]]) -> Callable:
+    """`run_many`, with a change to what it gives."""
+    original = simulation.run_many
+    return lambda scenes, on_progress: change(original(scenes, on_progress))
+
+
+def cut(result: Result) -> Result:
+    return replace(result, run={**result.run, "interrupted": True, "ended_by": "interrupt"})
+
+
+def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation, "run_many", altered(lambda rs: [rs[0], cut(rs[1])]))
+    content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
+    assert content["interrupted"] is True
+    assert content["not_finished"] == ["paper/wedge-2.86"]
+    assert [case["name"] for case in content["cases"]] == ["paper/rectangular-3.03"]
+    assert not (tmp_path / "out" / "wedge-2.86").exists()
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert "<b>Interrupted.</b>" in report
+    assert "Wedge 2.86" in report
+
+
+def test_ctrl_c_before_any_case_has_finished_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulation, "run_many", altered(lambda rs: [cut(r) for r in rs]))
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path / "out", CASES, overrides=SMALL)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_among_the_films_keeps_the_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(films, "write", pressed)
+    content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
+    assert content["interrupted"] is True
+    assert content["not_finished"] == []
+    assert Result.load(tmp_path / "out" / "wedge-2.86").scene.name == "paper/wedge-2.86"
+
+
+def test_a_failed_case_is_kept_apart_and_the_others_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(results: list[Result]) -> list[Result]:
+        bad = replace(results[1], run={**results[1].run, "ended_by": "non-finite values"})
+        raise RunError("wedge: not finite at 1 ms", [results[0], bad])
+
+    monkeypatch.setattr(simulation, "run_many", altered(fail))
+    with pytest.raises(RunError, match="not finite at 1 ms"):
+        reproduce(tmp_path / "out", CASES, overrides=SMALL, films=False)
+    content = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert content["failed"] == ["paper/wedge-2.86"]
+    assert [case["name"] for case in content["cases"]] == ["paper/rectangular-3.03"]
+    assert (tmp_path / "out" / "wedge-2.86" / "history.csv").is_file()
+    assert "not finite at 1 ms" in (tmp_path / "out" / "report.html").read_text()

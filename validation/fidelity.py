@@ -1,0 +1,107 @@
+"""The choices that the paper leaves open, against its tests: `python validation/fidelity.py`.
+
+Parts: select (choices fitted to six tests and judged by the three held out; its grid stands in
+fidelity_study/grid.py) and choices (one change at a time from the calibrated set; they stand in
+fidelity_study/changes.py). Every run's figures are kept as they come, in results/fidelity.json, by
+a digest of the run's scene: another calibration computes what it changes, another engine needs
+--fresh. Some two thousand impacts, half an hour of two cores; Ctrl-C keeps what has ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from ensembles import full_names
+from fidelity_study import changes, grid, members, page
+from rich.console import Console
+from store import Store, chosen
+
+from taichi_foam.run.progress import Bars
+from taichi_foam.shim2000.scores import HELD_OUT
+
+HERE = Path(__file__).parent
+RESULTS = HERE / "results"
+FIGURES = HERE.parent / "docs" / "figures"
+
+PARTS = ("select", "choices")
+VELOCITIES = {"select": grid.VELOCITIES, "choices": changes.VELOCITIES}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What of a part is to be computed now: some tests, and labels that have one of `only`."""
+
+    tests: Sequence[str]
+    only: Sequence[str]
+    velocities: dict[str, int]
+
+    def names(self, label: str) -> bool:
+        """Whether this change or candidate is asked for."""
+        return not self.only or any(text in label for text in self.only)
+
+
+def select(asked: Asked, store: Store, bars: Bars) -> None:
+    """The fitted tests of all candidates; and then the held-out ones of the best."""
+    velocities = asked.velocities["select"]
+    fitted = [test for test in asked.tests if test in grid.FITTED]
+    wanted = [each for each in grid.candidates() if asked.names(each.label)]
+    ensembles = [run for each in wanted for run in each.ensembles(fitted, velocities)]
+    members.compute("select", ensembles, store, bars)
+    best = grid.winner(velocities, store.part("select"))
+    if best is not None:
+        members.compute("select", best.ensembles(HELD_OUT, velocities), store, bars)
+
+
+def choices(asked: Asked, store: Store, bars: Bars) -> None:
+    """All tests of all changes, and of the calibrated set."""
+    wanted = [c for c in changes.changes() if c == changes.CALIBRATED or asked.names(c.label)]
+    velocities = asked.velocities["choices"]
+    ensembles = [run for each in wanted for run in each.ensembles(asked.tests, velocities)]
+    members.compute("choices", ensembles, store, bars)
+
+
+COMPUTE = {"select": select, "choices": choices}
+
+
+def main(
+    parts: Annotated[str | None, typer.Option(help="select or choices; none: both.")] = None,
+    cases: Annotated[
+        str | None, typer.Option(help="Compute these tests only, as in wedge-2.86,cylinder-3.32.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Compute only what has this in its label; may be given repeatedly."),
+    ] = None,
+    velocities: Annotated[
+        int | None,
+        typer.Option(min=1, help="Velocities of each ensemble; use another --out with it."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget all that the parts kept.")] = False,
+    compute: Annotated[bool, typer.Option(help="Compute what is missing, or only write.")] = True,
+    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "fidelity.md",
+    figures: Annotated[Path, typer.Option(help="Where the picture goes.")] = FIGURES,
+) -> None:
+    """Compute what is missing, and write and print the page of all that is there."""
+    bars = Bars(Console(highlight=False))
+    store = Store.open(out.with_suffix(".json"))
+    counts = {part: velocities or VELOCITIES[part] for part in PARTS}
+    asked = Asked(full_names(cases), only or [], counts)
+    interrupted = False
+    try:
+        for part in chosen(parts, PARTS) if compute else []:
+            if fresh:
+                store.forget(part)
+            COMPUTE[part](asked, store, bars)
+    except KeyboardInterrupt:
+        interrupted = True
+    typer.echo(page.write(store, counts, out, figures))
+    bars.say(f"written to {out}" + ", interrupted" * interrupted)
+    raise typer.Exit(130 if interrupted else 0)
+
+
+if __name__ == "__main__":
+    typer.run(main)
