@@ -29,9 +29,9 @@ from taichi_foam.live.stage import FPS, Stage
 from taichi_foam.picture import cells, raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import whole_file
-from taichi_foam.run.simulation import simulate
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import simulate
 
 CASE = "paper/wedge-2.86"
 TIME = 0.020  # s: crushed along the faces, a crack below the tip

@@ -15,8 +15,8 @@ from rich.table import Table
 
 from taichi_foam.engine import bonds, clock, contact, ledger, loading, nodes, runtime, stepper
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
-from taichi_foam.run.simulation import run
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
 
 CASE = "paper/rectangular-3.03"
 IMPACT_TIME = 0.015  # s: the foam below the impactor is crushed

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from taichi_foam.errors import RunError, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.results.result import Result
-    from taichi_foam.run.simulation import run, run_many, simulate, simulate_many
     from taichi_foam.scene import Scene
     from taichi_foam.shim2000.reproduce import reproduce
     from taichi_foam.shim2000.tests import paper_scene
+    from taichi_foam.simulation.simulate import run, run_many, simulate, simulate_many
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -58,10 +58,10 @@ _HOMES = {
     "load_scene": "catalogue",
     "paper_scene": "shim2000.tests",
     "reproduce": "shim2000.reproduce",
-    "run": "run.simulation",
-    "run_many": "run.simulation",
-    "simulate": "run.simulation",
-    "simulate_many": "run.simulation",
+    "run": "simulation.simulate",
+    "run_many": "simulation.simulate",
+    "simulate": "simulation.simulate",
+    "simulate_many": "simulation.simulate",
     "summary": "analysis.measures",
     "watch": "live.watch",
 }

@@ -1,10 +1,26 @@
-"""What every test may share: one Taichi runtime for the whole session."""
+"""What every test may share: one Taichi runtime for the whole session, and what is made by hand.
+
+Hand-made histories and lattices have answers that are known without a simulation.
+"""
+
+from __future__ import annotations
 
 import signal
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from taichi_foam.engine import runtime
+from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Block, FlatBlock, Scene
+
+MakeSnapshot = Callable[..., Snapshot]
+MakeResult = Callable[..., Result]
 
 # A shell that starts a job in the background has it ignore Ctrl-C, and so all that it starts; the
 # tests of Ctrl-C need it.
@@ -18,3 +34,61 @@ def taichi_runtime() -> None:
     Once in each process: with pytest-xdist every worker has its own runtime and its own fields.
     """
     runtime.start()
+
+
+def intact_snapshot(block: Block) -> Snapshot:
+    """The block at rest and unbroken at t = 0."""
+    columns, rows = block.columns, block.rows
+    x = (np.arange(columns) - (columns - 1) / 2) * block.dx
+    y = (np.arange(rows) + 0.5) * block.dy
+    position = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1, dtype=np.float64)
+    return Snapshot(
+        time=0.0,
+        impactor_y=block.height - block.dy / 2,
+        position=position,
+        velocity=np.zeros_like(position),
+        e_min_a=np.zeros((columns - 1, rows)),
+        e_min_b=np.zeros((columns, rows - 1)),
+        break_time_a=np.full((columns - 1, rows), np.nan),
+        break_time_b=np.full((columns, rows - 1), np.nan),
+    )
+
+
+@pytest.fixture
+def make_snapshot() -> MakeSnapshot:
+    def make(
+        block: Block,
+        a: Iterable[tuple[int, int]] = (),
+        b: Iterable[tuple[int, int]] = (),
+        times: Callable[[int, int], float] = lambda i, j: 1e-3,
+        **fields: Any,
+    ) -> Snapshot:
+        """An undeformed block with the bonds A in `a` and B in `b` broken at `times`."""
+        snapshot = replace(intact_snapshot(block), **fields)
+        for array, broken in ((snapshot.break_time_a, a), (snapshot.break_time_b, b)):
+            for i, j in broken:
+                array[i, j] = times(i, j)
+        return snapshot
+
+    return make
+
+
+@pytest.fixture
+def make_result() -> MakeResult:
+    def make(
+        scene: Scene | None = None,
+        time: Any = (0.0, 1e-4),
+        snapshots: Iterable[Snapshot] = (),
+        run: dict[str, Any] | None = None,
+        **columns: Any,
+    ) -> Result:
+        """A result with the given history columns, the others zero."""
+        time = np.asarray(time, dtype=float)
+        history = {name: np.zeros_like(time) for name in HISTORY_COLUMNS}
+        history["time_s"] = time
+        for name, values in columns.items():
+            history[name] = np.broadcast_to(np.asarray(values, dtype=float), time.shape).copy()
+        scene = scene or Scene(name="hand-made", impactor=FlatBlock())
+        return Result(scene, history, list(snapshots), run or {})
+
+    return make

@@ -20,8 +20,8 @@ from fidelity_study import changes, grid, members, page
 from rich.console import Console
 from store import Store, chosen
 
-from taichi_foam.run.progress import Bars
 from taichi_foam.shim2000.scores import HELD_OUT
+from taichi_foam.simulation.progress import Bars
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"

@@ -31,12 +31,12 @@ from rich.console import Console
 from scipy.stats import mannwhitneyu
 
 from taichi_foam.results.result import Result
-from taichi_foam.run.progress import Bars
-from taichi_foam.run.simulation import run
 from taichi_foam.shim2000.compare import Quantity
 from taichi_foam.shim2000.ensemble import WITHIN, factors
 from taichi_foam.shim2000.machine import machine, versions
 from taichi_foam.shim2000.tests import MEASURED, TABLE_6
+from taichi_foam.simulation.progress import Bars
+from taichi_foam.simulation.simulate import run
 
 RESULTS = Path(__file__).parent / "results"
 FINE = TABLE_6["dt_s"]

@@ -18,7 +18,7 @@ from store import Store, chosen
 from verification import cantilever, convergence, page, shock, smooth, waves
 
 from taichi_foam.engine import runtime
-from taichi_foam.run.progress import Bars
+from taichi_foam.simulation.progress import Bars
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
 
 from .constants import Skipped, State
 from .native import Plain, Vectors

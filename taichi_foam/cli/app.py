@@ -25,9 +25,9 @@ from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_
 from taichi_foam.errors import RunError
 from taichi_foam.results.folders import check_output_folder, file_name, output_folder
 from taichi_foam.results.result import Result, storage_bytes
-from taichi_foam.run.interrupts import held_interrupts
-from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.interrupts import held_interrupts
+from taichi_foam.simulation.progress import Bars
 from taichi_foam.version import __version__
 
 _app = typer.Typer(
@@ -201,14 +201,14 @@ def _run(
             return
         from taichi_foam.engine import runtime
         from taichi_foam.picture import films
-        from taichi_foam.run import simulation
+        from taichi_foam.simulation import simulate
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
         runtime.start(arch, threads)
         failure = None
         with bars.computing(scene.name) as on_progress:
             try:
-                result = simulation.run(scene, on_progress)
+                result = simulate.run(scene, on_progress)
             except RunError as error:
                 if not error.results:
                     raise

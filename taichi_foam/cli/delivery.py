@@ -11,7 +11,7 @@ from pathlib import Path
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.folders import check_output_folder
-from taichi_foam.run.progress import Bars
+from taichi_foam.simulation.progress import Bars
 
 
 @dataclass(frozen=True)

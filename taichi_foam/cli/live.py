@@ -16,8 +16,8 @@ from taichi_foam.live import window
 from taichi_foam.picture import films
 from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import Result, storage_bytes
-from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.progress import Bars
 
 
 def run_live(

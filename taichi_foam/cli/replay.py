@@ -18,7 +18,7 @@ from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
 from taichi_foam.results.folders import whole_file
 from taichi_foam.results.result import Result
-from taichi_foam.run.progress import Bars
+from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,1 +1,1 @@
-"""Fields and kernels of the lattice: what `taichi_foam.run.batches` drives."""
+"""Fields and kernels of the lattice: what `taichi_foam.simulation.batches` drives."""

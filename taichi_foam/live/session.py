@@ -167,7 +167,7 @@ class Session:
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n, 18) of the current drop's history, for `run.batches.history_of`."""
+        """Rows (n, 18) of the current drop's history, for `batches.history_of`."""
         with self._state:
             if len(self._rows) > 1:
                 self._rows = [np.concatenate(self._rows)]

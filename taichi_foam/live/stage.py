@@ -23,9 +23,9 @@ from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.results.result import Result
-from taichi_foam.run.batches import history_of
-from taichi_foam.run.interrupts import held_interrupts
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.batches import history_of
+from taichi_foam.simulation.interrupts import held_interrupts
 
 Image8 = NDArray[np.uint8]
 Keep = Callable[[Result], object]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from taichi_foam.results.result import Result
-    from taichi_foam.run.stepwise import Drop
+    from taichi_foam.simulation.stepwise import Drop
 
 # Between two calls of the engine the worker listens.
 CALL_SECONDS = 0.01
@@ -131,7 +131,7 @@ class _Worker:
         self._is_paused, self._step_to = False, None
         try:
             from taichi_foam.engine import runtime
-            from taichi_foam.run.stepwise import Drop
+            from taichi_foam.simulation.stepwise import Drop
 
             runtime.start(self._arch, self._threads)
             self._drop = Drop(command.scene)

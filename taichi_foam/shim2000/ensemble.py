@@ -19,13 +19,13 @@ from taichi_foam.analysis.measures import summary
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
-from taichi_foam.run import simulation
-from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import nearest
 from taichi_foam.shim2000.case import Case, Computed, Member, from_contact, has_failed
 from taichi_foam.shim2000.compare import JUDGED
 from taichi_foam.shim2000.criteria import criteria
+from taichi_foam.simulation import simulate
+from taichi_foam.simulation.progress import Bars
 
 WITHIN = 0.005
 """Velocities of an ensemble differ from the test's own by at most this part."""
@@ -130,7 +130,7 @@ def compute(scenes: Sequence[Scene], count: int, bars: Bars) -> Computed:
     interrupted = False
     with bars.computing(f"{len(asked)} impacts") as on_progress:
         try:
-            for place, result in simulation.simulate_many(asked, on_progress):
+            for place, result in simulate.simulate_many(asked, on_progress):
                 tests[place // count].take(place % count, result)
         except KeyboardInterrupt:
             interrupted = True

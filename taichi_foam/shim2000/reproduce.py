@@ -17,15 +17,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_foam import films as film_files
 from taichi_foam.catalogue import load_scene
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError
+from taichi_foam.picture import films as film_files
 from taichi_foam.results.folders import check_output_folder, output_folder
 from taichi_foam.results.result import storage_bytes, write_json
-from taichi_foam.run import simulation
-from taichi_foam.run.interrupts import held_interrupts
-from taichi_foam.run.progress import Bars
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import compare, report
 from taichi_foam.shim2000 import ensemble as ensembles
@@ -34,6 +31,9 @@ from taichi_foam.shim2000.case import Case, Computed, has_failed
 from taichi_foam.shim2000.machine import machine, versions
 from taichi_foam.shim2000.scores import scores
 from taichi_foam.shim2000.tests import NAMES
+from taichi_foam.simulation import simulate
+from taichi_foam.simulation.interrupts import held_interrupts
+from taichi_foam.simulation.progress import Bars
 
 DEFAULT_FOLDER = "reproduction"
 
@@ -179,7 +179,7 @@ def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
     what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
     with bars.computing(what) as on_progress:
         try:
-            results = simulation.run_many(scenes, on_progress)
+            results = simulate.run_many(scenes, on_progress)
         except RunError as error:
             results, failure = error.results, str(error)
     cut = [r.scene.name for r in results if r.run["interrupted"]]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from taichi_foam.run.simulation import simulate
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import simulate
 
 END = 3e-3  # s: later the motion is chaotic, and grows the last bit into another crack
 TOLERANCE = 1e-9  # m: both give the same numbers but for the last bits, about 1e-16 m

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from command_line import COARSE_OPTIONS, call, tree
 
-from taichi_foam import result as result_module
-from taichi_foam.run import batches
+from taichi_foam.results import result as result_module
+from taichi_foam.simulation import batches
 
 WEDGE = "paper/wedge-2.86"
 

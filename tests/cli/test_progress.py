@@ -12,9 +12,9 @@ from command_line import call
 from rich.console import Console
 
 import taichi_foam
-from taichi_foam.run.interrupts import held_interrupts
-from taichi_foam.run.progress import Bars
-from taichi_foam.run.simulation import Progress
+from taichi_foam.simulation.interrupts import held_interrupts
+from taichi_foam.simulation.progress import Bars
+from taichi_foam.simulation.simulate import Progress
 
 
 def test_a_log_gets_one_line_for_each_stage() -> None:

@@ -16,8 +16,8 @@ from command_line import COARSE, COARSE_OPTIONS, ENVIRONMENT, call, tree
 
 from taichi_foam import Result, Scene, __version__, load_scene
 from taichi_foam.errors import RunError
-from taichi_foam.run import simulation
 from taichi_foam.shim2000 import tests
+from taichi_foam.simulation import simulate
 
 WEDGE = "paper/wedge-2.86"
 
@@ -89,7 +89,7 @@ def test_options_come_in_order(
         scenes.append(scene)
         raise RunError("recorded")
 
-    monkeypatch.setattr(simulation, "run", record)
+    monkeypatch.setattr(simulate, "run", record)
     (tmp_path / "own.toml").write_text(
         'name = "own"\n[impactor]\nshape = "wedge"\nfriction = 0.7\n[numerics]\ndt = 5e-6\n'
     )
@@ -165,16 +165,16 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
 # Says on stdout when stepping has begun, then goes on as the command line does.
 WATCHED = """
 import sys
-from taichi_foam.run import simulation
+from taichi_foam.simulation import simulate
 from taichi_foam.cli import main
-begin = simulation.run
+begin = simulate.run
 def run(scene, on_progress):
     def watched(progress):
         if progress.time > 1e-3:
             print("stepping", flush=True)
         on_progress(progress)
     return begin(scene, watched)
-simulation.run = run
+simulate.run = run
 main()
 """
 

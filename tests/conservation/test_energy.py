@@ -5,7 +5,6 @@ import pytest
 from bench import small_scene
 
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import (
     Base,
     FlatBlock,
@@ -18,6 +17,7 @@ from taichi_foam.scene import (
     Wedge,
 )
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
 
 LOOSE = Model(self_contact=False)
 

@@ -9,9 +9,9 @@ from scipy.spatial.distance import pdist
 
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, FlatBlock, Model, Numerics, Output, Wedge
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
 
 RUNS = {
     "paper/wedge-3.60": paper_scene("paper/wedge-3.60"),

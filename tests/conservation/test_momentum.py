@@ -6,9 +6,9 @@ from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.run.simulation import run, simulate
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Scene
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run, simulate
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])

@@ -6,8 +6,8 @@ from bench import small_scene
 from test_momentum import is_mirrored
 
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run, simulate
 from taichi_foam.scene import FlatBlock, Foam, Model, Numerics, Output, Scene, Wedge
+from taichi_foam.simulation.simulate import run, simulate
 
 SENSITIVE = {"rate": 200.0, "rate_exponent": 2.0}
 SCATTER = {"strength_scatter": 0.2, "strength_seed": 5}

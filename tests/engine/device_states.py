@@ -21,9 +21,9 @@ from test_same_numbers import EVERYTHING
 
 from taichi_foam.engine import loading, runtime, stepper
 from taichi_foam.engine.lattice import BLOCK_NODES, THREADS, Lattice, borrowed
-from taichi_foam.run.simulation import run_many
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run_many
 
 # More nodes than a block has threads; and more than one block steps by itself.
 SMALL, BIG = (15, 20), (66, 63)

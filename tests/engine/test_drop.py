@@ -10,10 +10,10 @@ from test_same_numbers import assert_same_results, assert_same_snapshots, impact
 from taichi_foam.engine.ledger import ROW_COLUMNS
 from taichi_foam.errors import RunError
 from taichi_foam.records.history import HISTORY_COLUMNS
-from taichi_foam.run.batches import history_of
-from taichi_foam.run.simulation import run
-from taichi_foam.run.stepwise import Drop
 from taichi_foam.scene import FlatBlock, Numerics, Output
+from taichi_foam.simulation.batches import history_of
+from taichi_foam.simulation.simulate import run
+from taichi_foam.simulation.stepwise import Drop
 
 
 @pytest.mark.parametrize("which", [0, 3])

@@ -8,7 +8,6 @@ from bench import bench, numerics, run_to, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.errors import RunError
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import (
     Base,
     Block,
@@ -20,6 +19,7 @@ from taichi_foam.scene import (
     Scene,
     Start,
 )
+from taichi_foam.simulation.simulate import run
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])

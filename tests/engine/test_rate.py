@@ -5,8 +5,8 @@ import pytest
 from bench import COLUMNS, ROWS, numerics, run_to, small_scene
 from reference_lattice import reference_positions
 
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Start
+from taichi_foam.simulation.simulate import run
 
 K, E_Y = 2.78e6, -0.05
 VISCOSITY = K * 1e-6 / 0.057  # Pa s, of the dashpots

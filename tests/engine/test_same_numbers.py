@@ -11,8 +11,8 @@ from bench import bench, small_scene
 from taichi_foam.engine import stepper
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run, run_many
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
+from taichi_foam.simulation.simulate import run, run_many
 
 STEPS = 1500
 

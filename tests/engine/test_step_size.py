@@ -13,9 +13,9 @@ from bench import bench, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine.parameters import RK4_RADIUS
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
 from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
 
 K, G, RHO, CELL, THICKNESS = 2.78e6, 0.84e6, 25.6, 0.005, 0.057
 RETARDATION = 1e-6 / 0.057

@@ -12,8 +12,8 @@ from scipy.stats import kstest, weibull_min
 
 from taichi_foam.analysis.fragments import pieces
 from taichi_foam.engine.strengths import strengths, weibull_modulus
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
+from taichi_foam.simulation.simulate import run
 
 BIG = Block(width=1.0, height=1.0, columns=200, rows=200)
 COUNT = 2 * 200 * 200
@@ -192,6 +192,6 @@ def test_cut_faces_neither_pull_nor_shear() -> None:
 
 def test_the_solver_is_loaded_for_scatter_only() -> None:
     """It takes half a second, which every run would wait for."""
-    code = "import sys, taichi_foam.run.simulation\nprint('scipy' in sys.modules)"
+    code = "import sys, taichi_foam.simulation.simulate\nprint('scipy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "False"

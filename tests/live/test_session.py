@@ -20,8 +20,8 @@ from taichi_foam.engine.ledger import ROW_COLUMNS
 from taichi_foam.live import session as session_module
 from taichi_foam.live.messages import Died, Ended, Failed, Frame, NothingYet, Refused
 from taichi_foam.live.session import Session
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.simulate import run
 
 PATIENCE = 120.0  # a busy machine that compiles [s]
 

@@ -16,8 +16,8 @@ from taichi_foam.analysis.measures import impact
 from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.simulate import run
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")

@@ -16,11 +16,11 @@ from page import Page
 
 from taichi_foam import Result, Scene, load_scene
 from taichi_foam.errors import RunError, UserError
-from taichi_foam.run import simulation
-from taichi_foam.run.progress import Bars
 from taichi_foam.shim2000.ensemble import check, compute, factors, members_of
 from taichi_foam.shim2000.reproduce import reproduce
 from taichi_foam.shim2000.scores import HELD_OUT, score
+from taichi_foam.simulation import simulate
+from taichi_foam.simulation.progress import Bars
 
 FLAT, WEDGE = "paper/rectangular-3.03", "paper/wedge-2.86"
 
@@ -119,7 +119,7 @@ def test_full_runs_are_let_go_but_for_the_one_to_be_shown(
         seen.append(weakref.ref(result))
         return result
 
-    monkeypatch.setattr(simulation, "simulate_many", given(stored, change=watched))
+    monkeypatch.setattr(simulate, "simulate_many", given(stored, change=watched))
     computed = compute([coarse(WEDGE), coarse(FLAT)], 4, Bars())
     gc.collect()
     assert sum(ref() is not None for ref in seen) == 2
@@ -130,7 +130,7 @@ def test_full_runs_are_let_go_but_for_the_one_to_be_shown(
 
 
 def test_ctrl_c_keeps_the_finished_members(stored: Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "simulate_many", given(stored, until=6))
+    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=6))
     scenes = [coarse(name) for name in (WEDGE, FLAT, "paper/cylinder-2.94")]
     computed = compute(scenes, 4, Bars())
     assert computed.interrupted
@@ -143,7 +143,7 @@ def test_ctrl_c_keeps_the_finished_members(stored: Result, monkeypatch: pytest.M
 def test_ctrl_c_writes_a_folder_with_what_has_finished(
     stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulation, "simulate_many", given(stored, until=5))
+    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=5))
     content = reproduce(
         tmp_path / "out", ["wedge-2.86", "cylinder-3.32"], ensemble=3, overrides=COARSE
     )
@@ -159,7 +159,7 @@ def test_ctrl_c_writes_a_folder_with_what_has_finished(
 def test_ctrl_c_before_any_run_has_finished_writes_nothing(
     stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulation, "simulate_many", given(stored, until=0))
+    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=0))
     with pytest.raises(KeyboardInterrupt, match="no run had finished"):
         reproduce(tmp_path / "out", ["wedge-2.86"], ensemble=3)
     assert list(tmp_path.iterdir()) == []
@@ -172,7 +172,7 @@ def test_a_run_that_fails_is_left_out_and_told(
         bad = {**result.run, "ended_by": "a full neighbour list"}
         return replace(result, run=bad) if place == 1 else result
 
-    monkeypatch.setattr(simulation, "simulate_many", given(stored, change=fail))
+    monkeypatch.setattr(simulate, "simulate_many", given(stored, change=fail))
     with pytest.raises(RunError, match=r"2\.86\d* m/s: ended by a full neighbour list") as raised:
         reproduce(tmp_path / "out", ["wedge-2.86"], ensemble=3, films=False, overrides=COARSE)
     assert "taichi-foam run paper/wedge-2.86 --set impactor.velocity=2.86" in str(raised.value)

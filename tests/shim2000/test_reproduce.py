@@ -14,9 +14,9 @@ from PIL import Image
 from taichi_foam import Result, UserError
 from taichi_foam.errors import RunError
 from taichi_foam.picture import films
-from taichi_foam.run import simulation
 from taichi_foam.shim2000.reproduce import case_names, reproduce
 from taichi_foam.shim2000.tests import NAMES
+from taichi_foam.simulation import simulate
 
 CASES = ["rectangular-3.03", "wedge-2.86"]
 SMALL = ("block.columns=12", "block.rows=6", "numerics.end=3e-3")
@@ -103,7 +103,7 @@ def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
 
 def altered(change: Callable[[list[Result]], list[Result]]) -> Callable:
     """`run_many`, with a change to what it gives."""
-    original = simulation.run_many
+    original = simulate.run_many
     return lambda scenes, on_progress: change(original(scenes, on_progress))
 
 
@@ -112,7 +112,7 @@ def cut(result: Result) -> Result:
 
 
 def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "run_many", altered(lambda rs: [rs[0], cut(rs[1])]))
+    monkeypatch.setattr(simulate, "run_many", altered(lambda rs: [rs[0], cut(rs[1])]))
     content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
     assert content["interrupted"] is True
     assert content["not_finished"] == ["paper/wedge-2.86"]
@@ -126,7 +126,7 @@ def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.Mon
 def test_ctrl_c_before_any_case_has_finished_writes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulation, "run_many", altered(lambda rs: [cut(r) for r in rs]))
+    monkeypatch.setattr(simulate, "run_many", altered(lambda rs: [cut(r) for r in rs]))
     with pytest.raises(KeyboardInterrupt):
         reproduce(tmp_path / "out", CASES, overrides=SMALL)
     assert list(tmp_path.iterdir()) == []
@@ -152,7 +152,7 @@ def test_a_failed_case_is_kept_apart_and_the_others_reported(
         bad = replace(results[1], run={**results[1].run, "ended_by": "non-finite values"})
         raise RunError("wedge: not finite at 1 ms", [results[0], bad])
 
-    monkeypatch.setattr(simulation, "run_many", altered(fail))
+    monkeypatch.setattr(simulate, "run_many", altered(fail))
     with pytest.raises(RunError, match="not finite at 1 ms"):
         reproduce(tmp_path / "out", CASES, overrides=SMALL, films=False)
     content = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -5,7 +5,7 @@ import pytest
 from verification.beam import THEORIES, Arm
 from verification.cantilever import ALL, Strip, measure, scene
 
-from taichi_foam.run.simulation import run
+from taichi_foam.simulation.simulate import run
 
 
 def test_arms_store_and_release_what_beams_do() -> None:

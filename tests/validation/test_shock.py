@@ -4,7 +4,7 @@ import pytest
 from verification.jump import front
 from verification.shock import DENSITY, LOCKING, PAPER, Shock, measure, scene
 
-from taichi_foam.run.simulation import run
+from taichi_foam.simulation.simulate import run
 
 
 @pytest.mark.parametrize("velocity", [100.0, 150.0])

@@ -14,8 +14,6 @@ from store import Store
 from taichi_foam.analysis.measures import summary
 from taichi_foam.catalogue import load_scene
 from taichi_foam.results.result import Result
-from taichi_foam.run.progress import Bars
-from taichi_foam.run.simulation import simulate_many
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.bands import bands
@@ -23,6 +21,8 @@ from taichi_foam.shim2000.case import has_failed
 from taichi_foam.shim2000.compare import PEAK, comparison_of_medians, measured_figures
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.ensemble import members_of
+from taichi_foam.simulation.progress import Bars
+from taichi_foam.simulation.simulate import simulate_many
 
 JUDGED = (*ORDER, PEAK)
 """The figures that are kept of a run, as far as they were measured in its test ..."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from taichi_foam.results.result import Result
-from taichi_foam.run.simulation import run
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.simulate import run
 
 
 def whole(scene: Scene) -> Result:

@@ -11,7 +11,7 @@ from taichi_foam.analysis.measures import summary
 from taichi_foam.live.page.curve import Curve
 from taichi_foam.live.page.figures import ENERGIES, FIGURES
 from taichi_foam.results.result import Result
-from taichi_foam.run.batches import history_of
+from taichi_foam.simulation.batches import history_of
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame

@@ -18,8 +18,8 @@ import numpy as np
 
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.run.batches import CALL_SECONDS, ENDINGS, Wall, borrowed_slots, result_of
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.batches import CALL_SECONDS, ENDINGS, Wall, borrowed_slots, result_of
 
 # Less than this part of what `advance` was given is not worth another call of the engine.
 REST = 0.2
@@ -71,7 +71,7 @@ class Drop:
         return self._slots.now(0)
 
     def rows(self, since: int = 0) -> np.ndarray:
-        """Rows (n, 18) of the history after the first `since`, for `run.batches.history_of`."""
+        """Rows (n, 18) of the history after the first `since`, for `batches.history_of`."""
         return self._run.rows_since(since)
 
     def result(self, interrupted: bool = False) -> Result:

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from taichi_foam.run.simulation import Progress as Standing
+    from taichi_foam.simulation.simulate import Progress as Standing
 
 
 class Bars:

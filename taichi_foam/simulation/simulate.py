@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from taichi_foam.errors import RunError
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.run import batches
-from taichi_foam.run.batches import Run, Wall
 from taichi_foam.scene import Scene
+from taichi_foam.simulation import batches
+from taichi_foam.simulation.batches import Run, Wall
 
 
 @dataclass(frozen=True)
