@@ -14,9 +14,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
+from taichi_foam.laws.shape import SHAPES
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import read_toml, titled, validated
-from taichi_foam.scene.messages import SHAPES, explain
+from taichi_foam.scene.messages import explain
 from taichi_foam.shim2000 import tests
 
 if sys.version_info >= (3, 11):

@@ -20,9 +20,9 @@ from scipy import ndimage
 
 from taichi_foam.analysis.crush import crushed_cells, permanent_strain, worst_strain
 from taichi_foam.analysis.fragments import Crack, parts
+from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Foam, Impactor, Scene
-from taichi_foam.scene.outline import lower_chain
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

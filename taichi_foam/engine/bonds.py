@@ -1,17 +1,17 @@
 """Bonds: their forces at a stage, and what a step does to their history.
 
-Everything is done a pack of bonds at a time, without branches on values: see `packs`.
+Everything is done a pack of bonds at a time, without branches on values: see `lanes`. The normal
+stress of a bond needs a root and a quotient; it is worked out apart from its shear stress.
 """
 
 import taichi as ti
 
-from taichi_foam.engine import packs
-from taichi_foam.engine.lattice import ABSENT, BREAKING, BROKEN, LAST_STAGE, RING, A, B
-from taichi_foam.engine.packs import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
+from taichi_foam.engine import lanes
+from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
+from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.layout import RING
+from taichi_foam.engine.state import ABSENT, BREAKING, BROKEN, A, B
 from taichi_foam.laws import elementary, kinematics
-from taichi_foam.laws import foam as foam_law
-
-vec4 = ti.types.vector(4, ti.f64)
 
 
 @ti.func
@@ -28,77 +28,132 @@ def slot_of(lattice: ti.template(), i, last):
 
 
 @ti.func
-def _bond_forces(
-    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip,
-    reach_x, reach_y, along_u, along_v, ahead: ti.template(), behind: ti.template(),
+def _above(member: ti.template(), b, i, k):
+    """Of a node field: each lane's number of the node above it."""
+    return lanes.from_above(member[b, i, k], member[b, i, k + 1][0])
+
+
+@ti.func
+def _below(member: ti.template(), b, i, k):
+    """Of a node field: each lane's number of the node below it."""
+    here = member[b, i, k]
+    return lanes.from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
+
+
+@ti.func
+def _normal_force(
+    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip, reach_x, reach_y,
     p: ti.template(),
 ):  # fmt: skip
-    """Force [N] of a pack of bonds on their first nodes, short of densification.
+    """Length [m] and strain of a pack of bonds, and its normal force over its length [N/m].
+
+    The force is without stiffening. `reach` is the difference of position between the bonds' nodes [m]. The first stage, whose state
+    is the accepted one, brings the worst strain up to date.
+    """
+    bonds = ti.static(lattice.state.bonds[axis])
+    tally = ti.static(lattice.scratch.tally)
+    length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
+    e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+    condition = bonds[b, i, k].condition
+    there = condition > ABSENT
+    worst = bonds[b, i, k].worst
+    if ti.static(not lattice.law.heeds_rate):
+        # the plateau has no memory, so a worst strain met only now gives the same stress
+        worst = elementary.smaller(e, worst)
+    numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
+    # what the strip has to know goes to memory: these loops have no registers to spare. Columns at
+    # the seams of two sweeps are looked at by both: twice is the same as once
+    tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
+    if stage == 0:
+        bonds[b, i, k].worst = ti.select(there, worst, 0.0)
+    return length, e, p.area[axis] * numerator / (divisor * length)
+
+
+@ti.func
+def normal_forces(lattice: ti.template(), stage, b, i, k, strip, p: ti.template()):
+    """What `_normal_force` gives of a pack's bonds A, then B."""
+    trial = ti.static(lattice.scratch.trial)
+    x, y = trial[b, i, k].x, trial[b, i, k].y
+    a_length, a_strain, a = _normal_force(
+        lattice, A, stage, b, i, k, strip, trial[b, i + 1, k].x - x, trial[b, i + 1, k].y - y, p
+    )
+    b_length, b_strain, b_force = _normal_force(
+        lattice, B, stage, b, i, k, strip,
+        _above(trial.x, b, i, k) - x, _above(trial.y, b, i, k) - y, p,
+    )  # fmt: skip
+    return a_length, a_strain, a, b_length, b_strain, b_force
+
+
+@ti.func
+def _column_across(lattice: ti.template(), weights, ahead_near, ahead_far, behind_near, behind_far):
+    """Mean of the differences across a pack of bonds that its broken neighbours leave (Eqs 13, 27).
+
+    They cross it on its two sides, ahead and behind, at its first node (near) and its second (far).
+    Those of a side are added first, so that the mirror image gives the same sum.
+    """
+    across = ahead_near
+    if ti.static(lattice.features.four_weights):
+        across = lanes.weight(weights, AHEAD_NEAR) * ahead_near
+        across += lanes.weight(weights, AHEAD_FAR) * ahead_far
+        across += (
+            lanes.weight(weights, BEHIND_NEAR) * behind_near
+            + lanes.weight(weights, BEHIND_FAR) * behind_far
+        )
+    else:
+        across = lanes.weight(weights, AHEAD_NEAR) * (ahead_near + ahead_far)
+        across += lanes.weight(weights, BEHIND_NEAR) * (behind_near + behind_far)
+    return across
+
+
+@ti.func
+def _bond_forces(
+    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip,
+    length, e, normal, reach_x, reach_y, along_u, along_v, across_x, across_y, p: ti.template(),
+):  # fmt: skip
+    """Force [N] of a pack of bonds on their first nodes, without stiffening.
 
     The third number is what the shear stress comes to over the face [N].
 
-    `reach` and `along` are the differences of position and velocity between the two nodes. `ahead`
-    and `behind` are the differences of position (near x, far x, near y, far y) that cross it on its
-    two sides, at its first node and at its second.
-
-    The first stage, whose state is the accepted one, brings the worst strain up to date. The last
-    one, which looks at the step's end, finds what breaks there. Both sample the powers of shear and
-    of the dashpots.
+    `length`, `e` and `normal` are what `_normal_force` gives, `reach` and `along` the differences of position
+    and velocity between the two nodes, `across` that of `_column_across`. The last stage, which
+    looks at the step's end, finds what breaks there. The first and the last one sample the powers of
+    shear and of the dashpots.
     """
-    bonds = ti.static(lattice.bonds[axis])
-    tally = ti.static(lattice.tally)
-    length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
-    e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
+    bonds = ti.static(lattice.state.bonds[axis])
+    tally = ti.static(lattice.scratch.tally)
     condition = ti.cast(bonds[b, i, k].condition, ti.f64)
-    there = condition > ABSENT
     whole = condition > BROKEN
-    worst = bonds[b, i, k].worst
-    if p.foam.rate == 0.0:
-        # the plateau has no memory, so a worst strain met only now gives the same stress
-        worst = elementary.smaller(e, worst)
-    numerator, divisor = foam_law.yielding_fraction(p.foam, e, worst, condition <= BROKEN)
-    normal = p.area[axis] * numerator / (divisor * length)
-    # F's column across the bond, from the differences that its broken neighbours leave; on
-    # each side they are added first, so that the mirror image gives the same sum
     per_spacing = 1.0 / p.cell[1 - axis]
-    weights = bonds[b, i, k].weights
-    ahead_near, ahead_far = packs.weight(weights, AHEAD_NEAR), packs.weight(weights, AHEAD_FAR)
-    behind_near, behind_far = packs.weight(weights, BEHIND_NEAR), packs.weight(weights, BEHIND_FAR)
-    across_x = ahead_near * ahead[0] + ahead_far * ahead[1]
-    across_y = ahead_near * ahead[2] + ahead_far * ahead[3]
-    across_x += behind_near * behind[0] + behind_far * behind[1]
-    across_y += behind_near * behind[2] + behind_far * behind[3]
-    across_x *= per_spacing
-    across_y *= per_spacing
-    gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
-    tau = foam_law.shear_stress(p.foam, gamma)
+    column_x, column_y = across_x * per_spacing, across_y * per_spacing
+    gamma = kinematics.shear_strain(reach_x, reach_y, column_x, column_y) * (1.0 / p.cell[axis])
+    tau = lattice.law.shear_stress(p.bond, gamma)
     shear = p.area[axis] * tau
     dashpot = ti.select(whole, p.cross_dashpot[axis], 0.0)
     drag_x = dashpot * along_u
     drag_y = dashpot * along_v
-    if p.excess_dashpot[axis] != 0.0:
+    if ti.static(lattice.features.excess_damping):
         closing = (reach_x * along_u + reach_y * along_v) / (length * length)
         excess = ti.select(whole, p.excess_dashpot[axis], 0.0) * closing
         drag_x += reach_x * excess
         drag_y += reach_y * excess
-    shear_x = across_x * shear
-    shear_y = across_y * shear
+    shear_x = column_x * shear
+    shear_y = column_y * shear
+    there = condition > ABSENT
     force_x = ti.select(there, reach_x * normal + (shear_x + drag_x), 0.0)
     force_y = ti.select(there, reach_y * normal + (shear_y + drag_y), 0.0)
-    # what the strip has to know goes to memory: this loop has no registers to spare
-    tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
-    # columns at the seams of two sweeps are looked at by both: twice is the same as once
-    if stage == 0:
-        bonds[b, i, k].worst = ti.select(there, worst, 0.0)
     if stage == LAST_STAGE:
-        # the shear strength grows with the stress up to the plateau
-        size = (1.0 + e) * ti.sqrt(across_x * across_x + across_y * across_y)
-        strength = ti.cast(bonds[b, i, k].strength, ti.f64)
+        worst = bonds[b, i, k].worst
+        if ti.static(not lattice.law.heeds_rate):
+            worst = elementary.smaller(e, worst)
+        numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
+        size = (1.0 + e) * ti.sqrt(column_x * column_x + column_y * column_y)
+        strength = lanes.zeros(lattice) + 1.0
+        if ti.static(lattice.features.scattered):
+            strength = ti.cast(lattice.model.strengths[axis][b, i, k], ti.f64)
         tensile = strength
-        if p.foam.crushed_strength < 1.0:
-            crossing = _crossing_crush(lattice, axis, b, i, k)
-            tensile *= foam_law.tensile_strength_left(p.foam, crossing)
-        fails = foam_law.fails(p.foam, e, numerator / divisor, tau, worst, size, tensile, strength)
+        if ti.static(lattice.law.weakens_across):
+            tensile *= lattice.law.strength_left(p.bond, _crush_across(lattice, axis, b, i, k))
+        fails = lattice.law.fails(p.bond, e, numerator / divisor, tau, worst, size, tensile, strength)
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         bonds[b, i, k].condition = ti.cast(condition, ti.f32)
@@ -113,112 +168,110 @@ def _bond_forces(
 
 
 @ti.func
-def _crossing_crush(lattice: ti.template(), axis: ti.template(), b, i, k):
+def _crush_across(lattice: ti.template(), axis: ti.template(), b, i, k):
     """The worst strain across a pack of bonds, of the end that is crushed less."""
-    crossing = ti.static(lattice.bonds[1 - axis])
+    crossing = ti.static(lattice.state.bonds[1 - axis])
     near = crossing[b, i, k].worst
     far = near
     if ti.static(axis == A):
         last = ti.static(lattice.lanes - 1)
         far = crossing[b, i + 1, k].worst
-        near_below = packs.from_below(near, crossing[b, i, k - 1].worst[last])
-        far_below = packs.from_below(far, crossing[b, i + 1, k - 1].worst[last])
+        near_below = lanes.from_below(near, crossing[b, i, k - 1].worst[last])
+        far_below = lanes.from_below(far, crossing[b, i + 1, k - 1].worst[last])
         near = elementary.smaller(near, near_below)
         far = elementary.smaller(far, far_below)
     else:
         near = elementary.smaller(near, crossing[b, i - 1, k].worst)
         above = elementary.smaller(crossing[b, i, k + 1].worst, crossing[b, i - 1, k + 1].worst)
-        far = packs.from_above(near, above[0])
+        far = lanes.from_above(near, above[0])
     return elementary.larger(near, far)
 
 
 @ti.func
-def face_pack(
-    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, below: ti.template(),
-    p: ti.template(),
+def bond_pack(
+    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, a_length, a_strain, a_normal,
+    b_length, b_strain, b_normal, p: ti.template(),
 ):  # fmt: skip
     """Forces of the bonds to the right of and above each node of a pack, kept in `slot`.
 
-    `below` is what crosses the first lane's A below it (near x, far x, near y, far y). What crosses
-    the last lane's A above it comes back for the next pack. The strip's tally gets the least
-    strain, at the first and the last stage the powers of shear and of dashpots, and at the last how
-    many bonds break.
+    Lengths, strains and normal forces are those of `normal_forces`. The strip's tally gets, at the first
+    and the last stage, the powers of shear and of dashpots, and at the last how many bonds break.
     """
-    motion = ti.static(lattice.trial)
-    here = motion[b, i, k]
-    right = motion[b, i + 1, k]
-    left = motion[b, i - 1, k]
-    up = motion[b, i, k + 1]
-    up_x = packs.from_above(here.x, up.x[0])
-    up_y = packs.from_above(here.y, up.y[0])
-    right_up_x = packs.from_above(right.x, motion[b, i + 1, k + 1].x[0])
-    right_up_y = packs.from_above(right.y, motion[b, i + 1, k + 1].y[0])
-    left_up_x = packs.from_above(left.x, motion[b, i - 1, k + 1].x[0])
-    left_up_y = packs.from_above(left.y, motion[b, i - 1, k + 1].y[0])
-    reach_x, reach_y = right.x - here.x, right.y - here.y
-    rise_x, rise_y = up_x - here.x, up_y - here.y
-    right_rise_x, right_rise_y = right_up_x - right.x, right_up_y - right.y
-    force_x, force_y, shear = _bond_forces(
-        lattice, A, stage, b, i, k, strip,
-        reach_x, reach_y, right.u - here.u, right.v - here.v,
-        (rise_x, right_rise_x, rise_y, right_rise_y),
-        (
-            packs.from_below(rise_x, below[0]), packs.from_below(right_rise_x, below[1]),
-            packs.from_below(rise_y, below[2]), packs.from_below(right_rise_y, below[3]),
-        ),
-        p,
+    trial = ti.static(lattice.scratch.trial)
+    force = ti.static(lattice.scratch.force)
+    weights_a = lattice.state.bond_a[b, i, k].weights
+    weights_b = lattice.state.bond_b[b, i, k].weights
+    x, y = trial[b, i, k].x, trial[b, i, k].y
+    right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
+    up_x, up_y = _above(trial.x, b, i, k), _above(trial.y, b, i, k)
+    right_up_x, right_up_y = _above(trial.x, b, i + 1, k), _above(trial.y, b, i + 1, k)
+    reach_x, reach_y = right_x - x, right_y - y
+    rise_x, rise_y = up_x - x, up_y - y
+    u, v = trial[b, i, k].u, trial[b, i, k].v
+    across_x = _column_across(
+        lattice, weights_a, rise_x, right_up_x - right_x,
+        x - _below(trial.x, b, i, k), right_x - _below(trial.x, b, i + 1, k),
     )  # fmt: skip
-    lattice.force[sweep, slot, k].ax = force_x
-    lattice.force[sweep, slot, k].ay = force_y
-    if p.variational:
+    across_y = _column_across(
+        lattice, weights_a, rise_y, right_up_y - right_y,
+        y - _below(trial.y, b, i, k), right_y - _below(trial.y, b, i + 1, k),
+    )  # fmt: skip
+    force_x, force_y, shear = _bond_forces(
+        lattice, A, stage, b, i, k, strip, a_length, a_strain, a_normal, reach_x, reach_y,
+        trial[b, i + 1, k].u - u, trial[b, i + 1, k].v - v, across_x, across_y, p,
+    )  # fmt: skip
+    force[sweep, slot, k].ax = force_x
+    force[sweep, slot, k].ay = force_y
+    if ti.static(lattice.features.variational):
         crossing = shear * (1.0 / p.cell.y)
-        lattice.crossing[sweep, slot, k].ax = crossing * reach_x
-        lattice.crossing[sweep, slot, k].ay = crossing * reach_y
-    up_u = packs.from_above(here.u, up.u[0])
-    up_v = packs.from_above(here.v, up.v[0])
+        lattice.scratch.crossing[sweep, slot, k].ax = crossing * reach_x
+        lattice.scratch.crossing[sweep, slot, k].ay = crossing * reach_y
+    left_up_x, left_up_y = _above(trial.x, b, i - 1, k), _above(trial.y, b, i - 1, k)
+    across_x = _column_across(
+        lattice, weights_b, reach_x, right_up_x - up_x, x - trial[b, i - 1, k].x, up_x - left_up_x
+    )
+    across_y = _column_across(
+        lattice, weights_b, reach_y, right_up_y - up_y, y - trial[b, i - 1, k].y, up_y - left_up_y
+    )
     force_x, force_y, shear = _bond_forces(
-        lattice, B, stage, b, i, k, strip,
-        rise_x, rise_y, up_u - here.u, up_v - here.v,
-        (reach_x, right_up_x - up_x, reach_y, right_up_y - up_y),
-        (here.x - left.x, up_x - left_up_x, here.y - left.y, up_y - left_up_y),
-        p,
+        lattice, B, stage, b, i, k, strip, b_length, b_strain, b_normal, rise_x, rise_y,
+        _above(trial.u, b, i, k) - u, _above(trial.v, b, i, k) - v, across_x, across_y, p,
     )  # fmt: skip
-    lattice.force[sweep, slot, k].bx = force_x
-    lattice.force[sweep, slot, k].by = force_y
-    if p.variational:
+    force[sweep, slot, k].bx = force_x
+    force[sweep, slot, k].by = force_y
+    if ti.static(lattice.features.variational):
         crossing = shear * (1.0 / p.cell.x)
-        lattice.crossing[sweep, slot, k].bx = crossing * rise_x
-        lattice.crossing[sweep, slot, k].by = crossing * rise_y
-    last = ti.static(lattice.lanes - 1)
-    return vec4(rise_x[last], right_rise_x[last], rise_y[last], right_rise_y[last])
+        lattice.scratch.crossing[sweep, slot, k].bx = crossing * rise_x
+        lattice.scratch.crossing[sweep, slot, k].by = crossing * rise_y
 
 
 @ti.func
-def densify_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template()):
-    """Add densification to a pack's forces; its stiffest bond [N/m] comes back."""
-    here = lattice.trial[b, i, k]
-    up = lattice.trial[b, i, k + 1]
-    fx, fy, stiffest = _densify(
-        A, lattice.bond_a[b, i, k],
-        lattice.trial[b, i + 1, k].x - here.x, lattice.trial[b, i + 1, k].y - here.y, p,
-    )  # fmt: skip
-    lattice.force[sweep, slot, k].ax = lattice.force[sweep, slot, k].ax + fx
-    lattice.force[sweep, slot, k].ay = lattice.force[sweep, slot, k].ay + fy
-    fx, fy, stiff = _densify(
-        B, lattice.bond_b[b, i, k],
-        packs.from_above(here.x, up.x[0]) - here.x, packs.from_above(here.y, up.y[0]) - here.y, p,
-    )  # fmt: skip
-    lattice.force[sweep, slot, k].bx = lattice.force[sweep, slot, k].bx + fx
-    lattice.force[sweep, slot, k].by = lattice.force[sweep, slot, k].by + fy
+def stiffen_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template()):
+    """Add stiffening to a pack's forces; its stiffest bond [N/m] comes back."""
+    trial = ti.static(lattice.scratch.trial)
+    force = ti.static(lattice.scratch.force)
+    x, y = trial[b, i, k].x, trial[b, i, k].y
+    fx, fy, stiffest = _stiffening(
+        lattice, A, b, i, k, trial[b, i + 1, k].x - x, trial[b, i + 1, k].y - y, p
+    )
+    force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
+    force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
+    fx, fy, stiff = _stiffening(
+        lattice, B, b, i, k, _above(trial.x, b, i, k) - x, _above(trial.y, b, i, k) - y, p
+    )
+    force[sweep, slot, k].bx = force[sweep, slot, k].bx + fx
+    force[sweep, slot, k].by = force[sweep, slot, k].by + fy
     return ti.max(stiffest, stiff)
 
 
 @ti.func
-def _densify(axis: ti.template(), bond: ti.template(), reach_x, reach_y, p: ti.template()):
+def _stiffening(
+    lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y, p: ti.template()
+):
+    bond = lattice.state.bonds[axis][b, i, k]
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
-    broken = bond.condition <= BROKEN
-    stress, slope = foam_law.densification(p.foam, e, bond.worst, broken)
+    stress, slope = lattice.law.stiffening(p.bond, e, bond.worst, bond.condition <= BROKEN)
     there = bond.condition > ABSENT
     force = ti.select(there, p.area[axis] * stress / length, 0.0)
     stiffness = ti.select(there, slope * (p.area[axis] / p.cell[axis]), 0.0)
@@ -226,24 +279,35 @@ def _densify(axis: ti.template(), bond: ti.template(), reach_x, reach_y, p: ti.t
 
 
 @ti.func
-def face_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
+def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
     """Forces of column `i`'s bonds, kept in `slot`, and what a step has to know of them.
 
-    What crosses an A above it crosses the next A below it, and is carried on. Densification has
-    a loop of its own: few columns have any, and it would cost every other face its registers.
+    Stiffening has a loop of its own: few packs have any, and it would cost every other bond its
+    registers.
     """
-    clear_faces(lattice, b, strip)
-    below = vec4(0.0)
+    normal = ti.static(lattice.scratch.normal)
+    clear_bonds(lattice, b, strip)
     for k in range(lattice.packs):
-        below = face_pack(lattice, stage, b, i, k, strip, sweep, slot, below, p)
+        a_length, a_strain, a, b_length, b_strain, b_force = normal_forces(
+            lattice, stage, b, i, k, strip, p
+        )
+        normal[sweep, k].a_strain = a_strain
+        normal[sweep, k].b_strain = b_strain
+        bond_pack(
+            lattice, stage, b, i, k, strip, sweep, slot, a_length, a_strain, a, b_length,
+            b_strain, b_force, p,
+        )  # fmt: skip
     stiffest = 0.0
-    if lattice.tally[b, strip].least.min() < p.foam.densification_strain:
-        for k in range(lattice.packs):
-            stiff = densify_pack(lattice, b, i, k, sweep, slot, p)
-            stiffest = ti.max(stiffest, stiff)
-    lattice.strip_stiffest[b, strip] = stiffest
+    if ti.static(lattice.law.stiffens):
+        limit = lattice.law.stiffens_below(p.bond)
+        if lattice.scratch.tally[b, strip].least.min() < limit:
+            for k in range(lattice.packs):
+                if ti.min(normal[sweep, k].a_strain.min(), normal[sweep, k].b_strain.min()) < limit:
+                    stiff = stiffen_pack(lattice, b, i, k, sweep, slot, p)
+                    stiffest = ti.max(stiffest, stiff)
+    lattice.scratch.stiffest[b, strip] = stiffest
     if stage == LAST_STAGE:
-        lattice.column_breaks[b, i] = ti.i32(lattice.tally[b, strip].breaks.sum())
+        lattice.scratch.column_breaks[b, i] = ti.i32(lattice.scratch.tally[b, strip].breaks.sum())
 
 
 @ti.func
@@ -253,14 +317,10 @@ def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     They are frozen during steps. What flows in the time of a step, at the strain now, takes them
     from the middle of the last step to the middle of the next: an error of second order.
     """
-    motion = ti.static(lattice.state)
-    here = motion[b, i, k]
-    right = motion[b, i + 1, k]
-    up = motion[b, i, k + 1]
-    _flow(lattice, A, b, i, k, right.x - here.x, right.y - here.y, p)
-    rise_x = packs.from_above(here.x, up.x[0]) - here.x
-    rise_y = packs.from_above(here.y, up.y[0]) - here.y
-    _flow(lattice, B, b, i, k, rise_x, rise_y, p)
+    motion = ti.static(lattice.state.motion)
+    x, y = motion[b, i, k].x, motion[b, i, k].y
+    _flow(lattice, A, b, i, k, motion[b, i + 1, k].x - x, motion[b, i + 1, k].y - y, p)
+    _flow(lattice, B, b, i, k, _above(motion.x, b, i, k) - x, _above(motion.y, b, i, k) - y, p)
 
 
 @ti.func
@@ -271,21 +331,23 @@ def flow_column(lattice: ti.template(), b, i, p: ti.template()):
 
 @ti.func
 def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y, p: ti.template()):
-    bonds = ti.static(lattice.bonds[axis])
+    bonds = ti.static(lattice.state.bonds[axis])
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     worst = bonds[b, i, k].worst
     there = bonds[b, i, k].condition > ABSENT
     # powers are dear, and few bonds flow
-    if packs.any_of(there & (e < worst)):
-        flowed = foam_law.flowed_strain(p.foam, e, worst, lattice.clock[b].step)
+    if lanes.any_of(there & (e < worst)):
+        step = lattice.state.clock[b].step
+        flowed = lattice.law.flowed(p.bond, e, worst, step)
         bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
 
 
 @ti.func
-def clear_faces(lattice: ti.template(), b, strip):
-    """Start the tally of a strip's faces."""
-    lattice.tally[b, strip].least = packs.zeros(lattice)
-    lattice.tally[b, strip].sheared = packs.zeros(lattice)
-    lattice.tally[b, strip].damped = packs.zeros(lattice)
-    lattice.tally[b, strip].breaks = packs.zeros(lattice)
+def clear_bonds(lattice: ti.template(), b, strip):
+    """Start the tally of a strip's bonds."""
+    tally = ti.static(lattice.scratch.tally)
+    tally[b, strip].least = lanes.zeros(lattice)
+    tally[b, strip].sheared = lanes.zeros(lattice)
+    tally[b, strip].damped = lanes.zeros(lattice)
+    tally[b, strip].breaks = lanes.zeros(lattice)

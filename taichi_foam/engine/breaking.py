@@ -6,10 +6,9 @@ broken, part of that foam no longer counts.
 
 import taichi as ti
 
-from taichi_foam.engine import packs
-from taichi_foam.engine.lattice import BREAKING, BROKEN, A, B
-from taichi_foam.engine.parameters import BOTH, EITHER
-from taichi_foam.laws import foam as foam_law
+from taichi_foam.engine import lanes
+from taichi_foam.engine.model import BOTH, EITHER
+from taichi_foam.engine.state import BREAKING, BROKEN, A, B
 from taichi_foam.laws import kinematics
 
 
@@ -19,17 +18,17 @@ def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
 
     The axis may be known at run time only.
     """
-    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
-    start = packs.position(lattice, lattice.state, b, i, j)
-    condition = lattice.bond_a[b, i, k].condition[lane]
-    worst = lattice.bond_a[b, i, k].worst[lane]
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    start = lanes.position(lattice, lattice.state.motion, b, i, j)
+    condition = lattice.state.bond_a[b, i, k].condition[lane]
+    worst = lattice.state.bond_a[b, i, k].worst[lane]
     length = p.cell.x
-    end = packs.position(lattice, lattice.state, b, i + 1, j)
+    end = lanes.position(lattice, lattice.state.motion, b, i + 1, j)
     if axis == B:
-        condition = lattice.bond_b[b, i, k].condition[lane]
-        worst = lattice.bond_b[b, i, k].worst[lane]
+        condition = lattice.state.bond_b[b, i, k].condition[lane]
+        worst = lattice.state.bond_b[b, i, k].worst[lane]
         length = p.cell.y
-        end = packs.position(lattice, lattice.state, b, i, j + 1)
+        end = lanes.position(lattice, lattice.state.motion, b, i, j + 1)
     strain = kinematics.engineering_strain((end - start).norm() / length)
     return condition, worst, strain
 
@@ -46,11 +45,11 @@ def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
 
     The stored energy that they lose is booked [J].
     """
-    time = ti.cast(lattice.clock[b].time, ti.f32)
+    time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     for j in range(lattice.rows):
         lost = break_at(lattice, b, i, j, time, lost, p)
-    lattice.strip_fracture[b, i] = lattice.strip_fracture[b, i] + lost
+    lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
 
 
 @ti.func
@@ -58,26 +57,28 @@ def break_at(
     lattice: ti.template(), b, i, j, time: ti.f32, lost: ti.f64, p: ti.template()
 ) -> ti.f64:
     """Break a node's failed bonds; what they lose is added to `lost`, and comes back."""
-    k, lane = packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
     for axis in range(2):
         condition, worst, strain = look_at(lattice, axis, b, i, j, p)
         if condition == BREAKING:
-            total += volume(axis, p) * foam_law.energy_lost_by_breaking(p.foam, strain, worst)
+            total += volume(axis, p) * lattice.law.energy_lost_by_breaking(
+                p.bond, strain, worst
+            )
             if axis == A:
-                lattice.bond_a[b, i, k].condition[lane] = BROKEN
-                lattice.bond_a[b, i, k].break_time[lane] = time
+                lattice.state.bond_a[b, i, k].condition[lane] = BROKEN
+                lattice.state.bond_a[b, i, k].break_time[lane] = time
             else:
-                lattice.bond_b[b, i, k].condition[lane] = BROKEN
-                lattice.bond_b[b, i, k].break_time[lane] = time
+                lattice.state.bond_b[b, i, k].condition[lane] = BROKEN
+                lattice.state.bond_b[b, i, k].break_time[lane] = time
     return total
 
 
 @ti.func
 def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
-    bonds = ti.static(lattice.bonds[axis])
+    bonds = ti.static(lattice.state.bonds[axis])
     return ti.i32(
-        bonds[b, i, packs.pack_of(lattice, j)].condition[packs.lane_of(lattice, j)] > BROKEN
+        bonds[b, i, lanes.pack_of(lattice, j)].condition[lanes.lane_of(lattice, j)] > BROKEN
     )
 
 
@@ -85,11 +86,11 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
     """Weights of a bond's four cross differences, by which crossing bonds are whole.
 
-    In twelfths, all in one number (`packs.weight`). A broken bond has none: the shear
+    In twelfths, all in one number (`lanes.weight`). A broken bond has none: the shear
     vanishes with its column across.
     """
     counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
-    halves = lattice.parameters[b].halves
+    halves = lattice.model.parameters[b].halves
     if halves == EITHER:
         ahead, behind = ahead_near * ahead_far, behind_near * behind_far
         counts = ti.Vector([ahead, ahead, behind, behind])
@@ -99,29 +100,29 @@ def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near,
     twelfths = holds * counts * ti.raw_div(12, ti.max(counts.sum(), 1))
     weights = 0
     for place in ti.static(range(4)):
-        weights |= twelfths[place] << ti.static(packs.WEIGHT_BITS * place)
+        weights |= twelfths[place] << ti.static(lanes.WEIGHT_BITS * place)
     return weights
 
 
 @ti.func
 def update_halves(lattice: ti.template(), b, i, j):
     """Weights of the differences that cross the node's two bonds (Eqs 13, 27, Fig. 20)."""
-    k = packs.pack_of(lattice, j)
-    lane = packs.lane_of(lattice, j)
+    k = lanes.pack_of(lattice, j)
+    lane = lanes.lane_of(lattice, j)
     if i < lattice.columns - 1:
         weights = _weigh(
             lattice, b, is_whole(lattice, A, b, i, j),
             is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
             is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
         )  # fmt: skip
-        lattice.bond_a[b, i, k].weights[lane] = weights
+        lattice.state.bond_a[b, i, k].weights[lane] = weights
     if j < lattice.rows - 1:
         weights = _weigh(
             lattice, b, is_whole(lattice, B, b, i, j),
             is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
             is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
         )  # fmt: skip
-        lattice.bond_b[b, i, k].weights[lane] = weights
+        lattice.state.bond_b[b, i, k].weights[lane] = weights
 
 
 @ti.func

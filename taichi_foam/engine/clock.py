@@ -6,15 +6,9 @@ One thread does this for a lattice, whoever does the rest.
 import taichi as ti
 
 from taichi_foam.engine import ledger
-from taichi_foam.engine.lattice import (
-    AT_END_TIME,
-    AT_REBOUND,
-    HISTORY_ROWS,
-    NEVER,
-    NOT_FINITE,
-    RUNNING,
-)
-from taichi_foam.engine.parameters import NO_IMPACTOR, stable_step
+from taichi_foam.engine.model import stable_step
+from taichi_foam.engine.scratch import HISTORY_ROWS
+from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING
 
 # Steps after which the radii in contact are brought up to date with the nodes' crush.
 REFRESH = 4
@@ -31,48 +25,45 @@ vec8 = ti.types.vector(8, ti.f64)
 @ti.func
 def goes_on(lattice: ti.template(), b) -> ti.i32:
     """Whether a lattice takes another step in this call."""
-    clock = lattice.clock[b]
+    clock = lattice.state.clock[b]
     return ti.i32(
         clock.status == RUNNING and clock.time < clock.pause and clock.rows < HISTORY_ROWS
     )
 
 
 @ti.func
-def take_stock(lattice: ti.template(), b, densified, p: ti.template()):
-    """Of an accepted state whose stiffest densified bond has `densified` [N/m]: step, end.
-
-    The stiffness comes from the last stage's forces, which looked at the step's end.
-    """
+def take_stock(lattice: ti.template(), b, p: ti.template()):
+    """Of an accepted state: size of the next step, or end."""
     step = p.step
     if step == 0.0:
-        step = stable_step(p, densified)
-    lattice.clock[b].step = step
-    lattice.clock[b].shortest = ti.min(lattice.clock[b].shortest, step)
-    lattice.clock[b].longest = ti.max(lattice.clock[b].longest, step)
+        step = stable_step(lattice, lattice.state.clock[b].stiffest, p)
+    lattice.state.clock[b].step = step
+    lattice.state.clock[b].shortest = ti.min(lattice.state.clock[b].shortest, step)
+    lattice.state.clock[b].longest = ti.max(lattice.state.clock[b].longest, step)
     _end_when_due(lattice, b, p)
 
 
 @ti.func
 def _end_when_due(lattice: ti.template(), b, p: ti.template()):
     """Set the status of a lattice that has come to its end time, or has rebounded."""
-    time = lattice.clock[b].time
-    if lattice.body[b].force != 0.0:
-        lattice.clock[b].last_contact = time
-    moves_up = p.impactor_kind != NO_IMPACTOR and lattice.body[b].v >= 0.0
-    if lattice.clock[b].reversal == NEVER and moves_up:
-        lattice.clock[b].reversal = time
-    since = time - lattice.clock[b].reversal
-    apart = time - lattice.clock[b].last_contact
+    time = lattice.state.clock[b].time
+    if lattice.state.body[b].force != 0.0:
+        lattice.state.clock[b].last_contact = time
+    moves_up = p.impactor and lattice.state.body[b].v >= 0.0
+    if lattice.state.clock[b].reversal == NEVER and moves_up:
+        lattice.state.clock[b].reversal = time
+    since = time - lattice.state.clock[b].reversal
+    apart = time - lattice.state.clock[b].last_contact
     if p.end_at_rebound and ((since > QUIET and apart > QUIET) or since > SETTLING):
-        lattice.clock[b].status = AT_REBOUND
+        lattice.state.clock[b].status = AT_REBOUND
     elif time >= p.end_time:
-        lattice.clock[b].status = AT_END_TIME
+        lattice.state.clock[b].status = AT_END_TIME
 
 
 @ti.func
 def row_is_due(lattice: ti.template(), b) -> ti.i32:
     """Whether the accepted state belongs into the history."""
-    clock = lattice.clock[b]
+    clock = lattice.state.clock[b]
     return ti.i32(clock.time >= clock.next_row or clock.status != RUNNING)
 
 
@@ -82,24 +73,26 @@ def close_row(
 ):
     """Write the row that is due, and say when the next one is."""
     ledger.write_row(lattice, b, energy, fracture, works)
-    due = ti.floor(lattice.clock[b].time / p.row_interval + 1e-9) + 1.0
-    lattice.clock[b].next_row = due * p.row_interval
+    due = ti.floor(lattice.state.clock[b].time / p.row_interval + 1e-9) + 1.0
+    lattice.state.clock[b].next_row = due * p.row_interval
 
 
 @ti.func
-def close_step(lattice: ti.template(), b, moved, breaks, bad_node, p: ti.template()):
-    """Move the clock on, and stop a lattice that has gone astray.
+def close_step(lattice: ti.template(), b, moved, stiffest, breaks, bad_node, p: ti.template()):
+    """Move the clock on, and stop a lattice that has diverged.
 
-    Of the step: the furthest motion squared [m2], bonds that break, and the first node that
-    is astray (the count of nodes if none is).
+    Of the step: the furthest motion squared [m2], the stiffest bond at its end [N/m], by the forces
+    of the last stage, the bonds that break, and the first node that has diverged (the count of
+    nodes if none has).
     """
-    clock = lattice.clock[b]
-    lattice.clock[b].time = clock.time + clock.step
-    lattice.clock[b].steps = clock.steps + 1
-    lattice.clock[b].broken = clock.broken + breaks
-    lattice.clock[b].drift = clock.drift + ti.sqrt(moved)
-    if breaks > 0 or 2.0 * lattice.clock[b].drift > p.skin:
-        lattice.clock[b].stale = 1
+    clock = lattice.state.clock[b]
+    lattice.state.clock[b].time = clock.time + clock.step
+    lattice.state.clock[b].steps = clock.steps + 1
+    lattice.state.clock[b].broken = clock.broken + breaks
+    lattice.state.clock[b].drift = clock.drift + ti.sqrt(moved)
+    lattice.state.clock[b].stiffest = stiffest
+    if breaks > 0 or 2.0 * lattice.state.clock[b].drift > p.skin:
+        lattice.state.clock[b].stale = 1
     if bad_node < lattice.nodes:
-        lattice.clock[b].status = NOT_FINITE
-        lattice.clock[b].bad_node = bad_node
+        lattice.state.clock[b].status = DIVERGED
+        lattice.state.clock[b].bad_node = bad_node

@@ -2,11 +2,9 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, packs
-from taichi_foam.engine.lattice import BASE, CROWDED, FRICTION, IMPACTOR
-from taichi_foam.engine.parameters import CIRCLE, POLYGON
+from taichi_foam.engine import breaking, lanes
+from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
-from taichi_foam.laws import foam as foam_law
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
@@ -21,31 +19,15 @@ vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
-def impactor_distance(lattice: ti.template(), b, point: vec2, p: ti.template()) -> vec3:
-    """Signed distance [m] of a point relative to the impactor's lowest point, and the normal."""
-    found = vec3(1.0, 0.0, -1.0)
-    if p.impactor_kind == CIRCLE:
-        found = contact_law.circle_distance(point, p.impactor_radius)
-    elif p.impactor_kind == POLYGON:
-        found[0] = -ti.math.inf
-        for n in range(p.impactor_edges):
-            edge = lattice.edges[b, n]
-            distance = edge.xy.dot(point) - edge.z
-            if distance > found[0]:
-                found = vec3(distance, edge.x, edge.y)
-    return found
-
-
-@ti.func
 def may_touch_bodies(lattice: ti.template(), b, x, y, p: ti.template()) -> ti.i32:
     """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
 
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
     go slack.
     """
-    above = y > lattice.body[b].trial_y - p.skin
+    above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
-    return packs.any_of((above & beside) | (y < 0.5 * p.cell.y + p.skin))
+    return lanes.any_of((above & beside) | (y < 0.5 * p.cell.y + p.skin))
 
 
 @ti.func
@@ -54,19 +36,19 @@ def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
 
     They are latched at a step's first stage, whose `rate` still holds the last step's motion.
     """
-    path = packs.position(lattice, lattice.rate, b, i, j)
+    path = lanes.position(lattice, lattice.state.increment, b, i, j)
     if stage > 0:
-        now = packs.position(lattice, lattice.trial, b, i, j)
-        path = now - packs.position(lattice, lattice.state, b, i, j)
+        now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
+        path = now - lanes.position(lattice, lattice.state.motion, b, i, j)
     return path
 
 
 @ti.func
 def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
     """How far [m] the impactor has moved since then."""
-    path = lattice.body[b].rate_y
+    path = lattice.state.body[b].rate_y
     if stage > 0:
-        path = lattice.body[b].trial_y - lattice.body[b].y
+        path = lattice.state.body[b].trial_y - lattice.state.body[b].y
     return path
 
 
@@ -77,20 +59,20 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     Work and lift are added to the strip's. The first stage of a step also latches the friction
     springs: slid off beyond mu N, and slack where there is no touch.
     """
-    now = packs.position(lattice, lattice.trial, b, i, j)
-    speed = packs.velocity(lattice, lattice.trial, b, i, j)
-    k = packs.pack_of(lattice, j)
-    lane = packs.lane_of(lattice, j)
+    now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
+    speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
+    k = lanes.pack_of(lattice, j)
+    lane = lanes.lane_of(lattice, j)
     force = vec2(0.0)
     on_impactor = 0.0
     on_floor = 0.0
     # the held row is part of the support, which lets the impactor pass
     if not (p.hold_y and j == 0):
-        work = lattice.strip_work[b, strip]
-        body = lattice.body[b]
+        work = lattice.state.work[b, strip]
+        body = lattice.state.body[b]
         point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
         if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
-            found = impactor_distance(lattice, b, point, p)
+            found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
             if found[0] < 0.0:
                 normal = found.yz
                 tangent = vec2(-normal.y, normal.x)
@@ -98,7 +80,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 path = _slid(lattice, b, i, j, stage) - vec2(0.0, _impactor_slid(lattice, b, stage))
                 along = contact_law.tangential_force(
                     p.contact_stiffness,
-                    lattice.slip[b, i, k].impactor[lane] + path.dot(tangent),
+                    lattice.state.slip[b, i, k].impactor[lane] + path.dot(tangent),
                     p.impactor_friction,
                     press,
                 )
@@ -108,10 +90,10 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 relative = vec2(speed.x, speed.y - body.trial_v)
                 work[IMPACTOR] -= weight * pressing.dot(relative)
                 work[FRICTION] -= weight * rubbing.dot(relative)
-                lattice.strip_lift[b, strip] = lattice.strip_lift[b, strip] - (
-                    pressing.y + rubbing.y
-                )
-                lattice.strip_overlap[b, strip] = ti.max(lattice.strip_overlap[b, strip], -found[0])
+                lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[
+                    b, strip
+                ] - (pressing.y + rubbing.y)
+                lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -found[0])
                 force += pressing + rubbing
         # between the node and the floor lies half a cell of foam, or what crushing has left of it
         half = 0.5 * p.cell.y
@@ -119,27 +101,29 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
             stand = vec2(0.0)
             radius = piece_radius(lattice, b, i, j, p)
             if now.y < radius:
-                stand.y = -p.area.y * foam_law.piece_stress(p.foam, now.y, radius, half)
+                stand.y = -p.area.y * lattice.law.contact_stress(
+                    p.bond, now.y, radius, half
+                )
             stand.x = contact_law.tangential_force(
                 p.contact_stiffness,
-                lattice.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
+                lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
                 p.floor_friction,
                 stand.y,
             )
             on_floor = -stand.x / p.contact_stiffness
             work[BASE] -= weight * stand.dot(speed)
             force += stand
-        lattice.strip_work[b, strip] = work
+        lattice.state.work[b, strip] = work
     if stage == 0:
-        lattice.slip[b, i, k].impactor[lane] = on_impactor
-        lattice.slip[b, i, k].floor[lane] = on_floor
-    lattice.tally[b, strip].reaction_x[lane] = force.x
-    lattice.tally[b, strip].reaction_y[lane] = force.y
+        lattice.state.slip[b, i, k].impactor[lane] = on_impactor
+        lattice.state.slip[b, i, k].floor[lane] = on_floor
+    lattice.scratch.tally[b, strip].reaction_x[lane] = force.x
+    lattice.scratch.tally[b, strip].reaction_y[lane] = force.y
 
 
 @ti.func
 def _worst(bonds: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
-    return bonds[b, i, packs.pack_of(lattice, j)].worst[packs.lane_of(lattice, j)]
+    return bonds[b, i, lanes.pack_of(lattice, j)].worst[lanes.lane_of(lattice, j)]
 
 
 @ti.func
@@ -148,14 +132,15 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
     Never more than the room that there was when the node could first touch.
     """
-    bond_a, bond_b = ti.static(lattice.bonds)
+    bond_a, bond_b = ti.static(lattice.state.bonds)
     worst_a = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
     worst_b = ti.min(_worst(bond_b, lattice, b, i, j), _worst(bond_b, lattice, b, i, j - 1))
     thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    return ti.min(
-        0.5 * p.piece_size * thinner,
-        lattice.room[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)],
-    )
+    radius = 0.5 * p.piece_size * thinner
+    if ti.static(lattice.features.self_contact):
+        room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
+        radius = ti.min(radius, room)
+    return radius
 
 
 @ti.func
@@ -163,7 +148,7 @@ def place_of(lattice: ti.template(), node) -> vec3i:
     """Column, pack and lane of a node that goes by its number."""
     j = ti.raw_mod(node, lattice.rows)
     return vec3i(
-        ti.raw_div(node, lattice.rows), packs.pack_of(lattice, j), packs.lane_of(lattice, j)
+        ti.raw_div(node, lattice.rows), lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     )
 
 
@@ -186,21 +171,23 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
     """Whether the pushes on a pack may be other than zero."""
     may_be = 0
     if ti.static(lattice.on_gpu):
-        may_be = ti.i32(lattice.partner_count[b, i * lattice.rows + k] > 0)
+        may_be = ti.i32(lattice.state.partner_count[b, i * lattice.rows + k] > 0)
     else:
-        may_be = ti.i32(lattice.column_touchers[b, i] > 0)
+        may_be = ti.i32(lattice.state.column_candidates[b, i] > 0)
     return may_be
 
 
 @ti.func
-def piece_push(away: vec2, closing: vec2, touch: ti.f64, p: ti.template()) -> vec2:
+def piece_push(
+    lattice: ti.template(), away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
+) -> vec2:
     """Force [N] on a node whose partner is `away` [m] from it, by their law and by friction.
 
     `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
-    [m]. There are no branches, since who touches is a toss-up.
+    [m]. There are no branches: a processor could not predict which candidates touch.
     """
     gap = away.norm()
-    stress = foam_law.piece_stress(p.foam, gap, touch, p.piece_length)
+    stress = lattice.law.contact_stress(p.bond, gap, touch, p.piece_length)
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
     tangent = vec2(-normal.y, normal.x)
@@ -218,39 +205,47 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
     those have their bond's own law for compression, broken or not. Only one thread adds to
     a lattice's pushes, so there are no atomics.
     """
-    for n in range(lattice.clock[b].touchers):
-        place = place_of(lattice, lattice.toucher_node[b, n])
-        now = node_at(lattice.trial, b, place)
-        speed = velocity_at(lattice.trial, b, place)
-        lattice.touchers[b, n].x = now.x
-        lattice.touchers[b, n].y = now.y
-        lattice.touchers[b, n].u = speed.x
-        lattice.touchers[b, n].v = speed.y
-        lattice.toucher_push[b, n] = vec2(0.0)
-    for n in range(lattice.clock[b].pairs):
-        pair = lattice.pairs[b, n]
-        one = lattice.touchers[b, pair[0]]
-        two = lattice.touchers[b, pair[1]]
+    for n in range(lattice.state.clock[b].candidates):
+        place = place_of(lattice, lattice.state.candidate_node[b, n])
+        now = node_at(lattice.scratch.trial, b, place)
+        speed = velocity_at(lattice.scratch.trial, b, place)
+        lattice.state.candidate[b, n].x = now.x
+        lattice.state.candidate[b, n].y = now.y
+        lattice.state.candidate[b, n].u = speed.x
+        lattice.state.candidate[b, n].v = speed.y
+        lattice.scratch.candidate_push[b, n] = vec2(0.0)
+    for n in range(lattice.state.clock[b].pairs):
+        pair = lattice.state.pairs[b, n]
+        one = lattice.state.candidate[b, pair[0]]
+        two = lattice.state.candidate[b, pair[1]]
         away = vec2(one.x - two.x, one.y - two.y)
         closing = vec2(one.u - two.u, one.v - two.v)
-        push = piece_push(away, closing, one.radius + two.radius, p)
-        lattice.toucher_push[b, pair[0]] = lattice.toucher_push[b, pair[0]] - push
-        lattice.toucher_push[b, pair[1]] = lattice.toucher_push[b, pair[1]] + push
-    for n in range(lattice.clock[b].touchers):
-        place = place_of(lattice, lattice.toucher_node[b, n])
-        lattice.push[b, place[0], place[1]].x[place[2]] = lattice.toucher_push[b, n].x
-        lattice.push[b, place[0], place[1]].y[place[2]] = lattice.toucher_push[b, n].y
+        push = piece_push(lattice, away, closing, one.radius + two.radius, p)
+        lattice.scratch.candidate_push[b, pair[0]] = (
+            lattice.scratch.candidate_push[b, pair[0]] - push
+        )
+        lattice.scratch.candidate_push[b, pair[1]] = (
+            lattice.scratch.candidate_push[b, pair[1]] + push
+        )
+    for n in range(lattice.state.clock[b].candidates):
+        place = place_of(lattice, lattice.state.candidate_node[b, n])
+        lattice.scratch.push[b, place[0], place[1]].x[place[2]] = lattice.scratch.candidate_push[
+            b, n
+        ].x
+        lattice.scratch.push[b, place[0], place[1]].y[place[2]] = lattice.scratch.candidate_push[
+            b, n
+        ].y
 
 
 @ti.func
 def refresh_radii(lattice: ti.template(), b, p: ti.template()):
     """Bring the radii of the nodes that may touch up to date with their crush."""
-    for n in range(lattice.clock[b].touchers):
-        node = lattice.toucher_node[b, n]
+    for n in range(lattice.state.clock[b].candidates):
+        node = lattice.state.candidate_node[b, n]
         radius = piece_radius(
             lattice, b, ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows), p
         )
-        lattice.touchers[b, n].radius = radius
+        lattice.state.candidate[b, n].radius = radius
 
 
 @ti.func
@@ -273,41 +268,43 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     Serial, so that the order of the list, and with it every sum, is the same for any number of
     threads. It is rare: a node has moved by half the skin, or a bond has broken.
     """
-    for n in range(lattice.clock[b].touchers):
-        place = place_of(lattice, lattice.toucher_node[b, n])
-        lattice.push[b, place[0], place[1]].x[place[2]] = 0.0
-        lattice.push[b, place[0], place[1]].y[place[2]] = 0.0
+    for n in range(lattice.state.clock[b].candidates):
+        place = place_of(lattice, lattice.state.candidate_node[b, n])
+        lattice.scratch.push[b, place[0], place[1]].x[place[2]] = 0.0
+        lattice.scratch.push[b, place[0], place[1]].y[place[2]] = 0.0
     for n in range(lattice.bins_x * lattice.bins_y):
-        lattice.bin_head[b, n] = -1
+        lattice.scratch.bin_head[b, n] = -1
     for i in range(lattice.columns):
-        lattice.column_touchers[b, i] = 0
+        lattice.state.column_candidates[b, i] = 0
         for j in range(lattice.rows):
-            k = packs.pack_of(lattice, j)
-            lane = packs.lane_of(lattice, j)
-            lattice.radius[b, i, k][lane] = piece_radius(lattice, b, i, j, p)
-            if lattice.surface[b, i, k][lane] == INSIDE and breaking.is_surface(lattice, b, i, j):
-                lattice.surface[b, i, k][lane] = NEW
+            k = lanes.pack_of(lattice, j)
+            lane = lanes.lane_of(lattice, j)
+            lattice.scratch.radius[b, i, k][lane] = piece_radius(lattice, b, i, j, p)
+            if lattice.state.surface[b, i, k][lane] == INSIDE and breaking.is_surface(
+                lattice, b, i, j
+            ):
+                lattice.state.surface[b, i, k][lane] = NEW
             node = i * lattice.rows + j
-            cell = bin_of(lattice, packs.position(lattice, lattice.state, b, i, j), p)
+            cell = bin_of(lattice, lanes.position(lattice, lattice.state.motion, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
-            lattice.next_in_bin[b, node] = lattice.bin_head[b, head]
-            lattice.bin_head[b, head] = node
+            lattice.scratch.next_in_bin[b, node] = lattice.scratch.bin_head[b, head]
+            lattice.scratch.bin_head[b, head] = node
     found = 0
     for i in range(lattice.columns):
         for j in range(lattice.rows):
             if (
-                lattice.surface[b, i, packs.pack_of(lattice, j)][packs.lane_of(lattice, j)]
+                lattice.state.surface[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
                 != INSIDE
             ):
                 found = _list_around(lattice, b, i, j, found, p)
-    lattice.clock[b].stale = 0
-    lattice.clock[b].drift = 0.0
-    lattice.clock[b].pairs = ti.min(found, lattice.most_pairs)
+    lattice.state.clock[b].stale = 0
+    lattice.state.clock[b].drift = 0.0
+    lattice.state.clock[b].pairs = ti.min(found, lattice.most_pairs)
     if found > lattice.most_pairs:
-        lattice.clock[b].status = CROWDED
-    for n in range(lattice.clock[b].pairs):
-        _make_room(lattice, b, lattice.pairs[b, n])
-    _list_touchers(lattice, b)
+        lattice.state.clock[b].status = CROWDED
+    for n in range(lattice.state.clock[b].pairs):
+        _make_room(lattice, b, lattice.state.pairs[b, n])
+    _list_candidates(lattice, b)
     refresh_radii(lattice, b, p)
 
 
@@ -319,24 +316,27 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     """
     node = i * lattice.rows + j
     here = place_of(lattice, node)
-    point = node_at(lattice.state, b, here)
+    point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    reach = lattice.radius[b, here[0], here[1]][here[2]] + p.skin
+    reach = lattice.scratch.radius[b, here[0], here[1]][here[2]] + p.skin
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
-            other = lattice.bin_head[b, bx * lattice.bins_y + by]
+            other = lattice.scratch.bin_head[b, bx * lattice.bins_y + by]
             while other >= 0:
                 there = place_of(lattice, other)
-                listed = lattice.surface[b, there[0], there[1]][there[2]] != INSIDE and other < node
+                listed = (
+                    lattice.state.surface[b, there[0], there[1]][there[2]] != INSIDE
+                    and other < node
+                )
                 steps = ti.abs(there[0] - i) + ti.abs(ti.raw_mod(other, lattice.rows) - j)
                 if not listed and steps > 1:
-                    limit = reach + lattice.radius[b, there[0], there[1]][there[2]]
-                    if (node_at(lattice.state, b, there) - point).norm_sqr() < limit * limit:
+                    limit = reach + lattice.scratch.radius[b, there[0], there[1]][there[2]]
+                    if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
-                            lattice.pairs[b, count] = ti.Vector([node, other])
+                            lattice.state.pairs[b, count] = ti.Vector([node, other])
                         count += 1
-                other = lattice.next_in_bin[b, other]
+                other = lattice.scratch.next_in_bin[b, other]
     return count
 
 
@@ -349,39 +349,43 @@ def _make_room(lattice: ti.template(), b, pair):
     """
     one = place_of(lattice, pair[0])
     two = place_of(lattice, pair[1])
-    radius_one = lattice.radius[b, one[0], one[1]][one[2]]
-    radius_two = lattice.radius[b, two[0], two[1]][two[2]]
-    state_one = lattice.surface[b, one[0], one[1]][one[2]]
-    state_two = lattice.surface[b, two[0], two[1]][two[2]]
+    radius_one = lattice.scratch.radius[b, one[0], one[1]][one[2]]
+    radius_two = lattice.scratch.radius[b, two[0], two[1]][two[2]]
+    state_one = lattice.state.surface[b, one[0], one[1]][one[2]]
+    state_two = lattice.state.surface[b, two[0], two[1]][two[2]]
     if state_one == NEW or state_two == NEW:
-        distance = (node_at(lattice.state, b, two) - node_at(lattice.state, b, one)).norm()
+        distance = (
+            node_at(lattice.state.motion, b, two) - node_at(lattice.state.motion, b, one)
+        ).norm()
         share = distance / (radius_one + radius_two)
-        room_one = lattice.room[b, one[0], one[1]][one[2]]
-        room_two = lattice.room[b, two[0], two[1]][two[2]]
-        lattice.room[b, one[0], one[1]][one[2]] = ti.min(room_one, share * radius_one)
-        lattice.room[b, two[0], two[1]][two[2]] = ti.min(room_two, share * radius_two)
+        room_one = lattice.state.room[b, one[0], one[1]][one[2]]
+        room_two = lattice.state.room[b, two[0], two[1]][two[2]]
+        lattice.state.room[b, one[0], one[1]][one[2]] = ti.min(room_one, share * radius_one)
+        lattice.state.room[b, two[0], two[1]][two[2]] = ti.min(room_two, share * radius_two)
 
 
 @ti.func
-def _list_touchers(lattice: ti.template(), b):
+def _list_candidates(lattice: ti.template(), b):
     """List the nodes that have a pair, and count them by columns."""
     for i in range(lattice.columns):
         for k in range(lattice.packs):
-            lattice.surface[b, i, k] = ti.min(lattice.surface[b, i, k], AT_SURFACE)
+            lattice.state.surface[b, i, k] = ti.min(lattice.state.surface[b, i, k], AT_SURFACE)
     # the search grid's bonds are no longer needed: they tell each node's place in the list
     found = 0
-    for n in range(lattice.clock[b].pairs):
+    for n in range(lattice.state.clock[b].pairs):
         for side in ti.static(range(2)):
-            node = lattice.pairs[b, n][side]
-            if lattice.next_in_bin[b, node] >= UNLISTED:
-                lattice.next_in_bin[b, node] = -2 - found
-                if found < lattice.most_touchers:
-                    lattice.toucher_node[b, found] = node
+            node = lattice.state.pairs[b, n][side]
+            if lattice.scratch.next_in_bin[b, node] >= UNLISTED:
+                lattice.scratch.next_in_bin[b, node] = -2 - found
+                if found < lattice.most_candidates:
+                    lattice.state.candidate_node[b, found] = node
                     i = ti.raw_div(node, lattice.rows)
-                    lattice.column_touchers[b, i] = lattice.column_touchers[b, i] + 1
+                    lattice.state.column_candidates[b, i] = (
+                        lattice.state.column_candidates[b, i] + 1
+                    )
                 found += 1
-            lattice.pairs[b, n][side] = -2 - lattice.next_in_bin[b, node]
-    lattice.clock[b].touchers = ti.min(found, lattice.most_touchers)
-    if found > lattice.most_touchers:
-        lattice.clock[b].status = CROWDED
-        lattice.clock[b].pairs = 0
+            lattice.state.pairs[b, n][side] = -2 - lattice.scratch.next_in_bin[b, node]
+    lattice.state.clock[b].candidates = ti.min(found, lattice.most_candidates)
+    if found > lattice.most_candidates:
+        lattice.state.clock[b].status = CROWDED
+        lattice.state.clock[b].pairs = 0

@@ -2,20 +2,14 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, packs
-from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
-from taichi_foam.laws import foam as foam_law
+from taichi_foam.engine import breaking, lanes
+from taichi_foam.engine.state import ABSENT, BASE, BROKEN
+from taichi_foam.records.history import ROW_COLUMNS
 
 vec3 = ti.types.vector(3, ti.f64)
 vec8 = ti.types.vector(8, ti.f64)
 
-# What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
-# [N], the broken bonds, and energies [J]: of the nodes, then the works of lattice.py.
-ROW_COLUMNS = (
-    "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
-    "faces", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
-)  # fmt: skip
-FIRST_WORK = ROW_COLUMNS.index("faces")
+FIRST_WORK = ROW_COLUMNS.index("bonds")
 
 
 @ti.func
@@ -25,7 +19,8 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     energy = 0.0
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
-        energy = breaking.volume(axis, p) * foam_law.stored_energy(p.foam, strain, worst, broken)
+        stored = lattice.law.stored_energy(p.bond, strain, worst, broken)
+        energy = breaking.volume(axis, p) * stored
     return energy
 
 
@@ -35,7 +30,7 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
     energy = vec3(0.0)
     for j in range(lattice.rows):
         energy += energy_at(lattice, b, i, j, p)
-    lattice.strip_energy[b, i] = energy
+    lattice.scratch.energy[b, i] = energy
 
 
 @ti.func
@@ -45,9 +40,9 @@ def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec3:
     for axis in range(2):  # not unrolled: the law is long, and compiles once so
         stored += _stored(lattice, axis, b, i, j, p)
     return vec3(
-        0.5 * p.node_mass * packs.velocity(lattice, lattice.state, b, i, j).norm_sqr(),
+        0.5 * p.node_mass * lanes.velocity(lattice, lattice.state.motion, b, i, j).norm_sqr(),
         stored,
-        p.node_mass * p.gravity * packs.position(lattice, lattice.state, b, i, j).y,
+        p.node_mass * p.gravity * lanes.position(lattice, lattice.state.motion, b, i, j).y,
     )
 
 
@@ -58,28 +53,28 @@ def add_strips(lattice: ti.template(), b):
     fracture = 0.0
     works = vec8(0.0)
     for strip in range(lattice.strips):
-        energy += lattice.strip_energy[b, strip]
-        fracture += lattice.strip_fracture[b, strip]
-        works += lattice.strip_work[b, strip]
+        energy += lattice.scratch.energy[b, strip]
+        fracture += lattice.state.fracture[b, strip]
+        works += lattice.state.work[b, strip]
     return energy, fracture, works
 
 
 @ti.func
 def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_nodes: vec8):
     """Append a row to the lattice's history; `by_nodes` are the works that its nodes did."""
-    clock = lattice.clock[b]
+    clock = lattice.state.clock[b]
     row = clock.rows
     works = by_nodes
-    works[BASE] += lattice.body[b].support_work
-    lattice.history[b, row, 0] = clock.time
-    lattice.history[b, row, 1] = clock.step
-    lattice.history[b, row, 2] = lattice.body[b].y
-    lattice.history[b, row, 3] = lattice.body[b].v
-    lattice.history[b, row, 4] = lattice.body[b].force
-    lattice.history[b, row, 5] = clock.broken
+    works[BASE] += lattice.state.body[b].support_work
+    lattice.scratch.history[b, row, 0] = clock.time
+    lattice.scratch.history[b, row, 1] = clock.step
+    lattice.scratch.history[b, row, 2] = lattice.state.body[b].y
+    lattice.scratch.history[b, row, 3] = lattice.state.body[b].v
+    lattice.scratch.history[b, row, 4] = lattice.state.body[b].force
+    lattice.scratch.history[b, row, 5] = clock.broken
     for k in ti.static(range(3)):
-        lattice.history[b, row, 6 + k] = energy[k]
-    lattice.history[b, row, 9] = fracture
+        lattice.scratch.history[b, row, 6 + k] = energy[k]
+    lattice.scratch.history[b, row, 9] = fracture
     for k in ti.static(range(8)):
-        lattice.history[b, row, FIRST_WORK + k] = works[k]
-    lattice.clock[b].rows = row + 1
+        lattice.scratch.history[b, row, FIRST_WORK + k] = works[k]
+    lattice.state.clock[b].rows = row + 1

@@ -6,90 +6,88 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import contact, packs
-from taichi_foam.engine.lattice import DASHPOTS, DRAG, FACES, LAST_STAGE, SELF_CONTACT, SHEAR
-from taichi_foam.engine.packs import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
-from taichi_foam.engine.parameters import NO_IMPACTOR
+from taichi_foam.engine import contact, lanes
+from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
+from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, SELF_CONTACT, SHEAR
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
 
 # A node this far away [m] or this fast [m/s] belongs to a run that has blown up: the foam's waves
 # travel at hundreds of metres a second. Breaking may keep such a run finite for ever.
-ASTRAY = 1e5
+DIVERGED_SIZE = 1e5
 
 
 @ti.func
 def node_pack(
     lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot, right_slot,
-    below_x, below_y, p: ti.template(),
+    p: ti.template(),
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
     `slot`, `left_slot` and `right_slot` hold the forces of the bonds of this column and of
-    its neighbours; `below` is the force of the bond below the first lane. After the last
-    stage the step is accepted.
+    its neighbours. After the last stage the step is accepted.
 
-    Left and right faces are added first, then below and above: the mirror image adds the same
-    numbers. The powers [W] that the nodes give to the faces are added to the strip's tally, and
+    Left and right bonds are added first, then below and above: the mirror image adds the same
+    numbers. The powers [W] that the nodes give to the bonds are added to the strip's tally, and
     what they give to anything else to its work.
     """
-    step = lattice.clock[b].step
+    step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
-    now = lattice.trial[b, i, k]
-    own = lattice.force[sweep, slot, k]
-    left = lattice.force[sweep, left_slot, k]
-    force_x = (own.ax - left.ax) + (own.bx - packs.from_below(own.bx, below_x))
-    force_y = (own.ay - left.ay) + (own.by - packs.from_below(own.by, below_y))
-    if p.variational:
+    now = lattice.scratch.trial[b, i, k]
+    force = ti.static(lattice.scratch.force)
+    last = ti.static(lattice.lanes - 1)
+    own, below = force[sweep, slot, k], force[sweep, slot, k - 1]
+    left = force[sweep, left_slot, k]
+    force_x = (own.ax - left.ax) + (own.bx - lanes.from_below(own.bx, below.bx[last]))
+    force_y = (own.ay - left.ay) + (own.by - lanes.from_below(own.by, below.by[last]))
+    if ti.static(lattice.features.variational):
         cross_x = _crossing_force(lattice, 0, b, i, k, sweep, slot, left_slot, right_slot)
         cross_y = _crossing_force(lattice, 1, b, i, k, sweep, slot, left_slot, right_slot)
         force_x += cross_x
         force_y += cross_y
         if stage == 0 or stage == LAST_STAGE:
             sheared = cross_x * now.u + cross_y * now.v
-            lattice.tally[b, strip].sheared = lattice.tally[b, strip].sheared - sheared
-    by_faces = force_x * now.u + force_y * now.v
-    lattice.tally[b, strip].by_faces = lattice.tally[b, strip].by_faces - by_faces
+            lattice.scratch.tally[b, strip].sheared = (
+                lattice.scratch.tally[b, strip].sheared - sheared
+            )
+    by_bonds = force_x * now.u + force_y * now.v
+    lattice.scratch.tally[b, strip].by_bonds = lattice.scratch.tally[b, strip].by_bonds - by_bonds
     if contact.may_touch_bodies(lattice, b, now.x, now.y, p):
-        lattice.tally[b, strip].reaction_x = packs.zeros(lattice)
-        lattice.tally[b, strip].reaction_y = packs.zeros(lattice)
+        lattice.scratch.tally[b, strip].reaction_x = lanes.zeros(lattice)
+        lattice.scratch.tally[b, strip].reaction_y = lanes.zeros(lattice)
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
                 contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
-        force_x += lattice.tally[b, strip].reaction_x
-        force_y += lattice.tally[b, strip].reaction_y
-    if p.self_contact and contact.is_pushed(lattice, b, i, k):
-        push = lattice.push[b, i, k]
-        by_pieces = -(push.x * now.u + push.y * now.v).sum()
-        _add_work(lattice, b, strip, SELF_CONTACT, weight * by_pieces)
-        force_x += push.x
-        force_y += push.y
-    if p.drag > 0.0:
+        force_x += lattice.scratch.tally[b, strip].reaction_x
+        force_y += lattice.scratch.tally[b, strip].reaction_y
+    if ti.static(lattice.features.self_contact):
+        if contact.is_pushed(lattice, b, i, k):
+            push = lattice.scratch.push[b, i, k]
+            by_pieces = -(push.x * now.u + push.y * now.v).sum()
+            _add_work(lattice, b, strip, SELF_CONTACT, weight * by_pieces)
+            force_x += push.x
+            force_y += push.y
+    if ti.static(lattice.features.drag):
         by_drag = p.drag * (now.u * now.u + now.v * now.v).sum()
         _add_work(lattice, b, strip, DRAG, weight * by_drag)
         force_x -= p.drag * now.u
         force_y -= p.drag * now.v
-    a_x = force_x * (1.0 / p.node_mass)
-    a_y = force_y * (1.0 / p.node_mass) - p.gravity
-    if k == 0:
-        a_x[0] = ti.select(p.hold_x, 0.0, a_x[0])
-        a_y[0] = ti.select(p.hold_y, 0.0, a_y[0])
-    spare = ti.static(lattice.rows - (lattice.packs - 1) * lattice.lanes)
-    if ti.static(spare < lattice.lanes):  # noqa: SIM102 - the static test must stand alone
-        if k == lattice.packs - 1:
-            for lane in ti.static(range(spare, lattice.lanes)):
-                a_y[lane] = 0.0
+    # rows that are held have no mobility: a test for them would cost all others their vectors
+    mobility = lattice.model.mobility[b, k]
+    a_x = force_x * mobility.x
+    a_y = force_y * mobility.y - mobility.gravity
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
     if stage > 0:
-        before = lattice.rate[b, i, k]
+        before = lattice.state.increment[b, i, k]
         rate_x, rate_y = before.x + rate_x, before.y + rate_y
         rate_u, rate_v = before.u + rate_u, before.v + rate_v
-    lattice.rate[b, i, k].x = rate_x
-    lattice.rate[b, i, k].y = rate_y
-    lattice.rate[b, i, k].u = rate_u
-    lattice.rate[b, i, k].v = rate_v
-    start = lattice.state[b, i, k]
+    lattice.state.increment[b, i, k].x = rate_x
+    lattice.state.increment[b, i, k].y = rate_y
+    lattice.state.increment[b, i, k].u = rate_u
+    lattice.state.increment[b, i, k].v = rate_v
+    start = lattice.state.motion[b, i, k]
     next_x, next_y = start.x + rate_x, start.y + rate_y
     next_u, next_v = start.u + rate_u, start.v + rate_v
     if stage < LAST_STAGE:
@@ -97,14 +95,14 @@ def node_pack(
         next_x, next_y = start.x + ahead * now.u, start.y + ahead * now.v
         next_u, next_v = start.u + ahead * a_x, start.v + ahead * a_y
     else:
-        lattice.state[b, i, k].x = next_x
-        lattice.state[b, i, k].y = next_y
-        lattice.state[b, i, k].u = next_u
-        lattice.state[b, i, k].v = next_v
-    lattice.trial[b, i, k].x = next_x
-    lattice.trial[b, i, k].y = next_y
-    lattice.trial[b, i, k].u = next_u
-    lattice.trial[b, i, k].v = next_v
+        lattice.state.motion[b, i, k].x = next_x
+        lattice.state.motion[b, i, k].y = next_y
+        lattice.state.motion[b, i, k].u = next_u
+        lattice.state.motion[b, i, k].v = next_v
+    lattice.scratch.trial[b, i, k].x = next_x
+    lattice.scratch.trial[b, i, k].y = next_y
+    lattice.scratch.trial[b, i, k].u = next_u
+    lattice.scratch.trial[b, i, k].v = next_v
 
 
 @ti.func
@@ -128,9 +126,9 @@ def _crossing_force(
     if k < lattice.packs - 1:
         _, above, _, _ = _crossed(lattice, axis, b, i, k + 1, sweep, slot, left_slot, right_slot)
         high_above = above[0]
-    force = low - packs.from_below(low, low_below)
-    force += packs.from_above(high, high_above) - high
-    force += near + packs.from_below(far, far_below)
+    force = low - lanes.from_below(low, low_below)
+    force += lanes.from_above(high, high_above) - high
+    force += near + lanes.from_below(far, far_below)
     return force
 
 
@@ -144,38 +142,43 @@ def _crossed(
     sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
     what the one to the left does, and `far` the same of the A's of the node above.
     """
-    own, left = lattice.bond_a[b, i, k].weights, lattice.bond_a[b, i - 1, k].weights
-    rise, left_rise = lattice.bond_b[b, i, k].weights, lattice.bond_b[b, i - 1, k].weights
-    right_rise = lattice.bond_b[b, i + 1, k].weights
-    here = lattice.crossing[sweep, slot, k]
-    before = lattice.crossing[sweep, left_slot, k]
-    after = lattice.crossing[sweep, right_slot, k]
+    own, left = lattice.state.bond_a[b, i, k].weights, lattice.state.bond_a[b, i - 1, k].weights
+    rise, left_rise = (
+        lattice.state.bond_b[b, i, k].weights,
+        lattice.state.bond_b[b, i - 1, k].weights,
+    )
+    right_rise = lattice.state.bond_b[b, i + 1, k].weights
+    here = lattice.scratch.crossing[sweep, slot, k]
+    before = lattice.scratch.crossing[sweep, left_slot, k]
+    after = lattice.scratch.crossing[sweep, right_slot, k]
     of_a, of_left_a = here.ax, before.ax
     of_b, of_left_b, of_right_b = here.bx, before.bx, after.bx
     if ti.static(axis == 1):
         of_a, of_left_a = here.ay, before.ay
         of_b, of_left_b, of_right_b = here.by, before.by, after.by
-    low = packs.weight(own, AHEAD_NEAR) * of_a + packs.weight(left, AHEAD_FAR) * of_left_a
-    high = packs.weight(own, BEHIND_NEAR) * of_a + packs.weight(left, BEHIND_FAR) * of_left_a
-    near = packs.weight(rise, AHEAD_NEAR) * of_b
-    near += packs.weight(right_rise, BEHIND_NEAR) * of_right_b
-    near -= packs.weight(left_rise, AHEAD_NEAR) * of_left_b + packs.weight(rise, BEHIND_NEAR) * of_b
-    far = packs.weight(rise, AHEAD_FAR) * of_b
-    far += packs.weight(right_rise, BEHIND_FAR) * of_right_b
-    far -= packs.weight(left_rise, AHEAD_FAR) * of_left_b + packs.weight(rise, BEHIND_FAR) * of_b
+    low = lanes.weight(own, AHEAD_NEAR) * of_a + lanes.weight(left, AHEAD_FAR) * of_left_a
+    high = lanes.weight(own, BEHIND_NEAR) * of_a + lanes.weight(left, BEHIND_FAR) * of_left_a
+    near = lanes.weight(rise, AHEAD_NEAR) * of_b
+    near += lanes.weight(right_rise, BEHIND_NEAR) * of_right_b
+    near -= lanes.weight(left_rise, AHEAD_NEAR) * of_left_b + lanes.weight(rise, BEHIND_NEAR) * of_b
+    far = lanes.weight(rise, AHEAD_FAR) * of_b
+    far += lanes.weight(right_rise, BEHIND_FAR) * of_right_b
+    far -= lanes.weight(left_rise, AHEAD_FAR) * of_left_b + lanes.weight(rise, BEHIND_FAR) * of_b
     return low, high, near, far
 
 
 @ti.func
 def inspect_pack(lattice: ti.template(), b, i, k, strip):
-    """After the last stage: how far the nodes have moved in the step, and whether any is astray."""
-    now = lattice.state[b, i, k]
-    path = lattice.rate[b, i, k]
+    """After the last stage: how far the nodes have moved in the step, and whether any has diverged."""
+    now = lattice.state.motion[b, i, k]
+    path = lattice.state.increment[b, i, k]
     moved = path.x * path.x + path.y * path.y
-    lattice.tally[b, strip].moved = elementary.larger(moved, lattice.tally[b, strip].moved)
+    lattice.scratch.tally[b, strip].moved = elementary.larger(
+        moved, lattice.scratch.tally[b, strip].moved
+    )
     size = ti.abs(now.x) + ti.abs(now.y) + ti.abs(now.u) + ti.abs(now.v)
-    astray = ti.select(size <= ASTRAY, 0.0, 1.0)  # of NaN too
-    lattice.tally[b, strip].astray = lattice.tally[b, strip].astray + astray
+    diverged = ti.select(size <= DIVERGED_SIZE, 0.0, 1.0)  # of NaN too
+    lattice.scratch.tally[b, strip].diverged = lattice.scratch.tally[b, strip].diverged + diverged
 
 
 @ti.func
@@ -184,14 +187,8 @@ def node_column(
 ):
     """A stage for one column of nodes."""
     clear_nodes(lattice, b, i, stage)
-    below_x, below_y = 0.0, 0.0
-    last = ti.static(lattice.lanes - 1)
     for k in range(lattice.packs):
-        node_pack(
-            lattice, b, i, k, i, stage, sweep, slot, left_slot, right_slot, below_x, below_y, p
-        )
-        below_x = lattice.force[sweep, slot, k].bx[last]
-        below_y = lattice.force[sweep, slot, k].by[last]
+        node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, right_slot, p)
     if stage == LAST_STAGE:
         for k in range(lattice.packs):
             inspect_pack(lattice, b, i, k, i)
@@ -201,39 +198,39 @@ def node_column(
 @ti.func
 def clear_nodes(lattice: ti.template(), b, strip, stage):
     """Start the tally of a strip's nodes."""
-    lattice.strip_lift[b, strip] = 0.0
-    lattice.tally[b, strip].by_faces = packs.zeros(lattice)
+    lattice.scratch.contact_force[b, strip] = 0.0
+    lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
-        lattice.tally[b, strip].moved = packs.zeros(lattice)
-        lattice.tally[b, strip].astray = packs.zeros(lattice)
+        lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
+        lattice.scratch.tally[b, strip].diverged = lanes.zeros(lattice)
 
 
 @ti.func
 def close_nodes(lattice: ti.template(), b, strip, stage):
     """Add a stage's tally to the strip's work.
 
-    The ledger: what the faces take up is the power of their forces on the nodes, in the same
+    The ledger: what the bonds take up is the power of their forces on the nodes, in the same
     Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
     integrator's order. How it splits into normal stress, shear and dashpots is sampled at both ends
     of the step: the trapezium rule moves work between columns, never out of the sum.
     """
-    weight = stage_weight(stage, lattice.clock[b].step)
-    _add_work(lattice, b, strip, FACES, weight * lattice.tally[b, strip].by_faces.sum())
+    weight = stage_weight(stage, lattice.state.clock[b].step)
+    _add_work(lattice, b, strip, BONDS, weight * lattice.scratch.tally[b, strip].by_bonds.sum())
     if stage == 0 or stage == LAST_STAGE:
-        step = 0.5 * lattice.clock[b].step
-        _add_work(lattice, b, strip, SHEAR, step * lattice.tally[b, strip].sheared.sum())
-        _add_work(lattice, b, strip, DASHPOTS, step * lattice.tally[b, strip].damped.sum())
+        step = 0.5 * lattice.state.clock[b].step
+        _add_work(lattice, b, strip, SHEAR, step * lattice.scratch.tally[b, strip].sheared.sum())
+        _add_work(lattice, b, strip, DASHPOTS, step * lattice.scratch.tally[b, strip].damped.sum())
 
 
 @ti.func
-def first_astray(lattice: ti.template(), b) -> ti.i32:
-    """The node with the lowest number that is astray."""
+def first_diverged(lattice: ti.template(), b) -> ti.i32:
+    """The node with the lowest number that has diverged."""
     found = lattice.nodes
     for i in range(lattice.columns):
         for j in range(lattice.rows):
-            x = packs.position(lattice, lattice.state, b, i, j)
-            v = packs.velocity(lattice, lattice.state, b, i, j)
-            if found == lattice.nodes and not ti.abs(x).sum() + ti.abs(v).sum() <= ASTRAY:
+            x = lanes.position(lattice, lattice.state.motion, b, i, j)
+            v = lanes.velocity(lattice, lattice.state.motion, b, i, j)
+            if found == lattice.nodes and not ti.abs(x).sum() + ti.abs(v).sum() <= DIVERGED_SIZE:
                 found = i * lattice.rows + j
     return found
 
@@ -241,26 +238,26 @@ def first_astray(lattice: ti.template(), b) -> ti.i32:
 @ti.func
 def _add_work(lattice: ti.template(), b, strip, member: ti.template(), work):
     """A strip has one thread: no atomics."""
-    lattice.strip_work[b, strip][member] = lattice.strip_work[b, strip][member] + work
+    lattice.state.work[b, strip][member] = lattice.state.work[b, strip][member] + work
 
 
 @ti.func
-def lift_of_strips(lattice: ti.template(), b) -> ti.f64:
+def contact_force_of_strips(lattice: ti.template(), b) -> ti.f64:
     """The nodes' force on the impactor [N]."""
-    lift = 0.0
+    force = 0.0
     for strip in range(lattice.strips):
-        lift += lattice.strip_lift[b, strip]
-    return lift
+        force += lattice.scratch.contact_force[b, strip]
+    return force
 
 
 @ti.func
-def body_stage(lattice: ti.template(), b, stage, lift, p: ti.template()):
-    """The same stage for the impactor, once all strips have given their lift [N]."""
-    step = lattice.clock[b].step
+def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
+    """The same stage for the impactor, once the force of all nodes on it is known [N]."""
+    step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
-    force = lift
-    body = lattice.body[b]
-    if p.impactor_kind != NO_IMPACTOR:
+    force = by_nodes
+    body = lattice.state.body[b]
+    if p.impactor:
         # the support stops the impactor too, once it has gone right through the block
         stop = contact_law.normal_force(p.support_stiffness, body.trial_y)
         body.support_work -= weight * stop * body.trial_v
@@ -283,7 +280,7 @@ def body_stage(lattice: ti.template(), b, stage, lift, p: ti.template()):
     body.rate_y = rate_y
     body.rate_v = rate_v
     body.force = force
-    lattice.body[b] = body
+    lattice.state.body[b] = body
 
 
 @ti.func

@@ -68,8 +68,9 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             cpu_max_num_threads=wanted[1],
             fast_math=False,
             # LLVM optimises what matters: without these passes kernels are as fast and compile
-            # in a quarter of the time
-            advanced_optimization=False,
+            # merges the loads of each access to a field, which LLVM cannot; the other pass takes longer
+            # than LLVM, and makes kernels slower
+            advanced_optimization=True,
             cfg_optimization=False,
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose

@@ -6,28 +6,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.scene import Block, Foam, Scene
+from taichi_foam.scene import Block, Scene
 
 
 def strengths(scene: Scene) -> NDArray[np.float64]:
-    """Strength of every bond over the mean of all, (columns, rows, 2); 0 where it is cut.
+    """Strength of every bond over the mean of all, (columns, rows, 2).
 
-    [i, j, 0] is that of bond A(i, j), [i, j, 1] that of B(i, j).
+    [i, j, 0] is that of bond A(i, j), [i, j, 1] that of B(i, j). Weibull's distribution with a mean
+    of 1 and the foam's scatter (Weibull 1951).
     """
-    found = _scattered(scene.block, scene.foam)
-    for cut in scene.start.cuts:
-        found[_crossed(scene.block, *cut)] = 0.0
-    return found
-
-
-def _scattered(block: Block, foam: Foam) -> NDArray[np.float64]:
-    """Weibull's distribution with a mean of 1 and the foam's scatter (Weibull 1951)."""
+    block, foam = scene.block, scene.foam
     shape = (block.columns, block.rows, 2)
     if foam.strength_scatter == 0:
         return np.ones(shape)
     modulus = weibull_modulus(foam.strength_scatter)
     drawn = np.random.default_rng(foam.strength_seed).weibull(modulus, shape)
     return drawn / math.gamma(1 + 1 / modulus)
+
+
+def cuts(scene: Scene) -> NDArray[np.bool_]:
+    """Whether each bond is cut through at the start, (columns, rows, 2) as in `strengths`."""
+    found = np.zeros((scene.block.columns, scene.block.rows, 2), dtype=bool)
+    for cut in scene.start.cuts:
+        found |= _crossed(scene.block, *cut)
+    return found
 
 
 def weibull_modulus(scatter: float) -> float:
@@ -48,16 +50,12 @@ def weibull_modulus(scatter: float) -> float:
     return float(found.root)
 
 
-def _crossed(
-    block: Block, x0: float, y0: float, x1: float, y1: float
-) -> tuple[NDArray[np.intp], ...]:
-    """Indices of the bonds whose line from node to node a straight cut crosses.
+def _crossed(block: Block, x0: float, y0: float, x1: float, y1: float) -> NDArray[np.bool_]:
+    """Which bonds' line from node to node a straight cut crosses.
 
     A node that lies on the cut belongs to its left, seen from the cut's start.
     """
-    x = (np.arange(block.columns) - (block.columns - 1) / 2) * block.dx
-    y = (np.arange(block.rows) + 0.5) * block.dy
-    node = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    node = block.positions
     start, end = np.array([x0, y0]), np.array([x1, y1])
     left = _cross(end - start, node - start) >= 0
     crossed = np.zeros((*left.shape, 2), dtype=bool)
@@ -68,7 +66,7 @@ def _crossed(
         # both of the cut's ends are not on one side of the bond
         across = (_cross(far - near, start - near) >= 0) != (_cross(far - near, end - near) >= 0)
         crossed[: sides.shape[0], : sides.shape[1], axis] = sides & across
-    return np.nonzero(crossed)
+    return crossed
 
 
 def _cross(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:

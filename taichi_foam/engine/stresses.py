@@ -1,28 +1,33 @@
 """Stresses of bonds outside a run: of a stored instant, or along a curve."""
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.engine import runtime
-from taichi_foam.engine.parameters import parameters_of
-from taichi_foam.laws import foam as foam_law
+from taichi_foam.laws.bond import BondLaw
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
 Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
+WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
-@ti.kernel
-def _normal_stresses(
-    foam: foam_law.Foam,
-    strain: Numbers,
-    worst: Numbers,
-    broken: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    stress: Numbers,
-):
-    for n in range(strain.shape[0]):
-        stress[n] = foam_law.normal_stress(foam, strain[n], worst[n], broken[n])
+@cache
+def _kernel(law: BondLaw) -> Any:
+    """The law's normal stress, mapped over arrays."""
+
+    @ti.kernel
+    def normal_stresses(
+        c: law.Constants, strain: Numbers, worst: Numbers, broken: WholeNumbers, stress: Numbers
+    ):
+        for n in range(strain.shape[0]):
+            stress[n] = law.normal_stress(c, strain[n], worst[n], broken[n])
+
+    return normal_stresses
 
 
 def normal_stresses(
@@ -43,5 +48,7 @@ def normal_stresses(
     if broken is not None:
         torn[:] = broken.ravel()
     stress = np.empty_like(flat)
-    _normal_stresses(foam_law.Foam(**parameters_of(scene)["foam"]), flat, history, torn, stress)
+    law = scene.foam.law_for(scene.model)
+    constants = law.Constants(**scene.foam.constants(scene.model))
+    _kernel(law)(constants, flat, history, torn, stress)
     return stress.reshape(np.shape(strain))

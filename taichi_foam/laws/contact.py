@@ -1,24 +1,10 @@
-"""Where a mass point stands to a rigid body, and the force between them.
+"""Forces between a mass point and a rigid body, and between pieces that rub.
 
-Bodies translate only. Normal force by penalty, tangential force by a spring with a Coulomb slider
+Normal force by penalty, tangential force by a spring with a Coulomb slider
 (Cundall & Strack 1979, Geotechnique 29:47), which sticks without creep.
 """
 
 import taichi as ti
-
-vec2 = ti.types.vector(2, ti.f64)
-vec3 = ti.types.vector(3, ti.f64)
-
-
-@ti.func
-def circle_distance(point: vec2, radius: ti.f64) -> vec3:
-    """Signed distance [m] to a circle that rests on the origin, and the outward normal there."""
-    away = point - vec2(0.0, radius)
-    length = away.norm()
-    normal = vec2(0.0, -1.0)
-    if length > 0.0:
-        normal = away / length
-    return vec3(length - radius, normal.x, normal.y)
 
 
 @ti.func

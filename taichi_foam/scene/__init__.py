@@ -5,8 +5,13 @@ A value that cannot be raises `pydantic.ValidationError`; `taichi_foam.catalogue
 that into text for people.
 """
 
-from taichi_foam.scene.impactor import Cylinder, FlatBlock, Impactor, Polygon, Wedge
-from taichi_foam.scene.material import Block, Foam
+from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.shape.base import Impactor
+from taichi_foam.laws.shape.cylinder import Cylinder
+from taichi_foam.laws.shape.flat import FlatBlock
+from taichi_foam.laws.shape.polygon import Polygon
+from taichi_foam.laws.shape.wedge import Wedge
+from taichi_foam.scene.block import Block
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.whole import CHOICE_SETS, Scene
 

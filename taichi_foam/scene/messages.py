@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
-from typing import Any, get_args
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from taichi_foam.scene.fields import Part
-from taichi_foam.scene.impactor import Impactor
+from taichi_foam.laws.bond import FOAMS
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.parts import Part
 from taichi_foam.scene.whole import Scene
 
-SHAPES: dict[str, type[Part]] = {
-    kind.model_fields["shape"].default: kind for kind in get_args(Impactor)
-}
-"""Impactor classes by the word that a scene calls them."""
+_CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
+"""Parts of a scene that are one of several classes, by their key."""
 
 _PARTS: dict[str, type[Part]] = {
     name: field.annotation
     for name, field in Scene.model_fields.items()
-    if isinstance(field.annotation, type) and issubclass(field.annotation, Part)
+    if name not in _CHOSEN
+    and isinstance(field.annotation, type)
+    and issubclass(field.annotation, Part)
 }
-_ROOTS: dict[str, tuple[str, type[Part]]] = {
-    "Scene": ("", Scene),
-    **{part.__name__: (name, part) for name, part in _PARTS.items()},
-    **{part.__name__: ("impactor", part) for part in SHAPES.values()},
-}
-"""Where in a scene a class stands, by its name: a part may also be built by itself."""
 
 _KIND_OF_VALUE = {
     "float_type": "a number, ",
@@ -53,14 +48,15 @@ def _lines(error: ValidationError, detail: ErrorDetails) -> Iterator[str]:
         yield from str(context["error"]).splitlines()
         return
     path, owner, field = _locate(error.title, detail["loc"])
-    shapes = ", ".join(SHAPES)
+    registry = _CHOSEN.get(path, SHAPES)
+    tag, tags = registry.tag, ", ".join(registry)
     if kind == "extra_forbidden":
         yield _unknown_key(path, owner)
-    elif kind == "union_tag_not_found":
-        yield f"{path}.shape: missing; choose one of {shapes}"
+    elif kind == "union_tag_not_found" and isinstance(value, Mapping):
+        yield f"{path}.{tag}: missing; choose one of {tags}"
     elif kind == "union_tag_invalid":
-        yield f"{path}.shape = {context['tag']!r}: must be one of {shapes}"
-    elif kind in ("model_type", "model_attributes_type", "dict_type"):
+        yield f"{path}.{tag} = {context['tag']!r}: must be one of {tags}"
+    elif kind in ("union_tag_not_found", "model_type", "model_attributes_type", "dict_type"):
         known = ", ".join(owner.model_fields)
         yield f"{path} = {_shown(value)}: must be a table with keys such as {known}"
     elif kind == "bool_type":
@@ -83,17 +79,18 @@ def _locate(
 
     Pydantic puts the names of union members between the keys; they are left out.
     """
-    path, owner = _ROOTS.get(title, ("", Scene))
+    roots = {kind.__name__: (name, kind) for name, kind in _all_parts()}
+    path, owner = roots.get(title, ("", Scene))
     field: FieldInfo | None = None
     for step in location:
         if isinstance(step, int):
             path += f"[{step}]"
         elif owner is Scene and step in _PARTS:
             path, owner = step, _PARTS[step]
-        elif path == "impactor" and step in SHAPES:
-            owner = SHAPES[step]
-        elif owner is Scene and step == "impactor":
-            path, owner = step, SHAPES["flat"]
+        elif path in _CHOSEN and step in _CHOSEN[path]:
+            owner = _CHOSEN[path][step]
+        elif owner is Scene and step in _CHOSEN:
+            path, owner = step, next(iter(_CHOSEN[step].values()))
         elif field is None:
             path = f"{path}.{step}" if path else step
             field = owner.model_fields.get(step)
@@ -122,8 +119,8 @@ def _unknown_key(path: str, owner: type[Part]) -> str:
 def _all_parts() -> Iterator[tuple[str, type[Part]]]:
     """Yield every class that a scene can hold, with the key that it stands under."""
     yield from _PARTS.items()
-    for kind in SHAPES.values():
-        yield "impactor", kind
+    for name, registry in _CHOSEN.items():
+        yield from ((name, kind) for kind in registry.values())
 
 
 def _shown(value: Any) -> str:

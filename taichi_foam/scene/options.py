@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from taichi_foam.scene.fields import Part, choice, quantity
+from taichi_foam.parts import Part, choice, quantity
 
 # Lists are as good as tuples here: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]

@@ -10,9 +10,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from taichi_foam.scene.fields import Part
-from taichi_foam.scene.impactor import Impactor
-from taichi_foam.scene.material import Block, Foam
+from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.shape import SHAPES, Impactor
+from taichi_foam.parts import Part
+from taichi_foam.scene.block import Block
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 
 CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -67,8 +69,8 @@ class Scene(Part):
         json_schema_extra={"allowed": "1 to 100 printable characters", "fix": "shorten it"},
     )
     block: Block = Field(default=Block(), description="the foam block and its lattice")
-    foam: Foam = Field(default=Foam(), description="the foam's law")
-    impactor: Annotated[Impactor, Field(discriminator="shape")] | None = Field(
+    foam: Annotated[BondFoam, FOAMS] = Field(default=Foam(), description="the foam's law")
+    impactor: Annotated[Impactor, SHAPES] | None = Field(
         default=None, description="what hits the block; none: nothing does"
     )
     base: Base = Field(default=Base(), description="what holds the bottom row")
@@ -95,6 +97,10 @@ class Scene(Part):
         return self.block.height - self.block.dy / 2
 
 
+for registry in (FOAMS, SHAPES):  # a law or a shape that comes later
+    registry.watchers.append(lambda: Scene.model_rebuild(force=True))
+
+
 def _problems_of_foam(scene: Scene) -> list[str]:
     foam = scene.foam
     if foam.shear_modulus > foam.youngs_modulus * 10:
@@ -109,10 +115,10 @@ def _problems_of_foam(scene: Scene) -> list[str]:
 def _problems_of_start(scene: Scene) -> list[str]:
     problems = []
     for axis, strain in zip("xy", scene.start.strains, strict=True):
-        if strain <= scene.foam.locking_strain:
+        if strain <= scene.foam.landmarks.limit:
             problems.append(
                 f"start.deformation_gradient: strain {strain:.3g} along {axis}; must be above "
-                f"foam.locking_strain = {scene.foam.locking_strain:g}; compress it less"
+                f"the foam's limit of {scene.foam.landmarks.limit:g}; compress it less"
             )
     return problems
 

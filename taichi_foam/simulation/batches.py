@@ -9,22 +9,15 @@ import platform
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
 
 import numpy as np
 import taichi as ti
 
-from taichi_foam.engine import loading, runtime, stepper
-from taichi_foam.engine.lattice import (
-    AT_END_TIME,
-    AT_REBOUND,
-    CROWDED,
-    NOT_FINITE,
-    RUNNING,
-    Lattice,
-    borrowed,
-)
-from taichi_foam.engine.ledger import ROW_COLUMNS
+from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine.features import Features, features_of
+from taichi_foam.engine.lattice import Lattice, borrowed
+from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING
+from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -42,7 +35,7 @@ ENDINGS = {
     RUNNING: "interrupt",
     AT_END_TIME: "end time",
     AT_REBOUND: "rebound",
-    NOT_FINITE: "values that went astray",
+    DIVERGED: "values that went astray",
     CROWDED: "a full neighbour list",
 }
 
@@ -103,7 +96,7 @@ class Run:
                 f"{self.scene.name}: at {self.time * 1e3:.4f} ms more pieces touch than the "
                 "neighbour list holds; set model.self_contact = false or take a finer lattice"
             )
-        if self.status == NOT_FINITE:
+        if self.status == DIVERGED:
             return (
                 f"{self.scene.name}: went astray at {self.time * 1e3:.4f} ms, first at node "
                 f"({node // rows}, {node % rows}): values that are not finite, or beyond all "
@@ -133,7 +126,7 @@ class Slots:
         """What the engine does is added to `wall`."""
         self._lattice = lattice
         self._wall = wall
-        self._advance = stepper.advance_of(lattice)
+        self._advance = stepping.advance_of(lattice)
         self._places: list[Run | None] = [None] * lattice.batch
         # of the whole batch, from the last call that took all the steps it was to take
         self._steps_per_second = 0.0
@@ -149,16 +142,15 @@ class Slots:
         for b in range(lattice.batch):
             if self._places[b] is None and waiting:
                 index, scene = waiting.pop()
-                loading.load(lattice, b, scene)
-                stepper.prepare(lattice, b)
-                first = [loading.snapshot(lattice, b)]
+                transfer.load(lattice, b, scene)
+                first = [transfer.snapshot(lattice, b)]
                 begun = replace(self._wall)
                 self._places[b] = Run(scene, index, begun, lattice.batch, snapshots=first)
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
-            loading.set_pause(lattice, np.zeros(lattice.batch))
+            transfer.set_pause(lattice, np.zeros(lattice.batch))
             self._advance(lattice, 1)
-            loading.harvest(lattice)
+            transfer.harvest(lattice)
             self._is_compiled = True
 
     def advance(self, seconds: float, until: float = math.inf) -> None:
@@ -168,7 +160,7 @@ class Slots:
         or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs.
         """
         pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
-        loading.set_pause(self._lattice, np.array(pauses))
+        transfer.set_pause(self._lattice, np.array(pauses))
         most_steps = int(np.clip(self._steps_per_second * seconds, 1, MOST_STEPS))
         start = time.perf_counter()
         self._advance(self._lattice, most_steps)
@@ -186,7 +178,7 @@ class Slots:
 
         Returns the most steps that it has taken with any run.
         """
-        standing, rows = loading.harvest(self._lattice)
+        standing, rows = transfer.harvest(self._lattice)
         most = 0
         for b, run in enumerate(self._places):
             if run is None:
@@ -203,30 +195,32 @@ class Slots:
             if run.ended or run.time >= run.next_snapshot:
                 if run.snapshots and run.snapshots[-1].time == run.time:
                     run.snapshots.pop()  # the run has ended where its last snapshot was due
-                run.snapshots.append(loading.snapshot(self._lattice, b))
+                run.snapshots.append(transfer.snapshot(self._lattice, b))
         return most
 
     def now(self, b: int) -> Snapshot:
         """The run in place `b` at this instant; it is not recorded."""
-        return loading.snapshot(self._lattice, b)
+        return transfer.snapshot(self._lattice, b)
 
     def clear_ended(self) -> None:
         """Make room where runs have ended."""
         for b, run in enumerate(self._places):
             if run is not None and run.ended:
-                loading.unload(self._lattice, b)
+                transfer.unload(self._lattice, b)
                 self._places[b] = None
 
 
 @contextlib.contextmanager
-def borrowed_slots(batch: int, columns: int, rows: int, wall: Wall) -> Iterator[Slots]:
-    """Slots on a lattice of these counts, which goes back empty."""
-    with borrowed(batch, columns, rows) as lattice:
+def borrowed_slots(
+    batch: int, columns: int, rows: int, features: Features, wall: Wall
+) -> Iterator[Slots]:
+    """Slots on a lattice of these counts and features, which goes back empty."""
+    with borrowed(batch, columns, rows, features) as lattice:
         try:
             yield Slots(lattice, wall)
         finally:
             for b in range(batch):
-                loading.unload(lattice, b)
+                transfer.unload(lattice, b)
 
 
 def advance_all(scenes: Sequence[Scene], wall: Wall) -> Iterator[list[Run]]:
@@ -234,13 +228,15 @@ def advance_all(scenes: Sequence[Scene], wall: Wall) -> Iterator[list[Run]]:
 
     A run is yielded for the last time with the status that ended it.
     """
-    counts = [(scene.block.columns, scene.block.rows) for scene in scenes]
-    order = sorted(range(len(scenes)), key=lambda index: counts[index])
-    for (columns, rows), group in groupby(order, key=lambda index: counts[index]):
+    runtime.start()
+    groups: dict[tuple[int, int, Features], list[int]] = {}
+    for index, scene in enumerate(scenes):
+        block = scene.block
+        groups.setdefault((block.columns, block.rows, features_of(scene)), []).append(index)
+    for (columns, rows, features), group in groups.items():
         waiting = [(index, scenes[index]) for index in group][::-1]
-        runtime.start()
         batch = _batch_size(len(waiting), columns * rows)
-        with borrowed_slots(batch, columns, rows, wall) as slots:
+        with borrowed_slots(batch, columns, rows, features, wall) as slots:
             while waiting or slots.runs:
                 slots.fill(waiting)
                 slots.advance(CALL_SECONDS)
@@ -304,7 +300,7 @@ def history_of(scene: Scene, rows: np.ndarray) -> dict[str, np.ndarray]:
         np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
     stored = of["stored"]
-    normal = of["faces"] - of["shear"] - of["dashpots"]
+    normal = of["bonds"] - of["shear"] - of["dashpots"]
     crushing = normal - (stored - stored[:1]) - of["fracture"]
     potential = of["potential"] + mass * gravity * y
     energies = {

@@ -16,6 +16,7 @@ import time
 
 import numpy as np
 
+from taichi_foam.engine.features import features_of
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -34,7 +35,8 @@ class Drop:
         self._wall = Wall()
         with contextlib.ExitStack() as borrowed:
             block = scene.block
-            slots = borrowed_slots(1, block.columns, block.rows, self._wall)
+            features = features_of(scene)
+            slots = borrowed_slots(1, block.columns, block.rows, features, self._wall)
             self._slots = borrowed.enter_context(slots)
             self._slots.fill([(0, scene)])
             self._borrowed = borrowed.pop_all()

@@ -9,8 +9,8 @@ from typing import Any
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
+from taichi_foam.laws.shape import SHAPES
 from taichi_foam.scene import Block, Foam, Scene
-from taichi_foam.scene.messages import SHAPES
 from taichi_foam.scene.options import Numerics
 
 Value = int | float | None

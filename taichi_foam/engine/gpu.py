@@ -7,24 +7,23 @@ over blocks, and starts a kernel for each part of a step.
 
 import taichi as ti
 
-from taichi_foam.engine import clock, nodes, partners, runtime, strips
-from taichi_foam.engine.lattice import (
+from taichi_foam.engine import clock, gpu_neighbours, gpu_strips, nodes, runtime
+from taichi_foam.engine.lattice import LAST_STAGE, Lattice
+from taichi_foam.engine.layout import THREADS
+from taichi_foam.engine.scratch import (
     BREAKS,
+    CONTACT_FORCE,
     ENERGIES,
     ENERGY_SUMS,
-    LAST_STAGE,
-    LIFT,
     MOVED,
-    RUNNING,
     STIFFEST,
-    THREADS,
-    Lattice,
 )
+from taichi_foam.engine.state import RUNNING
 
 # Mesa's software Vulkan ends all loops of a thread after so many iterations in one call, silently.
 # A step takes no more of them than PER_TURN for each turn of the threads over the nodes (mostly the
 # search for partners in nine bins, twice, of up to a dozen nodes each), and one for each node and
-# thread where it fills the bins and counts partners.
+# thread where it fills the bins and counts gpu_neighbours.
 MOST_ITERATIONS = 65_535
 PER_TURN = 400
 
@@ -35,65 +34,65 @@ PER_TURN = 400
 @ti.func
 def _find_neighbours(lattice: ti.template(), shared: ti.template(), b, t, p: ti.template()):
     """Before a step: which nodes may touch in it, and their radii."""
-    if lattice.clock[b].stale:
-        partners.begin_list(lattice, b, t, THREADS, p)
+    if lattice.state.clock[b].stale:
+        gpu_neighbours.begin_list(lattice, b, t, THREADS, p)
         ti.simt.block.sync()
-        partners.fill_own_bins(lattice, b, t, THREADS)
+        gpu_neighbours.fill_own_bins(lattice, b, t, THREADS)
         ti.simt.block.sync()
-        total = partners.count_partners(lattice, b, t, THREADS, p)
+        total = gpu_neighbours.count_partners(lattice, b, t, THREADS, p)
         shared[t] = total
         ti.simt.block.sync()
         start = 0
         for before in range(t):
             start += ti.i32(shared[before])
         if t == THREADS - 1:
-            lattice.clock[b].pairs = start + total
-        partners.list_partners(lattice, b, t, THREADS, start, total, p)
+            lattice.state.clock[b].pairs = start + total
+        gpu_neighbours.list_partners(lattice, b, t, THREADS, start, total, p)
         ti.simt.block.sync()
-        partners.make_room(lattice, b, t, THREADS)
+        gpu_neighbours.make_room(lattice, b, t, THREADS)
         ti.simt.block.sync()
-        partners.end_list(lattice, b, t, THREADS, p)
+        gpu_neighbours.end_list(lattice, b, t, THREADS, p)
         if t == 0:
-            partners.close_list(lattice, b)
-    elif lattice.clock[b].steps % clock.REFRESH == 0:
-        partners.refresh_radii(lattice, b, t, THREADS, p)
+            gpu_neighbours.close_list(lattice, b)
+    elif lattice.state.clock[b].steps % clock.REFRESH == 0:
+        gpu_neighbours.refresh_radii(lattice, b, t, THREADS, p)
     ti.simt.block.sync()
 
 
 @ti.func
 def _stage(lattice: ti.template(), shared: ti.template(), b, t, stage, p: ti.template()):
-    strips.face_strip(lattice, stage, b, t, THREADS, p)
+    gpu_strips.bond_strip(lattice, stage, b, t, THREADS, p)
     ti.simt.block.sync()
-    astray = strips.node_strip(lattice, b, t, THREADS, stage, p)
-    strips.reduce_stage(lattice, shared, lattice.totals, t, b, 0, t, stage, astray)
+    diverged = gpu_strips.node_strip(lattice, b, t, THREADS, stage, p)
+    gpu_strips.reduce_stage(lattice, shared, lattice.scratch.totals, t, b, 0, t, stage, diverged)
     if t == 0:
-        nodes.body_stage(lattice, b, stage, lattice.totals[b, 0, LIFT], p)
+        nodes.body_stage(lattice, b, stage, lattice.scratch.totals[b, 0, CONTACT_FORCE], p)
         if stage == LAST_STAGE:
-            strips.close_step(lattice, b, p)
+            gpu_strips.close_step(lattice, b, p)
     ti.simt.block.sync()
 
 
 @ti.func
 def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.template()):
     if t == 0:
-        clock.take_stock(lattice, b, lattice.totals[b, 0, STIFFEST], p)
+        clock.take_stock(lattice, b, p)
     ti.simt.block.sync()
     if clock.row_is_due(lattice, b):
-        strips.reduce_energies(lattice, shared, lattice.totals, t, b, 0, t, THREADS, p)
+        gpu_strips.reduce_energies(lattice, shared, lattice.scratch.totals, t, b, 0, t, THREADS, p)
         if t == 0:
-            strips.write_row(lattice, b, p)
-    if p.self_contact:
+            gpu_strips.write_row(lattice, b, p)
+    if ti.static(lattice.features.self_contact):
         _find_neighbours(lattice, shared, b, t, p)
-    if lattice.clock[b].status == RUNNING:
-        if p.foam.rate > 0.0:
-            strips.flow_strip(lattice, b, t, THREADS, p)
+    if lattice.state.clock[b].status == RUNNING:
+        if ti.static(lattice.law.heeds_rate):
+            gpu_strips.flow_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, shared, b, t, stage, p)
-        if lattice.totals[b, 0, BREAKS] > 0.0:
-            strips.break_strip(lattice, b, t, THREADS, p)
+        if lattice.scratch.totals[b, 0, BREAKS] > 0.0:
+            gpu_strips.break_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
-            strips.update_halves(lattice, b, t, THREADS)
+            gpu_strips.update_halves(lattice, b, t, THREADS)
     ti.simt.block.sync()
 
 
@@ -104,7 +103,7 @@ def _advance_blocks(lattice: ti.template(), most_steps: ti.i32):
         shared = ti.simt.block.SharedArray((ENERGY_SUMS * THREADS,), ti.f64)
         b = q // THREADS
         t = q % THREADS
-        p = lattice.parameters[b]
+        p = lattice.model.parameters[b]
         taken = 0
         while taken < most_steps and clock.goes_on(lattice, b):
             ti.simt.block.sync()  # all have looked at the clock before it changes
@@ -129,19 +128,19 @@ def advance_blocks(lattice: Lattice, most_steps: int) -> None:
 def _begin_wide(lattice: ti.template()):
     """What a step begins with."""
     for b in range(lattice.batch):
-        lattice.clock[b].active = clock.goes_on(lattice, b)
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            clock.take_stock(lattice, b, lattice.totals[b, 0, STIFFEST], p)
+        lattice.state.clock[b].active = clock.goes_on(lattice, b)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            clock.take_stock(lattice, b, p)
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
         shared = ti.simt.block.SharedArray((ENERGY_SUMS * THREADS,), ti.f64)
         b = q // lattice.strips
         strip = q % lattice.strips
-        if lattice.clock[b].active and clock.row_is_due(lattice, b):
-            p = lattice.parameters[b]
-            strips.reduce_energies(
-                lattice, shared, lattice.sums, q % THREADS, b, strip // THREADS, strip,
+        if lattice.state.clock[b].active and clock.row_is_due(lattice, b):
+            p = lattice.model.parameters[b]
+            gpu_strips.reduce_energies(
+                lattice, shared, lattice.scratch.sums, q % THREADS, b, strip // THREADS, strip,
                 lattice.strips, p,
             )  # fmt: skip
     ti.loop_config(block_dim=THREADS)
@@ -149,11 +148,14 @@ def _begin_wide(lattice: ti.template()):
         shared = ti.simt.block.SharedArray((ENERGY_SUMS * THREADS,), ti.f64)
         b = q // THREADS
         t = q % THREADS
-        if lattice.clock[b].active and clock.row_is_due(lattice, b):
-            p = lattice.parameters[b]
+        if lattice.state.clock[b].active and clock.row_is_due(lattice, b):
+            p = lattice.model.parameters[b]
             _add_blocks(lattice, shared, t, b, ENERGIES, ENERGY_SUMS, True)
             if t == 0:
-                strips.write_row(lattice, b, p)
+                gpu_strips.write_row(lattice, b, p)
+    for b in range(lattice.batch):
+        if lattice.state.clock[b].status != RUNNING:
+            lattice.state.clock[b].active = 0
 
 
 @ti.func
@@ -163,27 +165,25 @@ def _add_blocks(
 ):  # fmt: skip
     """Reduce the sums of a lattice's blocks to its totals, by one block."""
     for c in range(count):
-        value = lattice.sums[b, ti.min(t, lattice.blocks - 1), first + c]
+        value = lattice.scratch.sums[b, ti.min(t, lattice.blocks - 1), first + c]
         if ti.static(adding):
             value = ti.select(t < lattice.blocks, value, 0.0)
         block = t + THREADS
         while block < lattice.blocks:
-            more = lattice.sums[b, block, first + c]
+            more = lattice.scratch.sums[b, block, first + c]
             if ti.static(adding):
                 value += more
             else:
                 value = ti.max(value, more)
             block += THREADS
         shared[c * THREADS + t] = value
-    strips.reduce(shared, lattice.totals, t, b, 0, first, count, adding)
+    gpu_strips.reduce(shared, lattice.scratch.totals, t, b, 0, first, count, adding)
 
 
 @ti.func
 def _lists(lattice: ti.template(), b) -> ti.i32:
     """Whether a lattice needs new lists of partners for this step."""
-    return ti.i32(
-        lattice.clock[b].active and lattice.clock[b].stale and lattice.parameters[b].self_contact
-    )
+    return ti.i32(lattice.state.clock[b].active and lattice.state.clock[b].stale)
 
 
 @ti.kernel
@@ -192,105 +192,107 @@ def _find_neighbours_wide(lattice: ti.template()):
     for q in range(lattice.batch * lattice.strips):
         if _lists(lattice, q // width):
             b = q // width
-            p = lattice.parameters[b]
-            partners.begin_list(lattice, b, q % width, width, p)
+            p = lattice.model.parameters[b]
+            gpu_neighbours.begin_list(lattice, b, q % width, width, p)
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
         if _lists(lattice, q // width):
             b = q // width
-            p = lattice.parameters[b]
-            partners.fill_bins(lattice, b, q % width, width)
+            p = lattice.model.parameters[b]
+            gpu_neighbours.fill_bins(lattice, b, q % width, width)
         ti.simt.block.sync()  # without one in the kernel, Mesa ends a loop with atomics early
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
         if _lists(lattice, q // width):
             b = q // width
-            p = lattice.parameters[b]
-            total = partners.count_partners(lattice, b, q % width, width, p)
-            start = ti.atomic_add(lattice.clock[b].pairs, total)
-            partners.list_partners(lattice, b, q % width, width, start, total, p)
+            p = lattice.model.parameters[b]
+            total = gpu_neighbours.count_partners(lattice, b, q % width, width, p)
+            start = ti.atomic_add(lattice.state.clock[b].pairs, total)
+            gpu_neighbours.list_partners(lattice, b, q % width, width, start, total, p)
     for q in range(lattice.batch * lattice.strips):
         if _lists(lattice, q // width):
-            partners.make_room(lattice, q // width, q % width, width)
+            gpu_neighbours.make_room(lattice, q // width, q % width, width)
     for q in range(lattice.batch * lattice.strips):
         b = q // width
-        if lattice.clock[b].active and lattice.parameters[b].self_contact:
-            p = lattice.parameters[b]
-            if lattice.clock[b].stale:
-                partners.end_list(lattice, b, q % width, width, p)
-            elif lattice.clock[b].steps % clock.REFRESH == 0:
-                partners.refresh_radii(lattice, b, q % width, width, p)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            if lattice.state.clock[b].stale:
+                gpu_neighbours.end_list(lattice, b, q % width, width, p)
+            elif lattice.state.clock[b].steps % clock.REFRESH == 0:
+                gpu_neighbours.refresh_radii(lattice, b, q % width, width, p)
     for b in range(lattice.batch):
         if _lists(lattice, b):
-            partners.close_list(lattice, b)
-        if lattice.clock[b].status != RUNNING:
-            lattice.clock[b].active = 0
+            gpu_neighbours.close_list(lattice, b)
+        if lattice.state.clock[b].status != RUNNING:
+            lattice.state.clock[b].active = 0
 
 
 @ti.kernel
 def _flow_wide(lattice: ti.template()):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
-        if lattice.clock[b].active and lattice.parameters[b].foam.rate > 0.0:
-            p = lattice.parameters[b]
-            strips.flow_strip(lattice, b, q % lattice.strips, lattice.strips, p)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            gpu_strips.flow_strip(lattice, b, q % lattice.strips, lattice.strips, p)
 
 
 @ti.kernel
 def _stage_wide(lattice: ti.template(), stage: ti.i32):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            strips.face_strip(lattice, stage, b, q % lattice.strips, lattice.strips, p)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            gpu_strips.bond_strip(lattice, stage, b, q % lattice.strips, lattice.strips, p)
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
         shared = ti.simt.block.SharedArray((4 * THREADS,), ti.f64)
         b = q // lattice.strips
         strip = q % lattice.strips
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            astray = strips.node_strip(lattice, b, strip, lattice.strips, stage, p)
-            strips.reduce_stage(
-                lattice, shared, lattice.sums, q % THREADS, b, strip // THREADS, strip, stage,
-                astray,
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            diverged = gpu_strips.node_strip(lattice, b, strip, lattice.strips, stage, p)
+            gpu_strips.reduce_stage(
+                lattice, shared, lattice.scratch.sums, q % THREADS, b, strip // THREADS, strip, stage,
+                diverged,
             )  # fmt: skip
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * THREADS):
         shared = ti.simt.block.SharedArray((4 * THREADS,), ti.f64)
         b = q // THREADS
         t = q % THREADS
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            _add_blocks(lattice, shared, t, b, LIFT, 1, True)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            _add_blocks(lattice, shared, t, b, CONTACT_FORCE, 1, True)
             if stage == LAST_STAGE:
                 _add_blocks(lattice, shared, t, b, MOVED, 4, False)
                 _add_blocks(lattice, shared, t, b, BREAKS, 1, True)
             if t == 0:
-                nodes.body_stage(lattice, b, stage, lattice.totals[b, 0, LIFT], p)
+                nodes.body_stage(lattice, b, stage, lattice.scratch.totals[b, 0, CONTACT_FORCE], p)
                 if stage == LAST_STAGE:
-                    strips.close_step(lattice, b, p)
+                    gpu_strips.close_step(lattice, b, p)
 
 
 @ti.kernel
 def _break_wide(lattice: ti.template()):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
-        if lattice.clock[b].active and lattice.totals[b, 0, BREAKS] > 0.0:
-            p = lattice.parameters[b]
-            strips.break_strip(lattice, b, q % lattice.strips, lattice.strips, p)
+        if lattice.state.clock[b].active and lattice.scratch.totals[b, 0, BREAKS] > 0.0:
+            p = lattice.model.parameters[b]
+            gpu_strips.break_strip(lattice, b, q % lattice.strips, lattice.strips, p)
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
-        if lattice.clock[b].active and lattice.totals[b, 0, BREAKS] > 0.0:
-            strips.update_halves(lattice, b, q % lattice.strips, lattice.strips)
+        if lattice.state.clock[b].active and lattice.scratch.totals[b, 0, BREAKS] > 0.0:
+            gpu_strips.update_halves(lattice, b, q % lattice.strips, lattice.strips)
 
 
 def advance_wide(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each spread over blocks."""
     for _ in range(most_steps):
         _begin_wide(lattice)
-        _find_neighbours_wide(lattice)
-        _flow_wide(lattice)
+        if lattice.features.self_contact:
+            _find_neighbours_wide(lattice)
+        if lattice.law.heeds_rate:
+            _flow_wide(lattice)
         for stage in range(LAST_STAGE + 1):
             _stage_wide(lattice, stage)
         _break_wide(lattice)
@@ -298,18 +300,21 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
 
 @ti.kernel
 def prepare(lattice: ti.template(), b: ti.i32):
-    """Before a lattice's first step: the halves of its gradients, its history, its stiffness."""
+    """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
     for strip in range(lattice.strips):
-        strips.update_halves(lattice, b, strip, lattice.strips)
+        gpu_strips.update_halves(lattice, b, strip, lattice.strips)
     ti.loop_config(block_dim=THREADS)
     for strip in range(lattice.strips):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)
-        p = lattice.parameters[b]
+        p = lattice.model.parameters[b]
         t = strip % THREADS
-        strips.face_strip(lattice, 0, b, strip, lattice.strips, p)
-        shared[t] = lattice.strip_stiffest[b, strip]
-        strips.reduce(shared, lattice.sums, t, b, strip // THREADS, STIFFEST, 1, False)
+        if lattice.state.clock[b].stiffest < 0.0:
+            gpu_strips.bond_strip(lattice, 0, b, strip, lattice.strips, p)
+        shared[t] = lattice.scratch.stiffest[b, strip]
+        gpu_strips.reduce(shared, lattice.scratch.sums, t, b, strip // THREADS, STIFFEST, 1, False)
     ti.loop_config(block_dim=THREADS)
     for t in range(THREADS):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)
         _add_blocks(lattice, shared, t, b, STIFFEST, 1, False)
+        if t == 0 and lattice.state.clock[b].stiffest < 0.0:
+            lattice.state.clock[b].stiffest = lattice.scratch.totals[b, 0, STIFFEST]

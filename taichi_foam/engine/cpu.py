@@ -9,27 +9,15 @@ lattice on one thread for thousands of steps in one call (a call costs as much a
 lattice), `staged` deals the columns of a big lattice out to several sweeps.
 """
 
-from collections.abc import Callable
-
 import taichi as ti
 
-from taichi_foam.engine import blocks, bonds, breaking, clock, contact, ledger, nodes
-from taichi_foam.engine.lattice import BLOCK_NODES, LAST_STAGE, RUNNING, Lattice
-
-# From this many nodes on, a stage is worth spreading over threads.
-STAGED_NODES = 50_000
+from taichi_foam.engine import bonds, breaking, clock, contact, ledger, nodes
+from taichi_foam.engine.lattice import LAST_STAGE, Lattice
+from taichi_foam.engine.state import RUNNING
 
 # Taichi gives each CPU thread at least this many iterations of a parallel loop, whatever its
 # bodies cost. So a loop over few costly bodies is stretched by as much, and runs one in each.
 GRAIN = 512
-
-
-@ti.func
-def _take_stock(lattice: ti.template(), b, p: ti.template()):
-    densified = 0.0
-    for strip in range(lattice.strips):
-        densified = ti.max(densified, lattice.strip_stiffest[b, strip])
-    clock.take_stock(lattice, b, densified, p)
 
 
 @ti.func
@@ -41,10 +29,10 @@ def _write_row(lattice: ti.template(), b, p: ti.template()):
 @ti.func
 def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Before a step: which nodes may touch in it, and their radii."""
-    if p.self_contact:
-        if lattice.clock[b].stale:
+    if ti.static(lattice.features.self_contact):
+        if lattice.state.clock[b].stale:
             contact.list_neighbours(lattice, b, p)
-        elif lattice.clock[b].steps % clock.REFRESH == 0:
+        elif lattice.state.clock[b].steps % clock.REFRESH == 0:
             contact.refresh_radii(lattice, b, p)
 
 
@@ -59,7 +47,7 @@ def _sweep(
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
             slot = bonds.slot_of(lattice, i, end - 1)
-            bonds.face_column(lattice, stage, b, i, i, sweep, slot, p)
+            bonds.bond_column(lattice, stage, b, i, i, sweep, slot, p)
         if i > start:
             slot = bonds.slot_of(lattice, i - 1, end - 1)
             left_slot = bonds.slot_of(lattice, i - 2, end - 1)
@@ -69,19 +57,21 @@ def _sweep(
 
 @ti.func
 def _end_step(lattice: ti.template(), b, p: ti.template()):
-    """Move the clock, break what has failed, and stop a lattice that has gone astray."""
+    """Move the clock, break what has failed, and stop a lattice that has diverged."""
     moved = 0.0
+    stiffest = 0.0
     breaks = 0
-    astray = 0.0
+    diverged = 0.0
     for strip in range(lattice.strips):
-        moved = ti.max(moved, lattice.tally[b, strip].moved.max())
-        astray += lattice.tally[b, strip].astray.sum()
+        moved = ti.max(moved, lattice.scratch.tally[b, strip].moved.max())
+        stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, strip])
+        diverged += lattice.scratch.tally[b, strip].diverged.sum()
     for i in range(lattice.columns):
-        breaks += lattice.column_breaks[b, i]
+        breaks += lattice.scratch.column_breaks[b, i]
     bad_node = lattice.nodes
-    if astray > 0.0:
-        bad_node = nodes.first_astray(lattice, b)
-    clock.close_step(lattice, b, moved, breaks, bad_node, p)
+    if diverged > 0.0:
+        bad_node = nodes.first_diverged(lattice, b)
+    clock.close_step(lattice, b, moved, stiffest, breaks, bad_node, p)
     if breaks > 0:
         _break(lattice, b, p)
 
@@ -89,12 +79,12 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
 @ti.func
 def _break(lattice: ti.template(), b, p: ti.template()):
     for i in range(lattice.columns):
-        if lattice.column_breaks[b, i] > 0:
+        if lattice.scratch.column_breaks[b, i] > 0:
             breaking.break_bonds(lattice, b, i, p)
     for i in range(lattice.columns):
-        near = lattice.column_breaks[b, i]
-        near += lattice.column_breaks[b, ti.max(i - 1, 0)]
-        near += lattice.column_breaks[b, ti.min(i + 1, lattice.columns - 1)]
+        near = lattice.scratch.column_breaks[b, i]
+        near += lattice.scratch.column_breaks[b, ti.max(i - 1, 0)]
+        near += lattice.scratch.column_breaks[b, ti.min(i + 1, lattice.columns - 1)]
         if near > 0:
             for j in range(lattice.rows):
                 breaking.update_halves(lattice, b, i, j)
@@ -103,25 +93,25 @@ def _break(lattice: ti.template(), b, p: ti.template()):
 @ti.func
 def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     """One stage of a whole lattice on one thread."""
-    if p.self_contact:
+    if ti.static(lattice.features.self_contact):
         contact.push_pieces(lattice, b, p)
     sweep = b * lattice.sweeps
     columns = lattice.columns
     _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
-    nodes.body_stage(lattice, b, stage, nodes.lift_of_strips(lattice, b), p)
+    nodes.body_stage(lattice, b, stage, nodes.contact_force_of_strips(lattice, b), p)
 
 
 @ti.func
 def _take_step(lattice: ti.template(), b, p: ti.template()):
     """One step of one lattice on one thread."""
-    _take_stock(lattice, b, p)
+    clock.take_stock(lattice, b, p)
     if clock.row_is_due(lattice, b):
         for i in range(lattice.columns):
             ledger.energy_column(lattice, b, i, p)
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
-    if lattice.clock[b].status == RUNNING:
-        if p.foam.rate > 0.0:
+    if lattice.state.clock[b].status == RUNNING:
+        if ti.static(lattice.law.heeds_rate):
             for i in range(lattice.columns):
                 bonds.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
@@ -129,24 +119,20 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _end_step(lattice, b, p)
 
 
-def prepare(lattice: Lattice, b: int) -> None:
-    """Before a lattice's first step: the halves of its gradients, its history, its stiffness."""
-    if lattice.on_gpu:
-        blocks.prepare(lattice, b)
-    else:
-        _prepare(lattice, b)
-
-
 @ti.kernel
-def _prepare(lattice: ti.template(), b: ti.i32):
+def prepare(lattice: ti.template(), b: ti.i32):
+    """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
     for _ in range(1):
-        p = lattice.parameters[b]
+        p = lattice.model.parameters[b]
         for i in range(lattice.columns):
             for j in range(lattice.rows):
                 breaking.update_halves(lattice, b, i, j)
-        for i in range(lattice.columns):
-            sweep = b * lattice.sweeps
-            bonds.face_column(lattice, 0, b, i, i, sweep, 0, p)
+        if lattice.state.clock[b].stiffest < 0.0:
+            stiffest = 0.0
+            for i in range(lattice.columns):
+                bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, p)
+                stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, i])
+            lattice.state.clock[b].stiffest = stiffest
 
 
 @ti.kernel
@@ -155,7 +141,7 @@ def advance_fused(lattice: ti.template(), most_steps: ti.i32):
     for q in range(lattice.batch * GRAIN):
         if q % GRAIN == 0:
             b = q // GRAIN
-            p = lattice.parameters[b]
+            p = lattice.model.parameters[b]
             taken = 0
             while taken < most_steps and clock.goes_on(lattice, b):
                 _take_step(lattice, b, p)
@@ -176,35 +162,36 @@ def _end_column(lattice: ti.template(), sweep) -> ti.i32:
 def _begin_staged(lattice: ti.template()):
     """What a step begins with."""
     for b in range(lattice.batch):
-        lattice.clock[b].active = clock.goes_on(lattice, b)
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            _take_stock(lattice, b, p)
+        lattice.state.clock[b].active = clock.goes_on(lattice, b)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            clock.take_stock(lattice, b, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.clock[b].active and clock.row_is_due(lattice, b):
-                p = lattice.parameters[b]
+            if lattice.state.clock[b].active and clock.row_is_due(lattice, b):
+                p = lattice.model.parameters[b]
                 for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                     ledger.energy_column(lattice, b, i, p)
     for b in range(lattice.batch):
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
             if clock.row_is_due(lattice, b):
                 _write_row(lattice, b, p)
             _find_neighbours(lattice, b, p)
-            lattice.clock[b].active = ti.i32(lattice.clock[b].status == RUNNING)
-            if p.self_contact:
+            lattice.state.clock[b].active = ti.i32(lattice.state.clock[b].status == RUNNING)
+            if ti.static(lattice.features.self_contact):
                 contact.push_pieces(lattice, b, p)
-    for q in range(lattice.batch * lattice.sweeps * GRAIN):
-        if q % GRAIN == 0:
-            sweep = q // GRAIN
-            b = sweep // lattice.sweeps
-            if lattice.clock[b].active and lattice.parameters[b].foam.rate > 0.0:
-                p = lattice.parameters[b]
-                for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
-                    bonds.flow_column(lattice, b, i, p)
+    if ti.static(lattice.law.heeds_rate):
+        for q in range(lattice.batch * lattice.sweeps * GRAIN):
+            if q % GRAIN == 0:
+                sweep = q // GRAIN
+                b = sweep // lattice.sweeps
+                if lattice.state.clock[b].active:
+                    p = lattice.model.parameters[b]
+                    for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
+                        bonds.flow_column(lattice, b, i, p)
 
 
 @ti.kernel
@@ -218,8 +205,8 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.clock[b].active:
-                p = lattice.parameters[b]
+            if lattice.state.clock[b].active:
+                p = lattice.model.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
                 for n in range(4):
@@ -228,23 +215,23 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
                         slot = bonds.slot_of(lattice, i, end - 1)
                         own = start <= i and i < end
                         strip = ti.select(own, i, lattice.strips + sweep % lattice.sweeps)
-                        bonds.face_column(lattice, stage, b, i, strip, sweep, slot, p)
+                        bonds.bond_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.clock[b].active:
-                p = lattice.parameters[b]
+            if lattice.state.clock[b].active:
+                p = lattice.model.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
                 _sweep(lattice, b, stage, sweep, start, end, start + 1, end - 1, p)
     for b in range(lattice.batch):
-        if lattice.clock[b].active:
-            p = lattice.parameters[b]
-            nodes.body_stage(lattice, b, stage, nodes.lift_of_strips(lattice, b), p)
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            nodes.body_stage(lattice, b, stage, nodes.contact_force_of_strips(lattice, b), p)
             if stage == LAST_STAGE:
                 _end_step(lattice, b, p)
-            elif p.self_contact:
+            elif ti.static(lattice.features.self_contact):
                 contact.push_pieces(lattice, b, p)
 
 
@@ -254,10 +241,3 @@ def advance_staged(lattice: Lattice, most_steps: int) -> None:
         _begin_staged(lattice)
         for stage in range(LAST_STAGE + 1):
             _stage_staged(lattice, stage)
-
-
-def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
-    """The faster way to step `lattice`."""
-    if lattice.on_gpu:
-        return blocks.advance_blocks if lattice.nodes <= BLOCK_NODES else blocks.advance_wide
-    return advance_staged if lattice.nodes >= STAGED_NODES else advance_fused

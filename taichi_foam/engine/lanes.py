@@ -1,4 +1,4 @@
-"""Packs: consecutive nodes of a column that the processor computes side by side.
+"""Lanes: consecutive nodes of a column that the processor computes side by side, as a pack.
 
 On a CPU a pack is four nodes, and every number of the hot loops is a vector of four: the compiler
 then turns them into vector instructions, which it does not find by itself. On a GPU, whose threads
@@ -38,7 +38,11 @@ def zeros(lattice: ti.template()):
 
 @ti.func
 def from_above(values: ti.template(), following):
-    """Each lane's value of the node above it; the last lane's is the next pack's first."""
+    """Each lane's value of the node above it; the last lane's is the next pack's first.
+
+    Where both come from a field whose packs lie side by side (`Layout.by_columns`), this compiles to
+    one load.
+    """
     lanes = ti.static(values.n)
     above = values
     for lane in ti.static(range(lanes - 1)):

@@ -12,16 +12,17 @@ only; drivers order a work group's own memory all the same, and the tests would 
 
 import taichi as ti
 
-from taichi_foam.engine import bonds, breaking, clock, ledger, nodes, packs, partners
-from taichi_foam.engine.lattice import (
-    ASTRAY,
+from taichi_foam.engine import bonds, breaking, clock, gpu_neighbours, ledger, nodes
+from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.layout import THREADS
+from taichi_foam.engine.scratch import (
     BREAKS,
+    CONTACT_FORCE,
+    DIVERGING,
     ENERGIES,
     ENERGY_SUMS,
-    LAST_STAGE,
-    LIFT,
     MOVED,
-    THREADS,
+    STIFFEST,
 )
 
 TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
@@ -56,29 +57,28 @@ def reduce(
 
 
 @ti.func
-def face_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template()):
+def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template()):
     """Forces of a strip's bonds, and the pushes on its pieces."""
-    motion = ti.static(lattice.trial)
-    bonds.clear_faces(lattice, b, strip)
+    bonds.clear_bonds(lattice, b, strip)
     stiffest = 0.0
     n = strip
     while n < lattice.nodes:
         i = ti.raw_div(n, lattice.rows)
         k = ti.raw_mod(n, lattice.rows)
-        here, below = motion[b, i, k], motion[b, i, k - 1]
-        right, right_below = motion[b, i + 1, k], motion[b, i + 1, k - 1]
-        rises = vec4(
-            here.x[0] - below.x[0], right.x[0] - right_below.x[0],
-            here.y[0] - below.y[0], right.y[0] - right_below.y[0],
+        a_length, a_strain, a, b_length, b_strain, b_force = bonds.normal_forces(
+            lattice, stage, b, i, k, strip, p
+        )
+        bonds.bond_pack(
+            lattice, stage, b, i, k, strip, b, i, a_length, a_strain, a, b_length, b_strain,
+            b_force, p,
         )  # fmt: skip
-        lattice.tally[b, strip].least = packs.zeros(lattice)
-        bonds.face_pack(lattice, stage, b, i, k, strip, b, i, rises, p)
-        if lattice.tally[b, strip].least[0] < p.foam.densification_strain:
-            stiffest = ti.max(stiffest, bonds.densify_pack(lattice, b, i, k, b, i, p))
-        if p.self_contact:
-            partners.push(lattice, b, n, p)
+        if ti.static(lattice.law.stiffens):
+            if ti.min(a_strain[0], b_strain[0]) < lattice.law.stiffens_below(p.bond):
+                stiffest = ti.max(stiffest, bonds.stiffen_pack(lattice, b, i, k, b, i, p))
+        if ti.static(lattice.features.self_contact):
+            gpu_neighbours.push(lattice, b, n, p)
         n += width
-    lattice.strip_stiffest[b, strip] = stiffest
+    lattice.scratch.stiffest[b, strip] = stiffest
 
 
 @ti.func
@@ -92,43 +92,39 @@ def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template()) -> ti.i32:
-    """A stage of a strip's nodes; the first of them that is astray comes back."""
+    """A stage of a strip's nodes; the first of them that has diverged comes back."""
     nodes.clear_nodes(lattice, b, strip, stage)
-    astray = lattice.nodes
+    diverged = lattice.nodes
     n = strip
     while n < lattice.nodes:
         i = ti.raw_div(n, lattice.rows)
         k = ti.raw_mod(n, lattice.rows)
         left_slot = ti.select(i > 0, i - 1, lattice.columns)  # a place of zeros, as on the right
-        below_x, below_y = 0.0, 0.0
-        if k > 0:
-            below_x = lattice.force[b, i, k - 1].bx[0]
-            below_y = lattice.force[b, i, k - 1].by[0]
-        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, i + 1, below_x, below_y, p)
+        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, i + 1, p)
         if stage == LAST_STAGE:
             nodes.inspect_pack(lattice, b, i, k, strip)
-            if lattice.tally[b, strip].astray[0] > 0.0:
-                astray = ti.min(astray, n)
+            if lattice.scratch.tally[b, strip].diverged[0] > 0.0:
+                diverged = ti.min(diverged, n)
         n += width
     nodes.close_nodes(lattice, b, strip, stage)
-    return astray
+    return diverged
 
 
 @ti.func
 def reduce_stage(
     lattice: ti.template(), shared: ti.template(), values: ti.template(), t, b, block, strip,
-    stage, astray,
+    stage, diverged,
 ):  # fmt: skip
     """What a stage has to know of all strips, and after the last one a step."""
-    shared[t] = lattice.strip_lift[b, strip]
-    reduce(shared, values, t, b, block, LIFT, 1, True)
+    shared[t] = lattice.scratch.contact_force[b, strip]
+    reduce(shared, values, t, b, block, CONTACT_FORCE, 1, True)
     if stage == LAST_STAGE:
-        shared[t] = lattice.tally[b, strip].moved[0]
-        shared[THREADS + t] = lattice.strip_stiffest[b, strip]
-        shared[2 * THREADS + t] = lattice.strip_overlap[b, strip]
-        shared[3 * THREADS + t] = -astray
+        shared[t] = lattice.scratch.tally[b, strip].moved[0]
+        shared[THREADS + t] = lattice.scratch.stiffest[b, strip]
+        shared[2 * THREADS + t] = lattice.state.overlap[b, strip]
+        shared[3 * THREADS + t] = -diverged
         reduce(shared, values, t, b, block, MOVED, 4, False)
-        shared[t] = lattice.tally[b, strip].breaks[0]
+        shared[t] = lattice.scratch.tally[b, strip].breaks[0]
         reduce(shared, values, t, b, block, BREAKS, 1, True)
 
 
@@ -145,10 +141,10 @@ def reduce_energies(
             lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows), p
         )
         n += width
-    works = lattice.strip_work[b, strip]
+    works = lattice.state.work[b, strip]
     for c in ti.static(range(3)):
         shared[c * THREADS + t] = energy[c]
-    shared[3 * THREADS + t] = lattice.strip_fracture[b, strip]
+    shared[3 * THREADS + t] = lattice.state.fracture[b, strip]
     for c in ti.static(range(8)):
         shared[(4 + c) * THREADS + t] = works[c]
     reduce(shared, values, t, b, block, ENERGIES, ENERGY_SUMS, True)
@@ -159,30 +155,31 @@ def write_row(lattice: ti.template(), b, p: ti.template()):
     energy = vec3(0.0)
     works = vec8(0.0)
     for c in ti.static(range(3)):
-        energy[c] = lattice.totals[b, 0, ENERGIES + c]
+        energy[c] = lattice.scratch.totals[b, 0, ENERGIES + c]
     for c in ti.static(range(8)):
-        works[c] = lattice.totals[b, 0, ENERGIES + 4 + c]
-    clock.close_row(lattice, b, energy, lattice.totals[b, 0, ENERGIES + 3], works, p)
+        works[c] = lattice.scratch.totals[b, 0, ENERGIES + 4 + c]
+    clock.close_row(lattice, b, energy, lattice.scratch.totals[b, 0, ENERGIES + 3], works, p)
 
 
 @ti.func
 def close_step(lattice: ti.template(), b, p: ti.template()):
-    breaks = ti.i32(lattice.totals[b, 0, BREAKS])
-    astray = ti.i32(-lattice.totals[b, 0, ASTRAY])
-    clock.close_step(lattice, b, lattice.totals[b, 0, MOVED], breaks, astray, p)
+    breaks = ti.i32(lattice.scratch.totals[b, 0, BREAKS])
+    diverged = ti.i32(-lattice.scratch.totals[b, 0, DIVERGING])
+    moved, stiffest = lattice.scratch.totals[b, 0, MOVED], lattice.scratch.totals[b, 0, STIFFEST]
+    clock.close_step(lattice, b, moved, stiffest, breaks, diverged, p)
 
 
 @ti.func
 def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Break a strip's failed bonds. All have to end this before `update_halves`."""
-    time = ti.cast(lattice.clock[b].time, ti.f32)
+    time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     n = strip
     while n < lattice.nodes:
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
         lost = breaking.break_at(lattice, b, i, k, time, lost, p)
         n += width
-    lattice.strip_fracture[b, strip] = lattice.strip_fracture[b, strip] + lost
+    lattice.state.fracture[b, strip] = lattice.state.fracture[b, strip] + lost
 
 
 @ti.func

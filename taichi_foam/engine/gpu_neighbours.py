@@ -9,9 +9,9 @@ Threads call each part for their strip, and all have to end one part before any 
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, contact, packs
+from taichi_foam.engine import breaking, contact, lanes
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
-from taichi_foam.engine.lattice import CROWDED
+from taichi_foam.engine.state import CROWDED
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -26,7 +26,7 @@ def _place(lattice: ti.template(), n):
 @ti.func
 def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
     i, j = _place(lattice, n)
-    return packs.position(lattice, motion, b, i, j)
+    return lanes.position(lattice, motion, b, i, j)
 
 
 @ti.func
@@ -34,20 +34,20 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Part 1: empty bins; each node's bin and radius, and whether it is at a surface now."""
     n = strip
     while n < lattice.bins_x * lattice.bins_y:
-        lattice.bin_head[b, n] = NOBODY
+        lattice.scratch.bin_head[b, n] = NOBODY
         n += width
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        lattice.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
-        if lattice.surface[b, i, j][0] == INSIDE and breaking.is_surface(lattice, b, i, j):
-            lattice.surface[b, i, j][0] = NEW
-        cell = contact.bin_of(lattice, _point(lattice, lattice.state, b, n), p)
-        lattice.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y
-        lattice.next_in_bin[b, n] = NOBODY
+        lattice.state.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
+        if lattice.state.surface[b, i, j][0] == INSIDE and breaking.is_surface(lattice, b, i, j):
+            lattice.state.surface[b, i, j][0] = NEW
+        cell = contact.bin_of(lattice, _point(lattice, lattice.state.motion, b, n), p)
+        lattice.scratch.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y
+        lattice.scratch.next_in_bin[b, n] = NOBODY
         n += width
     if strip == 0:
-        lattice.clock[b].pairs = 0
+        lattice.state.clock[b].pairs = 0
 
 
 @ti.func
@@ -57,10 +57,10 @@ def fill_own_bins(lattice: ti.template(), b, strip, width):
     Each bin has one strip, the one that emptied it. All strips read all nodes: for few nodes only.
     """
     for n in range(lattice.nodes):
-        cell = lattice.bin_of_node[b, n]
+        cell = lattice.scratch.bin_of_node[b, n]
         if ti.raw_mod(cell, width) == strip:
-            lattice.next_in_bin[b, n] = lattice.bin_head[b, cell]
-            lattice.bin_head[b, cell] = n
+            lattice.scratch.next_in_bin[b, n] = lattice.scratch.bin_head[b, cell]
+            lattice.scratch.bin_head[b, cell] = n
 
 
 @ti.func
@@ -73,11 +73,11 @@ def fill_bins(lattice: ti.template(), b, strip, width):
     n = strip
     while n < lattice.nodes:
         carried = n
-        met = ti.atomic_max(lattice.bin_head[b, lattice.bin_of_node[b, n]], carried)
+        met = ti.atomic_max(lattice.scratch.bin_head[b, lattice.scratch.bin_of_node[b, n]], carried)
         while met != NOBODY:
             larger = ti.max(carried, met)
             carried = ti.min(carried, met)
-            met = ti.atomic_max(lattice.next_in_bin[b, larger], carried)
+            met = ti.atomic_max(lattice.scratch.next_in_bin[b, larger], carried)
         n += width
 
 
@@ -88,7 +88,7 @@ def count_partners(lattice: ti.template(), b, strip, width, p: ti.template()) ->
     n = strip
     while n < lattice.nodes:
         count = _search(lattice, b, n, False, 0, p)
-        lattice.partner_count[b, n] = count
+        lattice.state.partner_count[b, n] = count
         total += count
         n += width
     return total
@@ -100,15 +100,17 @@ def list_partners(lattice: ti.template(), b, strip, width, start, total, p: ti.t
     at = start
     n = strip
     while n < lattice.nodes:
-        count = ti.select(start + total > 2 * lattice.most_pairs, 0, lattice.partner_count[b, n])
-        lattice.partner_start[b, n] = at
-        lattice.partner_count[b, n] = count
+        count = ti.select(
+            start + total > 2 * lattice.most_pairs, 0, lattice.state.partner_count[b, n]
+        )
+        lattice.state.partner_start[b, n] = at
+        lattice.state.partner_count[b, n] = count
         if count > 0:
             _search(lattice, b, n, True, at, p)
         else:
             i, j = _place(lattice, n)
-            lattice.push[b, i, j].x[0] = 0.0
-            lattice.push[b, i, j].y[0] = 0.0
+            lattice.scratch.push[b, i, j].x[0] = 0.0
+            lattice.scratch.push[b, i, j].y[0] = 0.0
         at += count
         n += width
 
@@ -123,25 +125,25 @@ def _search(
     lattice.
     """
     i, j = _place(lattice, node)
-    point = _point(lattice, lattice.state, b, node)
+    point = _point(lattice, lattice.state.motion, b, node)
     home = contact.bin_of(lattice, point, p)
-    reach = lattice.radius[b, i, j][0] + p.skin
-    inside = lattice.surface[b, i, j][0] == INSIDE
+    reach = lattice.state.radius[b, i, j][0] + p.skin
+    inside = lattice.state.surface[b, i, j][0] == INSIDE
     count = 0
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
-            other = lattice.bin_head[b, bx * lattice.bins_y + by]
+            other = lattice.scratch.bin_head[b, bx * lattice.bins_y + by]
             while other != NOBODY:
                 oi, oj = _place(lattice, other)
-                both_inside = inside and lattice.surface[b, oi, oj][0] == INSIDE
+                both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
                 if not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
-                    limit = reach + lattice.radius[b, oi, oj][0]
-                    away = _point(lattice, lattice.state, b, other) - point
+                    limit = reach + lattice.state.radius[b, oi, oj][0]
+                    away = _point(lattice, lattice.state.motion, b, other) - point
                     if away.norm_sqr() < limit * limit:
                         if ti.static(listing):
-                            lattice.partners[b, start + count] = other
+                            lattice.state.partners[b, start + count] = other
                         count += 1
-                other = lattice.next_in_bin[b, other]
+                other = lattice.scratch.next_in_bin[b, other]
     return count
 
 
@@ -151,16 +153,19 @@ def make_room(lattice: ti.template(), b, strip, width):
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        point = _point(lattice, lattice.state, b, n)
-        radius = lattice.radius[b, i, j][0]
-        for m in range(lattice.partner_count[b, n]):
-            other = lattice.partners[b, lattice.partner_start[b, n] + m]
+        point = _point(lattice, lattice.state.motion, b, n)
+        radius = lattice.state.radius[b, i, j][0]
+        for m in range(lattice.state.partner_count[b, n]):
+            other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
             oi, oj = _place(lattice, other)
-            if lattice.surface[b, i, j][0] == NEW or lattice.surface[b, oi, oj][0] == NEW:
-                distance = (_point(lattice, lattice.state, b, other) - point).norm()
-                share = distance / (radius + lattice.radius[b, oi, oj][0])
-                room = ti.min(lattice.room[b, i, j][0], share * radius)
-                lattice.room[b, i, j][0] = room
+            if (
+                lattice.state.surface[b, i, j][0] == NEW
+                or lattice.state.surface[b, oi, oj][0] == NEW
+            ):
+                distance = (_point(lattice, lattice.state.motion, b, other) - point).norm()
+                share = distance / (radius + lattice.state.radius[b, oi, oj][0])
+                room = ti.min(lattice.state.room[b, i, j][0], share * radius)
+                lattice.state.room[b, i, j][0] = room
         n += width
 
 
@@ -170,7 +175,7 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        lattice.surface[b, i, j][0] = ti.min(lattice.surface[b, i, j][0], AT_SURFACE)
+        lattice.state.surface[b, i, j][0] = ti.min(lattice.state.surface[b, i, j][0], AT_SURFACE)
         n += width
     refresh_radii(lattice, b, strip, width, p)
 
@@ -180,36 +185,36 @@ def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Bring the radii of the nodes that may touch up to date with their crush."""
     n = strip
     while n < lattice.nodes:
-        if lattice.partner_count[b, n] > 0:
+        if lattice.state.partner_count[b, n] > 0:
             i, j = _place(lattice, n)
-            lattice.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
+            lattice.state.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
         n += width
 
 
 @ti.func
 def close_list(lattice: ti.template(), b):
     """Part 7, by one thread, after which the list is not stale."""
-    lattice.clock[b].stale = 0
-    lattice.clock[b].drift = 0.0
-    if lattice.clock[b].pairs > 2 * lattice.most_pairs:
-        lattice.clock[b].status = CROWDED
+    lattice.state.clock[b].stale = 0
+    lattice.state.clock[b].drift = 0.0
+    if lattice.state.clock[b].pairs > 2 * lattice.most_pairs:
+        lattice.state.clock[b].status = CROWDED
 
 
 @ti.func
 def push(lattice: ti.template(), b, n, p: ti.template()):
     """The pushes [N] of a node's partners on it; each pair is computed from both its sides."""
-    count = lattice.partner_count[b, n]
+    count = lattice.state.partner_count[b, n]
     if count > 0:
         i, j = _place(lattice, n)
-        point = _point(lattice, lattice.trial, b, n)
-        speed = packs.velocity(lattice, lattice.trial, b, i, j)
+        point = _point(lattice, lattice.scratch.trial, b, n)
+        speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
         total = vec2(0.0)
         for m in range(count):
-            other = lattice.partners[b, lattice.partner_start[b, n] + m]
+            other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
             oi, oj = _place(lattice, other)
-            away = point - _point(lattice, lattice.trial, b, other)
-            closing = speed - packs.velocity(lattice, lattice.trial, b, oi, oj)
-            touch = lattice.radius[b, i, j][0] + lattice.radius[b, oi, oj][0]
-            total -= contact.piece_push(away, closing, touch, p)
-        lattice.push[b, i, j].x[0] = total.x
-        lattice.push[b, i, j].y[0] = total.y
+            away = point - _point(lattice, lattice.scratch.trial, b, other)
+            closing = speed - lanes.velocity(lattice, lattice.scratch.trial, b, oi, oj)
+            touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
+            total -= contact.piece_push(lattice, away, closing, touch, p)
+        lattice.scratch.push[b, i, j].x[0] = total.x
+        lattice.scratch.push[b, i, j].y[0] = total.y

@@ -1,0 +1,258 @@
+"""Model: the constants of a scene, as values and as fields.
+
+They are data, not compile-time constants: scenes of a batch may differ in every one of them, and a
+study that varies one compiles nothing again. What kernels are compiled for are `Features`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.engine.features import Features
+from taichi_foam.engine.layout import Layout
+from taichi_foam.engine.strengths import strengths
+from taichi_foam.laws.bond import BondLaw
+from taichi_foam.laws.shape.base import SURFACE_ROWS
+from taichi_foam.scene import Scene
+
+# When cross differences are left out (Model.broken_halves).
+EITHER = 0
+BOTH = 1
+EACH = 2
+
+# RK4 is stable for |h lambda| <= 2.61 everywhere in the left half-plane (2.79 on the real axis,
+# 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
+RK4_RADIUS = 2.61
+
+# The support stops the impactor as hard as it can without asking for a shorter step: the impactor
+# swings on it this many times as slowly as a node on the impactor.
+SLOWNESS = 20.0
+
+vec2 = ti.types.vector(2, ti.f64)
+vec3 = ti.types.vector(3, ti.f64)
+
+MEMBERS = {
+    # SI units; of a pair, the first is of the bonds along x (A), the second along y (B)
+    "cell": vec2,  # (dx, dy), also the bonds' lengths
+    "area": vec2,  # of the bonds' faces
+    "node_mass": ti.f64,
+    "halves": ti.i32,  # which cross differences Eq. 27 leaves out
+    "cross_dashpot": vec2,  # on the relative velocity of a bond's nodes [N s/m]
+    "excess_dashpot": vec2,  # on its part along the bond, beyond that
+    "drag": ti.f64,  # on a node's own velocity [N s/m]
+    "gravity": ti.f64,
+    "hold_x": ti.i32,  # of the bottom row
+    "hold_y": ti.i32,
+    "floor_friction": ti.f64,
+    "contact_stiffness": ti.f64,  # node against impactor, and of the friction springs [N/m]
+    "support_stiffness": ti.f64,  # impactor against the support [N/m]
+    "impactor": ti.i32,  # whether there is one
+    "impactor_x": ti.f64,
+    "impactor_half_width": ti.f64,
+    "impactor_mass": ti.f64,
+    "impactor_friction": ti.f64,
+    "surface_rows": ti.i32,  # of the impactor, in `ModelFields.surface`
+    "piece_area": ti.f64,  # of the contact of node with node [m2]
+    "piece_length": ti.f64,
+    "piece_size": ti.f64,  # radius of a node in contact over half its cell
+    "piece_friction": ti.f64,
+    "piece_dashpot": ti.f64,  # between pieces that rub, up to what friction holds [N s/m]
+    "skin": ti.f64,  # how far beyond touch the neighbour list looks [m]
+    "step": ti.f64,  # given step size [s], or 0: automatic
+    "largest_step": ti.f64,
+    "safety": ti.f64,
+    "end_time": ti.f64,
+    "end_at_rebound": ti.i32,
+    "row_interval": ti.f64,
+}
+
+
+@cache
+def parameters_type(law: type[BondLaw]) -> Any:
+    """Taichi record of a lattice's constants: MEMBERS, and those of its bond law as `bond`."""
+    return ti.types.struct(bond=law.Constants, **MEMBERS)
+
+
+@dataclass(frozen=True)
+class Model:
+    """The constants of a scene, as the device takes them.
+
+    numbers    (n,) every member of `parameters_type`, in its order
+    surface    (SURFACE_ROWS, 3) of the impactor, zeros beyond its rows
+    strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
+    """
+
+    numbers: NDArray[np.float64]
+    surface: NDArray[np.float64]
+    strengths: NDArray[np.float64] | None
+
+
+def model_of(scene: Scene) -> Model:
+    """The model of a scene."""
+    record = parameters_type(type(scene.foam.law_for(scene.model)))
+    surface = np.zeros((SURFACE_ROWS, 3))
+    if scene.impactor is not None:
+        rows = scene.impactor.surface()
+        surface[: len(rows)] = rows
+    return Model(
+        numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
+        surface=surface,
+        strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
+    )
+
+
+def _numbers(record: Any, values: dict[str, Any]) -> Iterator[float]:
+    """The numbers of a record, nested ones and vectors too, in the record's order."""
+    for name, kind in record.members.items():
+        value = values[name]
+        if isinstance(value, dict):
+            yield from _numbers(kind, value)
+        elif isinstance(value, list):
+            yield from value
+        else:
+            yield value
+
+
+class ModelFields:
+    """The constants of a batch of lattices on the device.
+
+    parameters  (batch,) records of `parameters_type`
+    surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
+    mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
+                acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2]
+    strengths   of A and of B (batch, I, packs), if they are scattered
+    """
+
+    def __init__(self, layout: Layout, features: Features) -> None:
+        pack, small_pack = layout.pack, layout.small_pack
+        self.parameters = parameters_type(type(features.law)).field()
+        self.surface = vec3.field()
+        self.mobility = ti.types.struct(x=pack, y=pack, gravity=pack).field()
+        layout.of_lattices(self.parameters)
+        layout.listed(SURFACE_ROWS, self.surface)
+        layout.listed(layout.packs, self.mobility)
+        if features.scattered:
+            self.strengths = (small_pack.field(), small_pack.field())
+            layout.of_nodes(*self.strengths)
+        self.members = list(_members(self.parameters))
+
+
+def _members(record: Any) -> Iterator[tuple]:
+    """The number fields of a record field, nested ones too: field, component of a vector, kind."""
+    for name in record.keys:
+        member = record.get_member_field(name)
+        if isinstance(member, ti.StructField):
+            yield from _members(member)
+        elif isinstance(member, ti.MatrixField):
+            yield from ((member, component, "vector") for component in range(member.n))
+        else:
+            yield member, 0, "integer" if member.dtype == ti.i32 else "number"
+
+
+def parameters_of(scene: Scene) -> dict:
+    """Every member of `parameters_type` for one scene, by name."""
+    block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
+    impactor, base = scene.impactor, scene.base
+    stiffness = foam.youngs_modulus * block.thickness  # of a square cell's bond [N/m]
+    area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
+    per_length = np.array([area_a / block.dx, area_b / block.dy])
+    along, across = _viscosities(scene)
+    drag = numerics.damping_time * stiffness
+    contact = numerics.contact_stiffness * stiffness
+    at_rebound = numerics.end == "rebound"
+    cell = min(block.dx, block.dy)
+    values = {
+        "bond": foam.constants(model),
+        "cell": [block.dx, block.dy],
+        "area": [area_a, area_b],
+        "node_mass": block.node_mass,
+        "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
+        "cross_dashpot": (across * per_length).tolist(),
+        "excess_dashpot": ((along - across) * per_length).tolist(),
+        "drag": drag if model.damping == "absolute" else 0.0,
+        "gravity": numerics.gravity,
+        "hold_x": int(base.kind == "gripped"),
+        "hold_y": int(base.kind in ("held", "gripped")),
+        "floor_friction": base.friction,
+        "contact_stiffness": contact,
+        "support_stiffness": 0.0,
+        "impactor": 0,
+        "impactor_x": 0.0,
+        "impactor_half_width": 0.0,
+        "impactor_mass": 1.0,
+        "impactor_friction": 0.0,
+        "surface_rows": 0,
+        "piece_area": math.sqrt(area_a * area_b),
+        "piece_length": math.sqrt(block.dx * block.dy),
+        "piece_size": model.piece_size,
+        "piece_friction": model.piece_friction,
+        # half a bond's: the eight that the step's bound counts are four bonds' worth
+        "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
+        "skin": 0.1 * cell,
+        "step": 0.0 if numerics.dt == "auto" else numerics.dt,
+        # no step jumps over a row of the history, however soft the foam
+        "largest_step": 0.5 * scene.output.history_interval,
+        "safety": numerics.safety,
+        "end_time": numerics.time_limit if at_rebound else numerics.end,
+        "end_at_rebound": int(at_rebound),
+        "row_interval": scene.output.history_interval,
+    }
+    if impactor is not None:
+        values |= {
+            "impactor": 1,
+            "impactor_x": impactor.x,
+            "impactor_half_width": float(np.abs(impactor.outline()[:, 0]).max()),
+            "impactor_mass": impactor.mass,
+            "impactor_friction": impactor.friction,
+            "surface_rows": len(impactor.surface()),
+            "support_stiffness": (
+                contact * impactor.mass / block.node_mass / SLOWNESS**2
+                if base.stops_impactor
+                else 0.0
+            ),
+        }
+    return values
+
+
+def _viscosities(scene: Scene) -> tuple[float, float]:
+    """Viscosity [Pa s] of a bond's dashpots along it and across it."""
+    time, foam = scene.numerics.damping_time, scene.foam
+    along = time * foam.youngs_modulus
+    return {
+        "bond": (along, along),
+        "stiffness": (along, time * foam.shear_modulus),
+        "absolute": (0.0, 0.0),
+    }[scene.model.damping]
+
+
+@ti.func
+def stable_step(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) -> ti.f64:
+    """Step size [s] for a lattice whose stiffest stiffened bond has `stiffened` [N/m].
+
+    Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
+    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces and once the
+    contact with a body (normal and friction act across each other); dashpots decay at no more than
+    8 c / m, with eight more of pieces that rub, a drag at C / m.
+    """
+    per_length = p.area / p.cell
+    elastic = lattice.law.largest_stiffness(p.bond) * per_length.max()
+    shares = ti.static(20.0 if lattice.features.variational else 8.0)
+    sheared = shares * lattice.law.shear_stress(p.bond, 1.0) * per_length.max()
+    stiffest = ti.max(elastic, stiffened)
+    if ti.static(lattice.law.heeds_rate):
+        stiffest = elastic + stiffened  # the overstress comes on top
+    stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
+    if ti.static(lattice.features.self_contact):
+        stiffness += 8.0 * lattice.law.contact_stiffness(p.bond) * per_length.max()
+    dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
+    decay = 4.0 * dashpots.sum() + p.drag
+    if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
+        decay += 8.0 * p.piece_dashpot
+    rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
+    return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)

@@ -1,0 +1,91 @@
+"""Scratch: what a step works in; nothing in it outlives a step, but rows that wait to be harvested."""
+
+import taichi as ti
+
+from taichi_foam.engine.layout import Layout
+from taichi_foam.records.history import ROW_COLUMNS
+
+HISTORY_ROWS = 256  # kept on the device between two calls
+
+# Members of a GPU's sums over a lattice.
+CONTACT_FORCE = 0  # on the impactor [N]
+MOVED = 1  # furthest squared in this step [m2]
+STIFFEST = 2  # stiffened bond [N/m]
+OVERLAP = 3  # deepest so far in the impactor [m]
+DIVERGING = 4  # less the lowest number of a node that has diverged
+BREAKS = 5  # bonds that break in this step
+ENERGIES = 6  # kinetic, stored, potential [J]; lost by breaking; works
+ENERGY_SUMS = 12
+SUMS = ENERGIES + ENERGY_SUMS
+
+
+class ScratchFields:
+    """Workspace of a batch of lattices on the device.
+
+    trial     motion of the nodes at the current stage
+    force     of the bonds [N]; on a CPU of the few columns that a sweep needs at a time
+    crossing  of a variational shear on the differences that cross them, per unit of their weight
+    normal    of the bonds of a column: strain, and force along the bond over its length [N/m]
+    tally     what a strip of nodes adds up; a sum over strips has one order on any machine
+    stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
+              impactor now [N]; kinetic, stored, potential energy [J]
+    column_breaks   bonds that break in this step
+    push      of other pieces on the nodes [N]; on a CPU also by candidate
+    bin_head, next_in_bin, bin_of_node   search grid
+    history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
+    sums, totals   of a GPU's blocks, and of the lattice
+    """
+
+    def __init__(self, layout: Layout, variational: bool, self_contact: bool) -> None:
+        pack = layout.pack
+        pair = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack)
+        self.trial = ti.types.struct(x=pack, y=pack, u=pack, v=pack).field()
+        layout.by_columns(self.trial)
+        self.force = pair.field()
+        layout.of_sweeps(self.force)
+        if variational:
+            self.crossing = pair.field()
+            layout.of_sweeps(self.crossing)
+        if not layout.on_gpu:
+            self.normal = ti.types.struct(a_strain=pack, a=pack, b_strain=pack, b=pack).field()
+            layout.listed_by_sweep(layout.packs, self.normal)
+        self.tally = ti.types.struct(
+            least=pack,  # strain
+            sheared=pack,  # power of shear [W]
+            damped=pack,  # and of the dashpots
+            breaks=pack,  # bonds that break in this step
+            by_bonds=pack,  # power of all bonds at the stage [W]
+            moved=pack,  # squared motion in the step [m2]
+            diverged=pack,  # nodes that have
+            reaction_x=pack,  # of the bodies on the pack at hand [N]
+            reaction_y=pack,
+        ).field()
+        self.stiffest, self.contact_force = ti.field(ti.f64), ti.field(ti.f64)
+        self.energy = ti.types.vector(3, ti.f64).field()
+        layout.of_strips(self.tally, self.stiffest, self.contact_force, self.energy)
+        self.column_breaks = ti.field(ti.i32)
+        layout.listed(layout.columns, self.column_breaks, whole=True)
+        self.history = ti.field(ti.f64)
+        layout.tabled(HISTORY_ROWS, len(ROW_COLUMNS), self.history)
+        if layout.on_gpu:
+            self.sums, self.totals = ti.field(ti.f64), ti.field(ti.f64)
+            layout.tabled(layout.blocks, SUMS, self.sums)
+            layout.tabled(1, SUMS, self.totals)
+        if self_contact:
+            self._place_contact(layout)
+
+    def _place_contact(self, layout: Layout) -> None:
+        self.push = ti.types.struct(x=layout.pack, y=layout.pack).field()
+        layout.of_nodes(self.push)
+        self.next_in_bin, self.bin_head = ti.field(ti.i32), ti.field(ti.i32)
+        layout.listed(layout.nodes, self.next_in_bin, whole=True)
+        layout.listed(layout.bins_x * layout.bins_y, self.bin_head, whole=True)
+        if layout.on_gpu:
+            self.bin_of_node = ti.field(ti.i32)
+            layout.listed(layout.nodes, self.bin_of_node, whole=True)
+        else:
+            self.radius = layout.pack.field()  # at the time of listing [m]
+            layout.of_nodes(self.radius)
+            # apart from what is read: a wide load behind a narrow store would wait for it
+            self.candidate_push = ti.types.vector(2, ti.f64).field()
+            layout.listed(layout.most_candidates, self.candidate_push)

@@ -1,0 +1,299 @@
+"""State: everything of a lattice that changes from step to step, as a value and as fields.
+
+A `State` is taken from the device, stored, loaded, put back and continued: the steps that follow are
+the same to the last bit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.engine.layout import Layout
+from taichi_foam.engine.strengths import cuts
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Scene
+
+Array = NDArray[np.float64]
+
+# What a bond is (`condition`).
+ABSENT = -1
+BROKEN = 0
+WHOLE = 1
+BREAKING = 2  # whole until the end of this step
+
+# A bond runs along its own axis (A along x, B along y); the other axis lies across it.
+A = 0
+B = 1
+
+NEVER = 1e30
+
+# Why a lattice no longer steps.
+RUNNING = 0
+AT_END_TIME = 1
+AT_REBOUND = 2
+DIVERGED = 3
+CROWDED = 4
+EMPTY = 5  # nothing was loaded, or it has been taken away
+
+# Members of a strip's work, all in J and positive where the nodes lose energy.
+BONDS = 0  # normal stress, shear and dashpots together
+SHEAR = 1
+DASHPOTS = 2
+DRAG = 3
+IMPACTOR = 4
+FRICTION = 5
+BASE = 6
+SELF_CONTACT = 7
+
+
+@ti.dataclass
+class Body:
+    """The impactor's vertical degree of freedom: y of its lowest point [m], upward velocity."""
+
+    y: ti.f64
+    v: ti.f64
+    trial_y: ti.f64
+    trial_v: ti.f64
+    rate_y: ti.f64  # weighted sums of the RK4 stages
+    rate_v: ti.f64
+    force: ti.f64  # on the impactor at the current stage [N]
+    support_work: ti.f64  # that the support has taken from it [J]
+
+
+@ti.dataclass
+class Clock:
+    """Where one lattice stands in time."""
+
+    time: ti.f64
+    step: ti.f64
+    shortest: ti.f64
+    longest: ti.f64
+    next_row: ti.f64
+    last_contact: ti.f64
+    reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
+    drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
+    stiffest: ti.f64  # stiffened bond at the end of the last step [N/m]; < 0: not known yet
+    pause: ti.f64  # time at which a call hands the lattice back
+    steps: ti.i32
+    status: ti.i32
+    broken: ti.i32  # bonds broken so far
+    bad_node: ti.i32  # the first that diverged
+    stale: ti.i32  # the neighbour list is to be built again
+    candidates: ti.i32  # nodes that have a pair in the neighbour list
+    pairs: ti.i32  # in the list; a GPU counts each from both sides
+    rows: ti.i32  # of the history on the device
+    active: ti.i32  # takes part in the current step (staged stepping)
+    spare: ti.i32  # an even number of them keeps Vulkan's records aligned, see Layout
+
+
+CLOCK = (
+    "time", "step", "shortest", "longest", "next_row", "last_contact", "reversal", "drift",
+    "stiffest", "steps", "status", "broken", "bad_node", "stale", "candidates", "pairs",
+)  # fmt: skip
+"""Members of a clock that a state holds."""
+
+BODY = ("y", "v", "rate_y", "force", "support_work")
+"""Members of a body that a state holds."""
+
+
+@dataclass(frozen=True)
+class State:
+    """One lattice of I x J nodes between two steps. SI units.
+
+    position, velocity  (I, J, 2)
+    increment       (I, J, 2) motion in the last step, which the friction springs follow [m]
+    stretch         (I, J, 2) of the friction springs: impactor, floor [m]
+    room            (I, J) most that a node's contact radius may be [m], NEVER if anything
+    surface         (I, J) whether the node can touch others, see `engine.contact`
+    worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
+    break_time_a, break_time_b  the same [s], NaN while whole
+    clock, body     numbers by name, CLOCK and BODY
+    work            (strips, 8) of each strip of nodes [J], members BONDS to SELF_CONTACT
+    fracture        (strips,) stored energy lost by breaking [J]
+    overlap         (strips,) deepest so far in the impactor [m]
+    neighbours      the neighbour list as the device keeps it, by field
+    """
+
+    position: Array
+    velocity: Array
+    increment: Array
+    stretch: Array
+    room: Array
+    surface: Array
+    worst_a: Array
+    worst_b: Array
+    break_time_a: Array
+    break_time_b: Array
+    clock: Mapping[str, float]
+    body: Mapping[str, float]
+    work: Array
+    fracture: Array
+    overlap: Array
+    neighbours: Mapping[str, NDArray[Any]]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything as arrays by name, as `numpy.savez` takes them."""
+        found: dict[str, NDArray[Any]] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Mapping):
+                found |= {f"{field.name}.{key}": np.asarray(one) for key, one in value.items()}
+            else:
+                found[field.name] = value
+        return found
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "State":
+        """The state that `to_arrays` gave. Raises KeyError: an array is missing."""
+        nested = {"clock": float, "body": float, "neighbours": np.asarray}
+        values: dict[str, Any] = {}
+        for field in fields(cls):
+            if field.name in nested:
+                prefix, kind = f"{field.name}.", nested[field.name]
+                values[field.name] = {
+                    name.removeprefix(prefix): kind(array)
+                    for name, array in arrays.items()
+                    if name.startswith(prefix)
+                }
+            else:
+                values[field.name] = arrays[field.name]
+        return cls(**values)
+
+    def snapshot(self) -> Snapshot:
+        """What a viewer sees of it. Without an impactor `impactor_y` is NaN."""
+        height = self.body["y"]
+        return Snapshot(
+            time=self.clock["time"],
+            impactor_y=np.nan if height == NEVER else height,
+            position=self.position,
+            velocity=self.velocity,
+            e_min_a=self.worst_a,
+            e_min_b=self.worst_b,
+            break_time_a=self.break_time_a,
+            break_time_b=self.break_time_b,
+        )
+
+
+def initial_state(scene: Scene) -> State:
+    """What a scene starts with; nodes that the base holds stand still.
+
+    Start's deformation gradient without the unit matrix is applied to the reference positions, so
+    that an undeformed block starts on its reference to the last bit.
+    """
+    block, start, impactor = scene.block, scene.start, scene.impactor
+    columns, rows = block.columns, block.rows
+    X = block.positions
+    arm = X - np.array([0.0, 0.5 * block.dy])
+    position = X + _product(arm, np.array(start.deformation_gradient) - np.eye(2))
+    velocity = _product(arm, np.array(start.velocity_gradient))
+    velocity[:, 0, 0] *= scene.base.kind != "gripped"
+    velocity[:, 0, 1] *= scene.base.kind == "floor"
+    worst = [min(0.0, strain) for strain in start.strains]
+    if scene.foam.law_for(scene.model).heeds_rate:
+        worst = [0.0, 0.0]  # such foam has had no time to flow
+    cut = np.where(cuts(scene), 0.0, np.nan)
+    clock = dict.fromkeys(CLOCK, 0.0)
+    clock |= {"shortest": NEVER, "reversal": NEVER, "stiffest": -1.0, "stale": 1}
+    clock["bad_node"] = columns * rows
+    body = dict.fromkeys(BODY, 0.0)
+    body["y"] = NEVER if impactor is None else scene.contact_height + impactor.gap
+    body["v"] = 0.0 if impactor is None else -impactor.velocity
+    return State(
+        position=position,
+        velocity=velocity,
+        increment=np.zeros((columns, rows, 2)),
+        stretch=np.zeros((columns, rows, 2)),
+        room=np.full((columns, rows), NEVER),
+        surface=np.zeros((columns, rows)),
+        worst_a=np.full((columns - 1, rows), worst[0]),
+        worst_b=np.full((columns, rows - 1), worst[1]),
+        break_time_a=cut[:-1, :, 0],
+        break_time_b=cut[:, :-1, 1],
+        clock=clock,
+        body=body,
+        work=np.zeros((0, 8)),
+        fracture=np.zeros(0),
+        overlap=np.zeros(0),
+        neighbours={},
+    )
+
+
+def _product(vectors: Array, matrix: Array) -> Array:
+    """matrix . vector for each of `vectors`, in one order of sums on every machine."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([x * row[0] + y * row[1] for row in matrix], axis=-1)
+
+
+class StateFields:
+    """The states of a batch of lattices on the device.
+
+    motion     position x, y [m] and velocity u, v [m/s] of the nodes
+    increment  the step's weighted sums of their rates, of the last step between steps
+    bond_a, bond_b, bonds   worst strain, weights of the differences that cross (`lanes.weight`),
+               condition, time of breaking [s]
+    slip       stretch of the friction springs: impactor, floor [m]
+    room, surface   see State
+    body, clock, work, fracture, overlap   see State
+    pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
+               candidates; their nodes; positions, velocities and radii; how many a column has
+    partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
+    """
+
+    def __init__(self, layout: Layout, self_contact: bool) -> None:
+        pack, small_pack = layout.pack, layout.small_pack
+        motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
+        # an even number of 32-bit members, see Layout
+        bond = ti.types.struct(
+            worst=pack, weights=layout.whole_pack, condition=small_pack, break_time=small_pack,
+            spare=small_pack,
+        ) if layout.on_gpu else ti.types.struct(
+            worst=pack, weights=layout.whole_pack, condition=small_pack, break_time=small_pack,
+        )  # fmt: skip
+        self.motion, self.increment = motion.field(), motion.field()
+        layout.by_columns(self.motion, self.increment)
+        self.bond_a, self.bond_b = bond.field(), bond.field()
+        self.bonds = (self.bond_a, self.bond_b)
+        self.slip = ti.types.struct(impactor=pack, floor=pack).field()
+        layout.of_nodes(self.bond_a, self.bond_b, self.slip)
+        self.body, self.clock = Body.field(), Clock.field()
+        layout.of_lattices(self.body, self.clock)
+        self.work = ti.types.vector(8, ti.f64).field()
+        self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
+        layout.of_strips(self.work, self.fracture, self.overlap)
+        if self_contact:
+            self._place_contact(layout)
+
+    def _place_contact(self, layout: Layout) -> None:
+        self.room, self.surface = layout.pack.field(), layout.whole_pack.field()
+        layout.of_nodes(self.room)
+        layout.of_nodes(self.surface, whole=True)
+        if layout.on_gpu:
+            self.radius = layout.pack.field()
+            layout.of_nodes(self.radius)
+            self.partner_start, self.partner_count = ti.field(ti.i32), ti.field(ti.i32)
+            layout.listed(layout.nodes, self.partner_start, self.partner_count, whole=True)
+            self.partners = ti.field(ti.i32)
+            layout.listed(2 * layout.most_pairs, self.partners, whole=True)
+        else:
+            self.pairs = ti.types.vector(2, ti.i32).field()
+            layout.listed(layout.most_pairs, self.pairs, whole=True)
+            self.candidate_node, self.column_candidates = ti.field(ti.i32), ti.field(ti.i32)
+            layout.listed(layout.most_candidates, self.candidate_node, whole=True)
+            layout.listed(layout.columns, self.column_candidates, whole=True)
+            self.candidate = Candidate.field()
+            layout.listed(layout.most_candidates, self.candidate)
+
+
+@ti.dataclass
+class Candidate:
+    """A node that may touch others: what its pairs read, gathered in one place."""
+
+    x: ti.f64  # [m]
+    y: ti.f64
+    u: ti.f64  # [m/s]
+    v: ti.f64
+    radius: ti.f64  # [m]

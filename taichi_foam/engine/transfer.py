@@ -1,0 +1,436 @@
+"""What goes to the device and what comes back, a lattice of a batch at a time."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.engine import breaking, lanes, stepping
+from taichi_foam.engine.lattice import Lattice
+from taichi_foam.engine.model import Model, model_of
+from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
+from taichi_foam.engine.state import (
+    ABSENT,
+    BODY,
+    BROKEN,
+    CLOCK,
+    EMPTY,
+    NEVER,
+    WHOLE,
+    State,
+    initial_state,
+)
+from taichi_foam.laws.shape.base import SURFACE_ROWS
+from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Scene
+
+Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
+Table = ti.types.ndarray(dtype=ti.f64, ndim=2)
+Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
+WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
+
+vec2 = ti.types.vector(2, ti.f64)
+
+# Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
+REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "bad_node", "overlap")
+
+# Of a node, as `_put_nodes` and `_take_nodes` take them: position, velocity, increment, stretch of
+# both springs, room, surface; of its bonds A and B: worst strain and time of breaking.
+NODE_NUMBERS, BOND_NUMBERS = 10, 4
+
+
+def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> None:
+    """Set lattice `b` of the batch to a state of `scene`, by default to its start.
+
+    The others go on. The lattice must have the scene's counts and features.
+    """
+    put_model(lattice, b, model_of(scene))
+    put(lattice, b, initial_state(scene) if state is None else state)
+    stepping.prepare(lattice, b)
+
+
+def unload(lattice: Lattice, b: int) -> None:
+    """Take lattice `b` away: calls no longer step it."""
+    lattice.state.clock[b].status = EMPTY
+
+
+def put_model(lattice: Lattice, b: int, model: Model) -> None:
+    """Set the constants of lattice `b`."""
+    _put_numbers(lattice, b, model.numbers, model.surface)
+    if model.strengths is not None:
+        _put_strengths(lattice, b, model.strengths)
+
+
+@ti.kernel
+def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: Table):
+    """All parameters in one call: setting them one by one takes longer than a short run."""
+    for _ in range(1):
+        for n in ti.static(range(len(lattice.model.members))):
+            member, component, kind = ti.static(lattice.model.members[n])
+            if ti.static(kind == "vector"):
+                member[b][component] = numbers[n]
+            elif ti.static(kind == "integer"):
+                member[b] = ti.i32(numbers[n])
+            else:
+                member[b] = numbers[n]
+    for row in range(SURFACE_ROWS):
+        for c in ti.static(range(3)):
+            lattice.model.surface[b, row][c] = surface[row, c]
+    for k in range(lattice.packs):
+        p = lattice.model.parameters[b]
+        for lane in range(lattice.lanes):
+            j = k * lattice.lanes + lane
+            free = 1.0 / p.node_mass
+            moves_y = not (p.hold_y and j == 0)
+            lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
+            lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
+            falls = moves_y and j < lattice.rows
+            lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
+
+
+@ti.kernel
+def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+            for axis in ti.static(range(2)):
+                strength = ti.cast(strengths[i, j, axis], ti.f32)
+                lattice.model.strengths[axis][b, i, k][lane] = strength
+
+
+def put(lattice: Lattice, b: int, state: State) -> None:
+    """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
+    columns, rows = lattice.columns, lattice.rows
+    nodes = np.empty((columns, rows, NODE_NUMBERS))
+    nodes[..., 0:2], nodes[..., 2:4] = state.position, state.velocity
+    nodes[..., 4:6], nodes[..., 6:8] = state.increment, state.stretch
+    nodes[..., 8], nodes[..., 9] = state.room, state.surface
+    bonds = np.full((columns, rows, BOND_NUMBERS), np.nan)
+    bonds[:-1, :, 0], bonds[:, :-1, 1] = state.worst_a, state.worst_b
+    bonds[:-1, :, 2], bonds[:, :-1, 3] = state.break_time_a, state.break_time_b
+    strips = np.zeros((lattice.strips, 10))
+    if len(state.work):
+        strips[:, :8], strips[:, 8], strips[:, 9] = state.work, state.fracture, state.overlap
+    numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
+    _put_nodes(lattice, b, nodes, bonds)
+    _put_rest(lattice, b, strips, numbers)
+    if lattice.features.self_contact:
+        _put_neighbours(lattice, b, state.neighbours)
+
+
+def _values(numbers: Mapping[str, float], names: tuple[str, ...]) -> list[float]:
+    return [numbers[name] for name in names]
+
+
+@ti.kernel
+def _put_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
+    """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
+    for i in range(-1, lattice.columns + 1):
+        p = lattice.model.parameters[b]
+        for k in range(-1, lattice.packs + 1):
+            for lane in range(lattice.lanes):
+                j = k * lattice.lanes + lane
+                x = vec2((i - 0.5 * (lattice.columns - 1)) * p.cell.x, (j + 0.5) * p.cell.y)
+                v, increment, slip = vec2(0.0), vec2(0.0), vec2(0.0)
+                room, surface = NEVER, 0
+                if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
+                    x = vec2(nodes[i, j, 0], nodes[i, j, 1])
+                    v = vec2(nodes[i, j, 2], nodes[i, j, 3])
+                    increment = vec2(nodes[i, j, 4], nodes[i, j, 5])
+                    slip = vec2(nodes[i, j, 6], nodes[i, j, 7])
+                    room, surface = nodes[i, j, 8], ti.i32(nodes[i, j, 9])
+                for motion in ti.static((lattice.state.motion, lattice.scratch.trial)):
+                    motion[b, i, k].x[lane] = x.x
+                    motion[b, i, k].y[lane] = x.y
+                    motion[b, i, k].u[lane] = v.x
+                    motion[b, i, k].v[lane] = v.y
+                lattice.state.increment[b, i, k].x[lane] = increment.x
+                lattice.state.increment[b, i, k].y[lane] = increment.y
+                lattice.state.slip[b, i, k].impactor[lane] = slip.x
+                lattice.state.slip[b, i, k].floor[lane] = slip.y
+                if ti.static(lattice.features.self_contact):
+                    lattice.state.room[b, i, k][lane] = room
+                    lattice.state.surface[b, i, k][lane] = surface
+                    lattice.scratch.push[b, i, k].x[lane] = 0.0
+                    lattice.scratch.push[b, i, k].y[lane] = 0.0
+                for axis in ti.static(range(2)):
+                    bond = ti.static(lattice.state.bonds[axis])
+                    condition = ABSENT
+                    worst, broken_at = 0.0, 0.0
+                    columns = lattice.columns - ti.static(1 - axis)
+                    rows = lattice.rows - ti.static(axis)
+                    if i >= 0 and i < columns and j >= 0 and j < rows:
+                        worst = bonds[i, j, axis]
+                        broken_at = bonds[i, j, 2 + axis]
+                        condition = WHOLE
+                        if not ti.math.isnan(broken_at):
+                            condition = BROKEN
+                        else:
+                            broken_at = 0.0
+                    bond[b, i, k].worst[lane] = worst
+                    bond[b, i, k].weights[lane] = 0
+                    bond[b, i, k].condition[lane] = condition
+                    bond[b, i, k].break_time[lane] = ti.cast(broken_at, ti.f32)
+
+
+@ti.kernel
+def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
+    for strip in range(lattice.strips):
+        for n in ti.static(range(8)):
+            lattice.state.work[b, strip][n] = strips[strip, n]
+        lattice.state.fracture[b, strip] = strips[strip, 8]
+        lattice.state.overlap[b, strip] = strips[strip, 9]
+    for i in range(lattice.columns):
+        lattice.scratch.column_breaks[b, i] = 0
+    if ti.static(lattice.on_gpu):
+        for n in range(SUMS):
+            lattice.scratch.totals[b, 0, n] = 0.0
+    for _ in range(1):
+        for n in ti.static(range(len(CLOCK))):
+            member = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))
+            member[b] = ti.cast(numbers[n], member.dtype)
+        for n in ti.static(range(len(BODY))):
+            member = ti.static(lattice.state.body.get_member_field(BODY[n]))
+            member[b] = numbers[ti.static(len(CLOCK)) + n]
+        lattice.state.body[b].trial_y = lattice.state.body[b].y
+        lattice.state.body[b].trial_v = lattice.state.body[b].v
+        lattice.state.clock[b].rows = 0
+        lattice.state.clock[b].active = 0
+        lattice.state.clock[b].pause = 0.0
+
+
+def take(lattice: Lattice, b: int) -> State:
+    """The state of lattice `b` between two steps."""
+    nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
+    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
+    strips = np.empty((lattice.strips, 10))
+    numbers = np.empty(len(CLOCK) + len(BODY))
+    _take_nodes(lattice, b, nodes, bonds)
+    _take_rest(lattice, b, strips, numbers)
+    return State(
+        position=nodes[..., 0:2].copy(),
+        velocity=nodes[..., 2:4].copy(),
+        increment=nodes[..., 4:6].copy(),
+        stretch=nodes[..., 6:8].copy(),
+        room=nodes[..., 8].copy(),
+        surface=nodes[..., 9].copy(),
+        worst_a=bonds[:-1, :, 0].copy(),
+        worst_b=bonds[:, :-1, 1].copy(),
+        break_time_a=bonds[:-1, :, 2].copy(),
+        break_time_b=bonds[:, :-1, 3].copy(),
+        clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
+        body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
+        work=strips[:, :8].copy(),
+        fracture=strips[:, 8].copy(),
+        overlap=strips[:, 9].copy(),
+        neighbours=_take_neighbours(lattice, b) if lattice.features.self_contact else {},
+    )
+
+
+def snapshot(lattice: Lattice, b: int) -> Snapshot:
+    """What a viewer sees of lattice `b` between two steps."""
+    nodes = np.empty((lattice.columns, lattice.rows, 4))
+    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
+    _take_nodes(lattice, b, nodes, bonds)
+    height = lattice.state.body[b].y
+    return Snapshot(
+        time=lattice.state.clock[b].time,
+        impactor_y=np.nan if height == NEVER else height,
+        position=nodes[..., :2].copy(),
+        velocity=nodes[..., 2:].copy(),
+        e_min_a=bonds[:-1, :, 0].copy(),
+        e_min_b=bonds[:, :-1, 1].copy(),
+        break_time_a=bonds[:-1, :, 2].copy(),
+        break_time_b=bonds[:, :-1, 3].copy(),
+    )
+
+
+@ti.kernel
+def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
+    """Of each node as many numbers as there is room for."""
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+            x = lanes.position(lattice, lattice.state.motion, b, i, j)
+            v = lanes.velocity(lattice, lattice.state.motion, b, i, j)
+            for c in ti.static(range(2)):
+                nodes[i, j, c] = x[c]
+                nodes[i, j, 2 + c] = v[c]
+                bond = ti.static(lattice.state.bonds[c])
+                bonds[i, j, c] = bond[b, i, k].worst[lane]
+                broken_at = ti.cast(bond[b, i, k].break_time[lane], ti.f64)
+                if breaking.is_whole(lattice, c, b, i, j):
+                    broken_at = ti.math.nan
+                bonds[i, j, 2 + c] = broken_at
+            if nodes.shape[2] > 4:
+                nodes[i, j, 4] = lattice.state.increment[b, i, k].x[lane]
+                nodes[i, j, 5] = lattice.state.increment[b, i, k].y[lane]
+                nodes[i, j, 6] = lattice.state.slip[b, i, k].impactor[lane]
+                nodes[i, j, 7] = lattice.state.slip[b, i, k].floor[lane]
+                nodes[i, j, 8] = NEVER
+                nodes[i, j, 9] = 0.0
+                if ti.static(lattice.features.self_contact):
+                    nodes[i, j, 8] = lattice.state.room[b, i, k][lane]
+                    nodes[i, j, 9] = lattice.state.surface[b, i, k][lane]
+
+
+@ti.kernel
+def _take_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
+    for strip in range(lattice.strips):
+        for n in ti.static(range(8)):
+            strips[strip, n] = lattice.state.work[b, strip][n]
+        strips[strip, 8] = lattice.state.fracture[b, strip]
+        strips[strip, 9] = lattice.state.overlap[b, strip]
+    for _ in range(1):
+        for n in ti.static(range(len(CLOCK))):
+            numbers[n] = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))[b]
+        for n in ti.static(range(len(BODY))):
+            member = ti.static(lattice.state.body.get_member_field(BODY[n]))
+            numbers[ti.static(len(CLOCK)) + n] = member[b]
+
+
+# The neighbour list: kept as it is, since sums go in its order.
+
+
+def _listed(lattice: Lattice) -> dict[str, Any]:
+    """Whole-number fields of the neighbour list, by their names in a state."""
+    state = lattice.state
+    names = (
+        ("partners", "partner_start", "partner_count") if lattice.on_gpu else ("candidate_node",)
+    )
+    return {name: getattr(state, name) for name in names}
+
+
+def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) -> None:
+    if not kept:
+        _forget_neighbours(lattice, b)
+        return
+    for name, field in _listed(lattice).items():
+        values = np.ascontiguousarray(kept[name], dtype=np.int32)
+        _put_whole(field, b, values, len(values))
+    if lattice.on_gpu:
+        _put_gpu_radii(lattice, b, np.ascontiguousarray(kept["radius"]))
+    else:
+        pairs = np.ascontiguousarray(kept["pairs"], dtype=np.int32).ravel()
+        _put_pairs(lattice, b, pairs, np.ascontiguousarray(kept["radius"]))
+
+
+def _take_neighbours(lattice: Lattice, b: int) -> dict[str, NDArray[Any]]:
+    state, kept = lattice.state, {}
+    counts = {"candidate_node": state.clock[b].candidates, "partners": 2 * lattice.most_pairs}
+    for name, field in _listed(lattice).items():
+        kept[name] = np.zeros(counts.get(name, lattice.nodes), dtype=np.int32)
+        _take_whole(field, b, kept[name], len(kept[name]))
+    if lattice.on_gpu:
+        kept["radius"] = np.zeros(lattice.nodes)
+        _take_gpu_radii(lattice, b, kept["radius"])
+    else:
+        pairs = np.zeros(2 * state.clock[b].pairs, dtype=np.int32)
+        kept["radius"] = np.zeros(state.clock[b].candidates)
+        _take_pairs(lattice, b, pairs, kept["radius"])
+        kept["pairs"] = pairs.reshape(-1, 2)
+    return kept
+
+
+@ti.kernel
+def _put_whole(field: ti.template(), b: ti.i32, values: WholeNumbers, count: ti.i32):
+    for n in range(count):
+        field[b, n] = values[n]
+
+
+@ti.kernel
+def _take_whole(field: ti.template(), b: ti.i32, values: WholeNumbers, count: ti.i32):
+    for n in range(count):
+        values[n] = field[b, n]
+
+
+@ti.kernel
+def _forget_neighbours(lattice: ti.template(), b: ti.i32):
+    if ti.static(lattice.on_gpu):
+        for node in range(lattice.nodes):
+            lattice.state.partner_count[b, node] = 0
+    else:
+        for i in range(lattice.columns):
+            lattice.state.column_candidates[b, i] = 0
+
+
+@ti.kernel
+def _put_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: Numbers):
+    for i in range(lattice.columns):
+        lattice.state.column_candidates[b, i] = 0
+    for _ in range(1):
+        for n in range(lattice.state.clock[b].candidates):
+            lattice.state.candidate[b, n].radius = radius[n]
+            i = ti.raw_div(lattice.state.candidate_node[b, n], lattice.rows)
+            count = lattice.state.column_candidates[b, i]
+            lattice.state.column_candidates[b, i] = count + 1
+        for n in range(lattice.state.clock[b].pairs):
+            for side in ti.static(range(2)):
+                lattice.state.pairs[b, n][side] = pairs[2 * n + side]
+
+
+@ti.kernel
+def _take_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: Numbers):
+    for _ in range(1):
+        for n in range(lattice.state.clock[b].candidates):
+            radius[n] = lattice.state.candidate[b, n].radius
+        for n in range(lattice.state.clock[b].pairs):
+            for side in ti.static(range(2)):
+                pairs[2 * n + side] = lattice.state.pairs[b, n][side]
+
+
+@ti.kernel
+def _put_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
+    for node in range(lattice.nodes):
+        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+        lattice.state.radius[b, i, j][0] = radius[node]
+
+
+@ti.kernel
+def _take_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
+    for node in range(lattice.nodes):
+        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+        radius[node] = lattice.state.radius[b, i, j][0]
+
+
+@ti.kernel
+def set_pause(lattice: ti.template(), times: Numbers):
+    """Set the times [s] at which a call hands each lattice back."""
+    for b in range(lattice.batch):
+        lattice.state.clock[b].pause = times[b]
+
+
+def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
+    """Where every lattice stands (REPORT), and its rows (n, ROW_COLUMNS) since the last harvest."""
+    report = np.empty((lattice.batch, len(REPORT)))
+    rows = np.empty((lattice.batch, HISTORY_ROWS, len(ROW_COLUMNS)))
+    _harvest(lattice, report, rows)
+    standing = dict(zip(REPORT, report.T, strict=True))
+    return standing, [rows[b, : int(n)].copy() for b, n in enumerate(standing["rows"])]
+
+
+@ti.kernel
+def _harvest(lattice: ti.template(), report: Table, rows: Stack):
+    for b in range(lattice.batch):
+        clock = lattice.state.clock[b]
+        overlap = 0.0
+        if ti.static(lattice.on_gpu):
+            overlap = lattice.scratch.totals[b, 0, OVERLAP]
+        else:
+            for strip in range(lattice.strips):
+                overlap = ti.max(overlap, lattice.state.overlap[b, strip])
+        report[b, 0] = clock.status
+        report[b, 1] = clock.time
+        report[b, 2] = clock.rows
+        report[b, 3] = clock.steps
+        report[b, 4] = clock.shortest
+        report[b, 5] = clock.longest
+        report[b, 6] = clock.bad_node
+        report[b, 7] = overlap
+        for r in range(clock.rows):
+            for n in ti.static(range(len(ROW_COLUMNS))):
+                rows[b, r, n] = lattice.scratch.history[b, r, n]
+        lattice.state.clock[b].rows = 0

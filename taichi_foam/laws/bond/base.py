@@ -1,0 +1,190 @@
+"""What every bond law is: the parameters of its foam, and what the engine asks of it.
+
+A law is one module. It has two classes: a `BondFoam`, the values of a scene's `[foam]` table, and a
+`BondLaw`, the law's functions for kernels. A foam's `law_for` gives the law of a scene; the engine
+knows nothing else of either.
+"""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.parts import Part, quantity
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Strains and stresses of a foam that measures and pictures refer to; tension positive.
+
+    crush_start      strain at which crushing begins, < 0
+    crush_end        strain at which the foam is crushed through, < crush_start
+    limit            most compressive strain that a picture's key has to show, <= crush_end
+    tensile          strain at which whole foam breaks in tension
+    shear            shear strain at which whole foam breaks
+    plateau_stress   magnitude of the stress between crush_start and crush_end [Pa]
+    """
+
+    crush_start: float
+    crush_end: float
+    limit: float
+    tensile: float
+    shear: float
+    plateau_stress: float
+
+
+class BondFoam(Part):
+    """Parameters that the foam of every law has. A law's own class adds `law` and its constants."""
+
+    law: str
+
+    youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1e3, at_most=1e11)
+    shear_modulus: float = quantity(
+        0.84e6,
+        "Pa",
+        "shear modulus G",
+        at_least=1e3,
+        at_most=1e11,
+        fix="moduli and stresses are in pascals (0.84 MPa is 0.84e6)",
+    )
+    strength_scatter: float = quantity(
+        0.0,
+        "-",
+        "scatter of the bonds' strength in tension and shear, Weibull: standard deviation "
+        "over mean; 0: all are equally strong",
+        at_least=0,
+        at_most=0.5,
+    )
+    strength_seed: int = quantity(
+        0,
+        "count",
+        "which strengths the scatter draws",
+        at_least=0,
+        at_most=2**32 - 1,
+        fix="any other whole number draws others",
+    )
+
+    @property
+    def landmarks(self) -> Landmarks:
+        """What measures and pictures refer to."""
+        raise NotImplementedError
+
+    def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Strain (<= 0) at which foam that has met the strain `worst` is without stress."""
+        raise NotImplementedError
+
+    def law_for(self, model: Any) -> "BondLaw":
+        """The law's functions, with the options of this foam and of a scene's `model` built in."""
+        raise NotImplementedError
+
+    def constants(self, model: Any) -> dict[str, float]:
+        """Values for the members of the law's `Constants`."""
+        raise NotImplementedError
+
+
+class BondLaw:
+    """A law's functions for kernels. Equal laws share compiled kernels.
+
+    A subclass is a frozen dataclass whose fields are the options that its functions choose by
+    `ti.static`. What may differ without compiling anything again stands in `Constants`, a record
+    that every function takes first (`c`).
+
+    A bond remembers one number: the most compressive strain that it has met (`worst`, <= 0).
+    Functions that a Runge-Kutta stage needs take numbers or vectors of them, one for each of
+    several bonds, and have no branches on values.
+    """
+
+    Constants: ClassVar[Any]
+    """Taichi dataclass of the law's constants, SI units."""
+
+    heeds_rate: bool = False
+    """Whether the worst strain is frozen in a step; `flowed` brings it up to date before it."""
+    stiffens: bool = False
+    """Whether `stiffening` is to be asked below `stiffens_below`."""
+    weakens_across: bool = False
+    """Whether crush across a bond takes from its tensile strength (`strength_left`)."""
+
+    @ti.func
+    def stress_fraction(self, c: ti.template(), e, worst, broken):
+        """Engineering stress [Pa] at strain `e`, without stiffening, as (numerator, divisor > 0).
+
+        Who divides by a length besides needs only one division so.
+        """
+        raise NotImplementedError
+
+    @ti.func
+    def stiffens_below(self, c: ti.template()):
+        """Strain below which `stiffening` adds stress."""
+        return -1.0
+
+    @ti.func
+    def stiffening(self, c: ti.template(), e, worst, broken):
+        """Stress [Pa] that stiffening adds, and its slope [Pa]; zeros above `stiffens_below`."""
+        return 0.0 * e, 0.0 * e
+
+    @ti.func
+    def normal_stress(self, c: ti.template(), e, worst, broken):
+        """Engineering stress [Pa] at strain `e` with the history `worst`, intact or broken."""
+        numerator, divisor = self.stress_fraction(c, e, worst, broken)
+        stress = numerator / divisor
+        if ti.static(self.stiffens):
+            added, _ = self.stiffening(c, e, worst, broken)
+            stress += added
+        return stress
+
+    @ti.func
+    def flowed(self, c: ti.template(), e, worst, time):
+        """The worst strain after `time` [s] at strain `e` (`heeds_rate` only)."""
+        return worst
+
+    @ti.func
+    def stored_energy(self, c: ti.template(), e: ti.f64, worst: ti.f64, broken: ti.i32) -> ti.f64:
+        """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back."""
+        raise NotImplementedError
+
+    @ti.func
+    def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, worst: ti.f64) -> ti.f64:
+        """Stored energy per reference volume [J/m3] that a bond which breaks cannot give back."""
+        raise NotImplementedError
+
+    @ti.func
+    def shear_stress(self, c: ti.template(), gamma):
+        """Shear stress [Pa] at shear strain `gamma`."""
+        raise NotImplementedError
+
+    @ti.func
+    def fails(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
+        """Whether an intact bond in this state breaks, in tension or in shear.
+
+        `sigma_e` is its engineering stress without stiffening, `size` the product of the lengths of
+        F's two columns there. `tensile` and `strength` are the bond's own strengths in tension and
+        shear over the mean of whole ones.
+        """
+        raise NotImplementedError
+
+    @ti.func
+    def strength_left(self, c: ti.template(), across):
+        """Tensile strength over that of whole foam, crushed across the bond to strain `across`."""
+        return 1.0 + 0.0 * across
+
+    @ti.func
+    def largest_stiffness(self, c: ti.template()) -> ti.f64:
+        """The steepest d(sigma_e)/de [Pa] of all but `stiffening`."""
+        raise NotImplementedError
+
+    @ti.func
+    def contact_stress(
+        self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
+    ) -> ti.f64:
+        """Stress [Pa] between two pieces at a distance `gap` [m] that touch at `touch`.
+
+        `length` is that of a cell.
+        """
+        raise NotImplementedError
+
+    @ti.func
+    def contact_stiffness(self, c: ti.template()) -> ti.f64:
+        """The steepest slope of `contact_stress` over gap / length [Pa]."""
+        raise NotImplementedError

@@ -1,0 +1,65 @@
+"""What a scene may choose from, by the word that it writes: bond laws, impactor shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Generic, TypeVar
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from taichi_foam.parts import Part
+
+Kind = TypeVar("Kind", bound=Part)
+
+
+class Registry(Mapping[str, type[Kind]], Generic[Kind]):
+    """Classes of one kind, by their tag.
+
+    tag       field that tells them apart, a Literal in each class
+    default   tag of what a table without one is; None: a table must have one
+    watchers  called when a class is registered
+    """
+
+    def __init__(self, tag: str, default: str | None = None) -> None:
+        self.tag, self.default = tag, default
+        self.watchers: list[Callable[[], object]] = []
+        self._kinds: dict[str, type[Kind]] = {}
+
+    def register(self, kind: type[Kind]) -> type[Kind]:
+        """Add a class, or replace the one of its tag; returns it, for use as a decorator."""
+        self._kinds[kind.model_fields[self.tag].default] = kind
+        for watcher in self.watchers:
+            watcher()
+        return kind
+
+    def remove(self, tag: str) -> None:
+        """Take a class out again."""
+        del self._kinds[tag]
+        for watcher in self.watchers:
+            watcher()
+
+    __hash__ = object.__hash__  # there is one of each kind
+
+    def __getitem__(self, tag: str) -> type[Kind]:
+        return self._kinds[tag]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """As metadata of a field: a union of all classes, told apart by their tag."""
+        return core_schema.tagged_union_schema(
+            {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
+            discriminator=self._tag_of,
+        )
+
+    def _tag_of(self, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return value.get(self.tag, self.default)
+        return getattr(value, self.tag, None)

@@ -1,0 +1,74 @@
+"""Any convex polygon as impactor."""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from taichi_foam.laws.shape import outline as geometry
+from taichi_foam.laws.shape.base import SURFACE_ROWS, Impactor
+from taichi_foam.parts import quantity
+
+_Coordinate = Annotated[float, Field(ge=-2, le=2)]
+_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
+
+
+class Polygon(Impactor):
+    """Any convex polygon, turned by any angle."""
+
+    shape: Literal["polygon"] = "polygon"
+    label: ClassVar[str] = "polygon"
+    vertices: Annotated[
+        tuple[_Corner, ...],
+        Field(strict=False, min_length=3, max_length=SURFACE_ROWS),
+    ] = Field(
+        description="corners (x, y) [m], in any order and about any origin",
+        json_schema_extra={
+            "allowed": f"3 to {SURFACE_ROWS} corners [x, y], each from -2 to 2 m",
+            "fix": "lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
+            "[0.05, 0.05], [0, 0.05]]",
+        },
+    )
+    rotation_deg: float = quantity(
+        0.0, "deg", "turn, counter-clockwise", at_least=-180, at_most=180
+    )
+
+    @model_validator(mode="after")
+    def _check_convex(self) -> "Polygon":
+        points = np.array(self.vertices)
+        extent = geometry.size(points)
+        if extent < 1e-4:
+            raise ValueError(
+                f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
+                "lengths are in metres"
+            )
+        least = geometry.TOLERANCE * extent
+        for k, vertex in enumerate(points):
+            if np.any(np.linalg.norm(points[:k] - vertex, axis=1) <= least):
+                raise ValueError(
+                    f"impactor.vertices[{k}] = {list(self.vertices[k])}: repeats an earlier "
+                    "corner; each must be given once; leave it out"
+                )
+        hull = geometry.convex_hull(points)
+        if len(hull) < 3:
+            raise ValueError(
+                "impactor.vertices: all on one line; they must enclose an area; "
+                "move one of them off the line"
+            )
+        for k, vertex in enumerate(points):
+            if geometry.distance_inside(hull, vertex) > least:
+                raise ValueError(
+                    f"impactor.vertices[{k}] = {list(self.vertices[k])}: lies inside the others' "
+                    "outline; the polygon must be convex; leave it out or move it outwards"
+                )
+        return self
+
+    @property
+    def width(self) -> float:
+        """Width of the turned polygon [m]."""
+        return float(np.ptp(self.outline()[:, 0]))
+
+    def outline(self) -> np.ndarray:
+        """Return the corners [m], counter-clockwise; see the base class."""
+        hull = geometry.convex_hull(np.array(self.vertices))
+        return geometry.placed(geometry.rotated(hull, self.rotation_deg))
