@@ -5,13 +5,14 @@ The lattices are the ones that runs borrow, so that each size compiles once a se
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_foam.engine import loading, stepper
-from taichi_foam.engine.lattice import BROKEN, Lattice, borrowed
+from taichi_foam.engine import stepping, transfer
+from taichi_foam.engine.features import Features, features_of
+from taichi_foam.engine.lattice import Lattice, borrowed
+from taichi_foam.engine.state import initial_state
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Numerics, Output, Scene
 
@@ -21,7 +22,7 @@ COLUMNS, ROWS = 10, 20
 # A step so short that the state hardly moves: its speeds over it are the accelerations.
 INSTANT = 1e-12
 
-Links = Iterable[tuple[int, int]]
+Bonds = Iterable[tuple[int, int]]
 
 
 def small_scene(dx: float = 0.005, dy: float = 0.005, **parts: object) -> Scene:
@@ -43,56 +44,49 @@ class Bench:
 
     def step(self, steps: int, advance: Callable | None = None) -> Snapshot:
         """Take exactly `steps` steps, and return the first lattice's state."""
-        (advance or stepper.advance_of(self.lattice))(self.lattice, steps)
-        loading.harvest(self.lattice)  # makes room for the next rows
-        return loading.snapshot(self.lattice, 0)
+        (advance or stepping.advance_of(self.lattice))(self.lattice, steps)
+        transfer.harvest(self.lattice)  # makes room for the next rows
+        return transfer.snapshot(self.lattice, 0)
 
     def snapshots(self) -> list[Snapshot]:
-        return [loading.snapshot(self.lattice, b) for b in range(self.lattice.batch)]
+        return [transfer.snapshot(self.lattice, b) for b in range(self.lattice.batch)]
+
+
+def groups_of(scenes: Sequence[Scene]) -> list[list[Scene]]:
+    """Scenes that can share a batch, together, in their order."""
+    groups: dict[Features, list[Scene]] = {}
+    for scene in scenes:
+        groups.setdefault(features_of(scene), []).append(scene)
+    return list(groups.values())
 
 
 @contextmanager
 def bench(
     scenes: Scene | Sequence[Scene],
     *,
-    position: np.ndarray | None = None,
-    velocity: np.ndarray | None = None,
-    broken_a: Links = (),
-    broken_b: Links = (),
-    worst_a: np.ndarray | None = None,
-    worst_b: np.ndarray | None = None,
+    broken_a: Bonds = (),
+    broken_b: Bonds = (),
+    **start: np.ndarray | None,
 ) -> Iterator[Bench]:
-    """Load scenes; what is given replaces the first lattice's start ((I, J, 2), or by bond)."""
+    """Load scenes; what is given replaces arrays of the first one's `State`.
+
+    They have the same counts and features.
+    """
     scenes = [scenes] if isinstance(scenes, Scene) else list(scenes)
     block = scenes[0].block
-    with borrowed(len(scenes), block.columns, block.rows) as lattice:
+    state = initial_state(scenes[0])
+    given = {name: value for name, value in start.items() if value is not None}
+    for name, broken in (("break_time_a", broken_a), ("break_time_b", broken_b)):
+        times = getattr(state, name).copy()
+        for place in broken:
+            times[place] = 0.0
+        given[name] = times
+    with borrowed(len(scenes), block.columns, block.rows, features_of(scenes[0])) as lattice:
         for b, each in enumerate(scenes):
-            loading.load(lattice, b, each)
-        for values, names in ((position, "xy"), (velocity, "uv")):
-            for component, name in enumerate(names if values is not None else ""):
-                for motion in (lattice.state, lattice.trial):
-                    set_nodes(motion.get_member_field(name), values[..., component])
-        given = ((lattice.bond_a, broken_a, worst_a), (lattice.bond_b, broken_b, worst_b))
-        for bonds, broken, worst in given:
-            if worst is not None:
-                set_nodes(bonds.get_member_field("worst"), worst)
-            for i, j in broken:
-                bonds.get_member_field("condition")[0, i, j // lattice.lanes][j % lattice.lanes] = (
-                    BROKEN
-                )
-        loading.set_pause(lattice, np.full(len(scenes), 1e30))
-        for b in range(len(scenes)):
-            stepper.prepare(lattice, b)
+            assert features_of(each) == lattice.features
+            transfer.load(lattice, b, each, replace(state, **given) if b == 0 else None)
+        transfer.set_pause(lattice, np.full(len(scenes), 1e30))
         yield Bench(lattice)
-
-
-def set_nodes(field: Any, values: np.ndarray) -> None:
-    """Set a node field of the first lattice in nodes (i, j) < values.shape."""
-    packs = field.to_numpy()
-    columns = packs[0].reshape(packs.shape[1], -1)
-    lanes = packs.shape[-1]
-    columns[1 : 1 + values.shape[0], lanes : lanes + values.shape[1]] = values
-    field.from_numpy(packs)
 
 
 def node_forces(scene: Scene, **start: object) -> np.ndarray:

@@ -47,8 +47,8 @@ def _normal_force(
 ):  # fmt: skip
     """Length [m] and strain of a pack of bonds, and its normal force over its length [N/m].
 
-    The force is without stiffening. `reach` is the difference of position between the bonds' nodes [m]. The first stage, whose state
-    is the accepted one, brings the worst strain up to date.
+    The force is without stiffening. `reach` is the difference of position between the bonds' nodes
+    [m]. The first stage, whose state is the accepted one, brings the worst strain up to date.
     """
     bonds = ti.static(lattice.state.bonds[axis])
     tally = ti.static(lattice.scratch.tally)
@@ -114,10 +114,10 @@ def _bond_forces(
 
     The third number is what the shear stress comes to over the face [N].
 
-    `length`, `e` and `normal` are what `_normal_force` gives, `reach` and `along` the differences of position
-    and velocity between the two nodes, `across` that of `_column_across`. The last stage, which
-    looks at the step's end, finds what breaks there. The first and the last one sample the powers of
-    shear and of the dashpots.
+    `length`, `e` and `normal` are what `_normal_force` gives, `reach` and `along` the differences
+    of position and velocity between the two nodes, `across` that of `_column_across`. The last
+    stage, which looks at the step's end, finds what breaks there. The first and the last one sample
+    the powers of shear and of the dashpots.
     """
     bonds = ti.static(lattice.state.bonds[axis])
     tally = ti.static(lattice.scratch.tally)
@@ -153,7 +153,9 @@ def _bond_forces(
         tensile = strength
         if ti.static(lattice.law.weakens_across):
             tensile *= lattice.law.strength_left(p.bond, _crush_across(lattice, axis, b, i, k))
-        fails = lattice.law.fails(p.bond, e, numerator / divisor, tau, worst, size, tensile, strength)
+        fails = lattice.law.fails(
+            p.bond, e, numerator / divisor, tau, worst, size, tensile, strength
+        )
         failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         bonds[b, i, k].condition = ti.cast(condition, ti.f32)
@@ -194,8 +196,9 @@ def bond_pack(
 ):  # fmt: skip
     """Forces of the bonds to the right of and above each node of a pack, kept in `slot`.
 
-    Lengths, strains and normal forces are those of `normal_forces`. The strip's tally gets, at the first
-    and the last stage, the powers of shear and of dashpots, and at the last how many bonds break.
+    Lengths, strains and normal forces are those of `normal_forces`. The strip's tally gets, at the
+    first and the last stage, the powers of shear and of dashpots, and at the last how many bonds
+    break.
     """
     trial = ti.static(lattice.scratch.trial)
     force = ti.static(lattice.scratch.force)

@@ -62,9 +62,7 @@ def break_at(
     for axis in range(2):
         condition, worst, strain = look_at(lattice, axis, b, i, j, p)
         if condition == BREAKING:
-            total += volume(axis, p) * lattice.law.energy_lost_by_breaking(
-                p.bond, strain, worst
-            )
+            total += volume(axis, p) * lattice.law.energy_lost_by_breaking(p.bond, strain, worst)
             if axis == A:
                 lattice.state.bond_a[b, i, k].condition[lane] = BROKEN
                 lattice.state.bond_a[b, i, k].break_time[lane] = time

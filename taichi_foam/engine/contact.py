@@ -11,7 +11,7 @@ INSIDE = 0
 AT_SURFACE = 1
 NEW = 2  # at the surface since this listing
 
-UNLISTED = -1  # bonds of the search grid are not below this
+UNLISTED = -1  # links of the search grid are not below this
 
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
@@ -101,9 +101,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
             stand = vec2(0.0)
             radius = piece_radius(lattice, b, i, j, p)
             if now.y < radius:
-                stand.y = -p.area.y * lattice.law.contact_stress(
-                    p.bond, now.y, radius, half
-                )
+                stand.y = -p.area.y * lattice.law.contact_stress(p.bond, now.y, radius, half)
             stand.x = contact_law.tangential_force(
                 p.contact_stiffness,
                 lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
@@ -205,6 +203,7 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
     those have their bond's own law for compression, broken or not. Only one thread adds to
     a lattice's pushes, so there are no atomics.
     """
+    pushes = ti.static(lattice.scratch.candidate_push)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
         now = node_at(lattice.scratch.trial, b, place)
@@ -213,7 +212,7 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         lattice.state.candidate[b, n].y = now.y
         lattice.state.candidate[b, n].u = speed.x
         lattice.state.candidate[b, n].v = speed.y
-        lattice.scratch.candidate_push[b, n] = vec2(0.0)
+        pushes[b, n] = vec2(0.0)
     for n in range(lattice.state.clock[b].pairs):
         pair = lattice.state.pairs[b, n]
         one = lattice.state.candidate[b, pair[0]]
@@ -370,7 +369,7 @@ def _list_candidates(lattice: ti.template(), b):
     for i in range(lattice.columns):
         for k in range(lattice.packs):
             lattice.state.surface[b, i, k] = ti.min(lattice.state.surface[b, i, k], AT_SURFACE)
-    # the search grid's bonds are no longer needed: they tell each node's place in the list
+    # the search grid's links are no longer needed: they tell each node's place in the list
     found = 0
     for n in range(lattice.state.clock[b].pairs):
         for side in ti.static(range(2)):

@@ -252,8 +252,8 @@ def _stage_wide(lattice: ti.template(), stage: ti.i32):
             p = lattice.model.parameters[b]
             diverged = gpu_strips.node_strip(lattice, b, strip, lattice.strips, stage, p)
             gpu_strips.reduce_stage(
-                lattice, shared, lattice.scratch.sums, q % THREADS, b, strip // THREADS, strip, stage,
-                diverged,
+                lattice, shared, lattice.scratch.sums, q % THREADS, b, strip // THREADS, strip,
+                stage, diverged,
             )  # fmt: skip
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * THREADS):

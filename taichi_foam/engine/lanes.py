@@ -40,8 +40,8 @@ def zeros(lattice: ti.template()):
 def from_above(values: ti.template(), following):
     """Each lane's value of the node above it; the last lane's is the next pack's first.
 
-    Where both come from a field whose packs lie side by side (`Layout.by_columns`), this compiles to
-    one load.
+    Where both come from a field whose packs lie side by side (`Layout.by_columns`), this compiles
+    to one load.
     """
     lanes = ti.static(values.n)
     above = values

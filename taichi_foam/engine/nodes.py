@@ -35,7 +35,7 @@ def node_pack(
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
     now = lattice.scratch.trial[b, i, k]
-    force = ti.static(lattice.scratch.force)
+    force, tally = ti.static(lattice.scratch.force, lattice.scratch.tally)
     last = ti.static(lattice.lanes - 1)
     own, below = force[sweep, slot, k], force[sweep, slot, k - 1]
     left = force[sweep, left_slot, k]
@@ -52,17 +52,17 @@ def node_pack(
                 lattice.scratch.tally[b, strip].sheared - sheared
             )
     by_bonds = force_x * now.u + force_y * now.v
-    lattice.scratch.tally[b, strip].by_bonds = lattice.scratch.tally[b, strip].by_bonds - by_bonds
+    tally[b, strip].by_bonds = tally[b, strip].by_bonds - by_bonds
     if contact.may_touch_bodies(lattice, b, now.x, now.y, p):
-        lattice.scratch.tally[b, strip].reaction_x = lanes.zeros(lattice)
-        lattice.scratch.tally[b, strip].reaction_y = lanes.zeros(lattice)
+        tally[b, strip].reaction_x = lanes.zeros(lattice)
+        tally[b, strip].reaction_y = lanes.zeros(lattice)
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
                 contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
-        force_x += lattice.scratch.tally[b, strip].reaction_x
-        force_y += lattice.scratch.tally[b, strip].reaction_y
-    if ti.static(lattice.features.self_contact):
+        force_x += tally[b, strip].reaction_x
+        force_y += tally[b, strip].reaction_y
+    if ti.static(lattice.features.self_contact):  # noqa: SIM102 - the static test must stand alone
         if contact.is_pushed(lattice, b, i, k):
             push = lattice.scratch.push[b, i, k]
             by_pieces = -(push.x * now.u + push.y * now.v).sum()
@@ -169,7 +169,7 @@ def _crossed(
 
 @ti.func
 def inspect_pack(lattice: ti.template(), b, i, k, strip):
-    """After the last stage: how far the nodes have moved in the step, and whether any has diverged."""
+    """After the last stage: how far nodes have moved in the step, and whether any has diverged."""
     now = lattice.state.motion[b, i, k]
     path = lattice.state.increment[b, i, k]
     moved = path.x * path.x + path.y * path.y
@@ -177,8 +177,9 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
         moved, lattice.scratch.tally[b, strip].moved
     )
     size = ti.abs(now.x) + ti.abs(now.y) + ti.abs(now.u) + ti.abs(now.v)
+    tally = ti.static(lattice.scratch.tally)
     diverged = ti.select(size <= DIVERGED_SIZE, 0.0, 1.0)  # of NaN too
-    lattice.scratch.tally[b, strip].diverged = lattice.scratch.tally[b, strip].diverged + diverged
+    tally[b, strip].diverged = tally[b, strip].diverged + diverged
 
 
 @ti.func

@@ -67,9 +67,8 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             default_ip=ti.i32,
             cpu_max_num_threads=wanted[1],
             fast_math=False,
-            # LLVM optimises what matters: without these passes kernels are as fast and compile
-            # merges the loads of each access to a field, which LLVM cannot; the other pass takes longer
-            # than LLVM, and makes kernels slower
+            # one pass merges what each access to a field loads, which LLVM cannot; the other takes
+            # longer than LLVM and makes kernels slower
             advanced_optimization=True,
             cfg_optimization=False,
             log_level=ti.ERROR,

@@ -1,4 +1,4 @@
-"""Scratch: what a step works in; nothing in it outlives a step, but rows that wait to be harvested."""
+"""Scratch: what a step works in. Only rows of the history stay in it, until they are harvested."""
 
 import taichi as ti
 

@@ -1,7 +1,7 @@
 """State: everything of a lattice that changes from step to step, as a value and as fields.
 
-A `State` is taken from the device, stored, loaded, put back and continued: the steps that follow are
-the same to the last bit.
+A `State` is taken from the device, stored, loaded, put back and continued: the steps that follow
+are the same to the last bit.
 """
 
 from collections.abc import Mapping

@@ -53,10 +53,10 @@ def result_html(result: Result) -> str:
 
 def scene_html(scene: Scene) -> str:
     """A scene as HTML: how it starts, its impactor, and what differs from the defaults."""
-    from taichi_foam.engine.start import start_of
+    from taichi_foam.engine.state import initial_state
     from taichi_foam.picture import raster
 
-    picture = raster.frame(start_of(scene), scene, (FILM, FILM * 9 // 16))
+    picture = raster.frame(initial_state(scene).snapshot(), scene, (FILM, FILM * 9 // 16))
     return _side_by_side(_picture(picture), _table(("", "value", ""), _given(scene)))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.catalogue import load_scene
-from taichi_foam.engine.start import start_of
+from taichi_foam.engine.state import initial_state
 from taichi_foam.errors import UserError
 from taichi_foam.live import overlay
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, Refused
@@ -185,7 +185,7 @@ class Stage:
         """The picture of this moment, uint8 (height, width, 3), `hint` at its upper right."""
         last = self.session.last
         note = " · ".join(part for part in (self.state, hint) if part)
-        snapshot = start_of(self.scene) if last is None else last.snapshot
+        snapshot = initial_state(self.scene).snapshot() if last is None else last.snapshot
         curve = self._curve(snapshot.time) if self.curve else None
         image = raster.frame(
             snapshot, self.scene, size, look=self.look, note=note, curve=curve, threads=1

@@ -6,8 +6,8 @@ ROW_COLUMNS = (
     "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
     "bonds", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
 )  # fmt: skip
-"""What the engine writes for each row: time and step [s], the impactor's height [m], upward velocity
-[m/s] and force [N], the broken bonds, and energies [J]: of the nodes, then what they gave up."""
+"""What the engine writes for each row: time and step [s], the impactor's height [m], upward
+velocity [m/s] and force [N], the broken bonds, and energies [J]: of the nodes, then works."""
 
 HISTORY_COLUMNS = (
     "time_s",

@@ -16,11 +16,13 @@ from taichi._lib import core
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from bench import bench
+from bench import bench, groups_of
 from test_same_numbers import EVERYTHING
 
-from taichi_foam.engine import loading, runtime, stepper
-from taichi_foam.engine.lattice import BLOCK_NODES, THREADS, Lattice, borrowed
+from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine.features import features_of
+from taichi_foam.engine.lattice import Lattice, borrowed
+from taichi_foam.engine.layout import BLOCK_NODES, THREADS
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
 from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run_many
@@ -102,26 +104,28 @@ def big_scenes() -> list[Scene]:
 
 def states_of(scenes: list[Scene], steps: int) -> States:
     """Positions, histories and impactors after some steps, lattice by lattice."""
-    with bench(scenes) as loaded:
-        loaded.step(steps)
-        return _states(loaded.lattice, len(scenes))
+    parts = []
+    for group in groups_of(scenes):
+        with bench(group) as loaded:
+            loaded.step(steps)
+            parts.append(_states(loaded.lattice, len(group)))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def alone(scene: Scene, steps: int) -> States:
     """The same for one scene on a lattice of a batch whose other places stay empty."""
-    with borrowed(LATTICES, *SMALL) as lattice:
+    with borrowed(LATTICES, *SMALL, features_of(scene)) as lattice:
         for b in range(LATTICES):
-            loading.unload(lattice, b)
-        loading.load(lattice, 0, scene)
-        loading.set_pause(lattice, np.full(LATTICES, 1e30))
-        stepper.prepare(lattice, 0)
-        stepper.advance_of(lattice)(lattice, steps)
-        loading.harvest(lattice)
+            transfer.unload(lattice, b)
+        transfer.load(lattice, 0, scene)
+        transfer.set_pause(lattice, np.full(LATTICES, 1e30))
+        stepping.advance_of(lattice)(lattice, steps)
+        transfer.harvest(lattice)
         return _states(lattice, 1)
 
 
 def _states(lattice: Lattice, count: int) -> States:
-    snapshots = [loading.snapshot(lattice, b) for b in range(count)]
+    snapshots = [transfer.snapshot(lattice, b) for b in range(count)]
     return {
         "position": np.stack([each.position for each in snapshots]),
         "velocity": np.stack([each.velocity for each in snapshots]),
@@ -149,10 +153,11 @@ def misplaced() -> np.ndarray:
 
     Taichi packs Vulkan's fields without padding, and such a number is read from another address.
     """
-    with borrowed(LATTICES, *SMALL) as lattice:
+    with borrowed(LATTICES, *SMALL, features_of(breaking_scenes()[0])) as lattice:
         named = [
             (name, scalar)
-            for name, field in vars(lattice).items()
+            for part in (lattice.model, lattice.state, lattice.scratch)
+            for name, field in vars(part).items()
             for scalar in _scalars(field)
             if scalar.dtype == ti.f64
         ]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bench import bench, small_scene
 
-from taichi_foam.engine import stepper
+from taichi_foam.engine import cpu
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
@@ -63,10 +63,10 @@ def assert_same_results(one: Result, other: Result) -> None:
 def test_fused_and_staged_stepping_agree(which: int) -> None:
     scene = impacts()[which]
     states = []
-    for advance in (stepper.advance_fused, stepper.advance_staged):
+    for advance in (cpu.advance_fused, cpu.advance_staged):
         with bench(scene) as loaded:
             states.append(loaded.step(STEPS, advance))
-            history = loaded.lattice.strip_work.to_numpy()
+            history = loaded.lattice.state.work.to_numpy()
         states[-1] = (states[-1], history)
     (fused, fused_work), (staged, staged_work) = states
     assert_same_snapshots(fused, staged)
@@ -83,10 +83,10 @@ def test_many_sweeps_agree_with_one() -> None:
         **{**EVERYTHING, "start": Start(cuts=((-0.011, 0.01, 0.004, 0.035),))},
     )
     states = []
-    for advance in (stepper.advance_fused, stepper.advance_staged):
+    for advance in (cpu.advance_fused, cpu.advance_staged):
         with bench(scene) as loaded:
             assert loaded.lattice.sweeps >= 4
-            states.append((loaded.step(STEPS, advance), loaded.lattice.strip_work.to_numpy()))
+            states.append((loaded.step(STEPS, advance), loaded.lattice.state.work.to_numpy()))
     (fused, fused_work), (staged, staged_work) = states
     assert_same_snapshots(fused, staged)
     np.testing.assert_array_equal(fused_work, staged_work)
@@ -113,19 +113,20 @@ import hashlib, sys
 sys.path.insert(0, {tests!r})
 sys.path.insert(0, {engine!r})
 import numpy as np
-from taichi_foam.engine import loading, runtime, stepper
+from taichi_foam.engine import cpu, runtime, transfer
 runtime.start(threads={threads})
-from bench import bench
+from bench import bench, groups_of
 from test_same_numbers import STEPS, impacts
-for advance in (stepper.advance_fused, stepper.advance_staged):
-    with bench(impacts()) as loaded:
-        loaded.step(STEPS, advance)
-        digest = hashlib.sha256()
-        for b in range(loaded.lattice.batch):
-            for values in vars(loading.snapshot(loaded.lattice, b)).values():
-                digest.update(np.asarray(values).tobytes())
-        digest.update(loaded.lattice.strip_work.to_numpy().tobytes())
-        print(digest.hexdigest())
+for advance in (cpu.advance_fused, cpu.advance_staged):
+    digest = hashlib.sha256()
+    for group in groups_of(impacts()):
+        with bench(group) as loaded:
+            loaded.step(STEPS, advance)
+            for b in range(loaded.lattice.batch):
+                for values in vars(transfer.snapshot(loaded.lattice, b)).values():
+                    digest.update(np.asarray(values).tobytes())
+            digest.update(loaded.lattice.state.work.to_numpy().tobytes())
+    print(digest.hexdigest())
 """
 
 

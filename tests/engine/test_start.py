@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.engine.start import start_of
+from taichi_foam.engine.state import initial_state
 
 SCENES = (
     ("paper/wedge-2.86", ["impactor.gap=0.01", "start.cuts=[[0, 0.05, 0, 0.2]]"]),
@@ -22,7 +22,7 @@ SCENES = (
 def test_it_equals_the_first_snapshot_of_a_run(name: str, overrides: list[str]) -> None:
     scene = tf.load_scene(name, overrides=overrides)
     expected = next(iter(tf.simulate(scene)))
-    found = start_of(scene)
+    found = initial_state(scene).snapshot()
     for field in ("time", "impactor_y", "position", "velocity"):
         np.testing.assert_allclose(
             getattr(found, field), getattr(expected, field), rtol=1e-14, atol=1e-16

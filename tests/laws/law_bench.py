@@ -4,126 +4,137 @@
 """
 
 import math
+from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from taichi_foam.engine.parameters import parameters_of
-from taichi_foam.laws import foam as law
-from taichi_foam.scene import Foam, Model, Numerics, Scene
+from taichi_foam.laws.bond import BondFoam, BondLaw
+from taichi_foam.scene import Foam, Model
 
 Array = ti.types.ndarray(dtype=ti.f64, ndim=1)
 
 
-def constants(foam: Foam | None = None, model: Model | None = None) -> law.Foam:
-    """The record that the kernels take, of a scene's foam and model choices."""
-    scene = Scene(foam=foam or Foam(), model=model or Model(), numerics=Numerics(end=1e-3))
-    return law.Foam(**parameters_of(scene)["foam"])
+@dataclass(frozen=True)
+class Bound:
+    """A law, and the constants of a foam."""
+
+    law: BondLaw
+    constants: Any
 
 
-@ti.kernel
-def _normal(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
-    for k in range(e.shape[0]):
-        out[k] = law.normal_stress(foam, e[k], e_min, broken)
+def constants(foam: BondFoam | None = None, model: Model | None = None) -> Bound:
+    """The law of a scene's foam and model choices, with its constants."""
+    foam, model = foam or Foam(), model or Model()
+    law = foam.law_for(model)
+    return Bound(law, law.Constants(**foam.constants(model)))
 
 
-@ti.kernel
-def _stored(foam: law.Foam, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
-    for k in range(e.shape[0]):
-        out[k] = law.stored_energy(foam, e[k], e_min, broken)
+@cache
+def _kernels(law: BondLaw) -> SimpleNamespace:
+    """Each function of a law behind a kernel; a kernel compiles when it is called."""
+
+    @ti.kernel
+    def normal(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
+        for k in range(e.shape[0]):
+            out[k] = law.normal_stress(c, e[k], e_min, broken)
+
+    @ti.kernel
+    def stored(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
+        for k in range(e.shape[0]):
+            out[k] = law.stored_energy(c, e[k], e_min, broken)
+
+    @ti.kernel
+    def flowed(c: law.Constants, e: Array, e_min: ti.f64, time: ti.f64, out: Array):
+        for k in range(e.shape[0]):
+            out[k] = law.flowed(c, e[k], e_min, time)
+
+    @ti.kernel
+    def densified(c: law.Constants, e: Array, out: Array):
+        for k in range(e.shape[0]):
+            out[k] = law.stiffening(c, e[k], 0.0, 0)[1]
+
+    @ti.kernel
+    def elastic(c: law.Constants) -> ti.f64:
+        return law.largest_stiffness(c)
+
+    @ti.kernel
+    def piece(c: law.Constants, gap: Array, touch: ti.f64, length: ti.f64, out: Array):
+        for k in range(gap.shape[0]):
+            out[k] = law.contact_stress(c, gap[k], touch, length)
+
+    @ti.kernel
+    def shear(c: law.Constants, gamma: Array, out: Array):
+        for k in range(gamma.shape[0]):
+            out[k] = law.shear_stress(c, gamma[k])
+
+    @ti.kernel
+    def fails(
+        c: law.Constants, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64, size: ti.f64,
+        strength: ti.f64,
+    ) -> ti.i32:  # fmt: skip
+        return law.fails(c, e, sigma_e, tau, e_min, size, strength, strength)
+
+    return SimpleNamespace(**locals())
 
 
-@ti.kernel
-def _flowed(foam: law.Foam, e: Array, e_min: ti.f64, time: ti.f64, out: Array):
-    for k in range(e.shape[0]):
-        out[k] = law.flowed_strain(foam, e[k], e_min, time)
-
-
-@ti.kernel
-def _densified(foam: law.Foam, e: Array, out: Array):
-    for k in range(e.shape[0]):
-        out[k] = law.densification(foam, e[k], 0.0, 0)[1]
-
-
-@ti.kernel
-def _elastic(foam: law.Foam) -> ti.f64:
-    return law.elastic_modulus(foam)
-
-
-@ti.kernel
-def _piece(foam: law.Foam, gap: Array, touch: ti.f64, length: ti.f64, out: Array):
-    for k in range(gap.shape[0]):
-        out[k] = law.piece_stress(foam, gap[k], touch, length)
-
-
-@ti.kernel
-def _shear(foam: law.Foam, gamma: Array, out: Array):
-    for k in range(gamma.shape[0]):
-        out[k] = law.shear_stress(foam, gamma[k])
-
-
-@ti.kernel
-def _fails(
-    foam: law.Foam, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64, size: ti.f64,
-    strength: ti.f64,
-) -> ti.i32:  # fmt: skip
-    return law.fails(foam, e, sigma_e, tau, e_min, size, strength, strength)
-
-
-def loading(foam: law.Foam, e: np.ndarray) -> np.ndarray:
+def loading(foam: Bound, e: np.ndarray) -> np.ndarray:
     """Stress [Pa] of virgin foam at strains `e`."""
     return normal(foam, e, 0.0)
 
 
-def normal(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
+def normal(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stress [Pa] at strains `e` with a history."""
     e, out = _arrays(e)
-    _normal(foam, e, e_min, int(broken), out)
+    _kernels(foam.law).normal(foam.constants, e, e_min, int(broken), out)
     return out
 
 
-def stored(foam: law.Foam, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
+def stored(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stored energy [J/m3] at strains `e` with a history."""
     e, out = _arrays(e)
-    _stored(foam, e, e_min, int(broken), out)
+    _kernels(foam.law).stored(foam.constants, e, e_min, int(broken), out)
     return out
 
 
-def flowed(foam: law.Foam, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
+def flowed(foam: Bound, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
     """What `e_min` becomes at strains `e` in a time [s]."""
     e, out = _arrays(e)
-    _flowed(foam, e, e_min, time, out)
+    _kernels(foam.law).flowed(foam.constants, e, e_min, time, out)
     return out
 
 
-def densified(foam: law.Foam, e: np.ndarray) -> np.ndarray:
+def densified(foam: Bound, e: np.ndarray) -> np.ndarray:
     """Slope [Pa] of the densification branch at strains `e`, all beyond densification."""
     e, out = _arrays(e)
-    _densified(foam, e, out)
+    _kernels(foam.law).densified(foam.constants, e, out)
     return out
 
 
-def elastic(foam: law.Foam) -> float:
+def elastic(foam: Bound) -> float:
     """Steepest slope [Pa] before densification."""
-    return _elastic(foam)
+    return _kernels(foam.law).elastic(foam.constants)
 
 
-def piece(foam: law.Foam, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
+def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
     """Stress [Pa] between pieces at distances `gap` [m] that touch at `touch` [m]."""
     gap, out = _arrays(gap)
-    _piece(foam, gap, touch, length, out)
+    _kernels(foam.law).piece(foam.constants, gap, touch, length, out)
     return out
 
 
-def shear(foam: law.Foam, gamma: np.ndarray) -> np.ndarray:
+def shear(foam: Bound, gamma: np.ndarray) -> np.ndarray:
     """Shear stress [Pa] at shear strains `gamma`."""
     gamma, out = _arrays(gamma)
-    _shear(foam, gamma, out)
+    _kernels(foam.law).shear(foam.constants, gamma, out)
     return out
 
 
 def fails(
-    foam: law.Foam,
+    foam: Bound,
     e: float,
     sigma_e: float = 0.0,
     tau: float = 0.0,
@@ -132,7 +143,7 @@ def fails(
     strength: float = 1.0,
 ) -> bool:
     """Whether an intact bond breaks."""
-    return bool(_fails(foam, e, sigma_e, tau, e_min, size, strength))
+    return bool(_kernels(foam.law).fails(foam.constants, e, sigma_e, tau, e_min, size, strength))
 
 
 def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

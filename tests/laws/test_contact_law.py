@@ -7,13 +7,22 @@ import pytest
 import taichi as ti
 
 from taichi_foam.laws import contact as law
+from taichi_foam.scene import Cylinder
+
+vec2, vec3 = ti.types.vector(2, ti.f64), ti.types.vector(3, ti.f64)
 
 pytestmark = pytest.mark.usefixtures("taichi_runtime")
 
 
+def circle(x: float, y: float, radius: float) -> np.ndarray:
+    surface = ti.Vector.field(3, ti.f64, (1, 1))
+    surface[0, 0] = Cylinder(radius=radius).surface()[0]
+    return _distance(surface, x, y)
+
+
 @ti.kernel
-def circle(x: ti.f64, y: ti.f64, radius: ti.f64) -> law.vec3:
-    return law.circle_distance(law.vec2(x, y), radius)
+def _distance(surface: ti.template(), x: ti.f64, y: ti.f64) -> vec3:
+    return Cylinder.distance(surface, 0, 1, vec2(x, y))
 
 
 @ti.kernel

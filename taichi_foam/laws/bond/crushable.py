@@ -265,8 +265,8 @@ class Crushable(BondLaw):
         """The e_min of rate-sensitive foam that has been at strain `e` for `time` [s].
 
         In flow at the rate r the plateau's stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
-        1957, as Perzyna's overstress): while e_min is short of e by y, its rate is D (y / |e_y|)^q. At a
-        constant strain that has a closed form, whatever the time.
+        1957, as Perzyna's overstress): while e_min is short of e by y, its rate is D (y / |e_y|)^q.
+        At a constant strain that has a closed form, whatever the time.
         """
         elastic = elementary.larger(e, c.yield_strain)
         start = elementary.smaller(elastic, e_min)
