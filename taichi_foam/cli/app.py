@@ -204,7 +204,7 @@ def _run(
         from taichi_foam.simulation import simulate
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
-        runtime.start(arch, threads)
+        runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
         failure = None
         with bars.computing(scene.name) as on_progress:
             try:
@@ -214,15 +214,13 @@ def _run(
                     raise
                 result, failure = error.results[0], error
         # measures take a while to load: after the run, not before it
-        from taichi_foam.analysis.measures import summary
         from taichi_foam.cli import tables
 
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
-        figures = summary(result)
-        console.print(tables.key_figures(figures))
+        console.print(tables.key_figures(result.summary))
         say_where(console, folder)
         if failure is None:
-            warn_of_residual(errors, figures["energy_residual"])
+            warn_of_residual(errors, result.summary["energy_residual"])
         if failure is not None:
             raise RunError(f"{failure}; what was computed until then is in {folder}")
         if cut:

@@ -8,17 +8,19 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.shim2000.compare import COMPARED, JUDGED, Quantity, comparison, is_miss
-
-_MORE = (
-    Quantity("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
-    Quantity("crushed_volume_m3", "volume crushed", "cm³", 1e6, 1),
-    Quantity("rebound_velocity_m_s", "rebound velocity", "m/s", 1.0, 2),
-    Quantity("pieces", "pieces", ""),
-    Quantity("broken_bonds", "broken bonds", ""),
-    Quantity("crack_lowest_height_m", "crack below impactor, down to", "cm", 1e2, 1),
-    Quantity("energy_residual", "energy residual", "", 1.0, 6),
+from taichi_foam.analysis.quantities import (
+    BROKEN,
+    CRACK,
+    ENERGY_ABSORBED,
+    PIECES,
+    REBOUND,
+    RESIDUAL,
+    VOLUME,
+    Quantity,
 )
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
+
+_MORE = (ENERGY_ABSORBED, VOLUME, REBOUND, PIECES, BROKEN, CRACK, RESIDUAL)
 
 
 def key_figures(summary: Mapping[str, Any]) -> Table:
@@ -57,10 +59,7 @@ def study(content: Mapping[str, Any]) -> Table:
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
     for quantity in JUDGED:
-        # The nouns of "maximum displacement" and the like; units stand below.
-        name = quantity.label.removeprefix("maximum ").removeprefix("impact ")
-        head = f"{name.replace(' per ', '/').split()[0]}\n{quantity.unit}"
-        table.add_column(head, justify="right", no_wrap=True)
+        table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
         table.add_row(case["name"].removeprefix("paper/"), *cells)

@@ -5,16 +5,11 @@ import taichi as ti
 from taichi_foam.engine import breaking, packs
 from taichi_foam.engine.lattice import ABSENT, BASE, BROKEN
 from taichi_foam.laws import foam as foam_law
+from taichi_foam.records.history import ROW_COLUMNS
 
 vec3 = ti.types.vector(3, ti.f64)
 vec8 = ti.types.vector(8, ti.f64)
 
-# What a row holds: time and step [s], the impactor's height [m], upward velocity [m/s] and force
-# [N], the broken bonds, and energies [J]: of the nodes, then the works of lattice.py.
-ROW_COLUMNS = (
-    "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
-    "faces", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
-)  # fmt: skip
 FIRST_WORK = ROW_COLUMNS.index("faces")
 
 

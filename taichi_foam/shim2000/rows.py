@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taichi_foam.picture.figures import LEDGER
+from taichi_foam.analysis.quantities import (
+    CRACK,
+    CRACK_START,
+    CRACK_TIME,
+    DURATION,
+    HEIGHT,
+    REBOUND,
+    WIDTH,
+    Quantity,
+)
+from taichi_foam.records.history import LEDGER, columns_of
 from taichi_foam.scene import Cylinder, Scene
+from taichi_foam.scene.fields import described
 from taichi_foam.shim2000 import plates
 from taichi_foam.shim2000.case import Case
-from taichi_foam.shim2000.compare import DURATION, JUDGED, Quantity, is_miss
+from taichi_foam.shim2000.compare import JUDGED, is_miss
 from taichi_foam.shim2000.tests import SIMULATED_DURATION
 
 #: Error at the ends of the small error scale.
@@ -81,23 +92,21 @@ def kind(key: str, group: Sequence[Case]) -> Row:
 def _damage(case: Case) -> Row:
     """How a block looks at the end of its run, in words for one row of a table."""
     found = case.figures
-    crack, start = found["crack_lowest_height_m"], found["crack_start_height_m"]
-    region = "none"
-    if found["crushed_width_m"] is not None:
-        width, height = 1e2 * found["crushed_width_m"], 1e2 * found["crushed_height_m"]
-        region = f"{width:.1f} × {height:.1f} cm"
+
+    def text(quantity: Quantity) -> str:
+        value = found[quantity.key]
+        return quantity.text(value) + (f" {quantity.unit}" if value is not None else "")
+
+    has_crack = found[CRACK.key] is not None
+    has_region = found[WIDTH.key] is not None
     return {
         "case": plates.short(case.name),
         "pieces": found["pieces"],
-        "region": region,
-        "crack": "none"
-        if crack is None
-        else f"at {1e2 * start:.1f} cm, {1e3 * found['crack_start_time_s']:.1f} ms",
-        "depth": "–" if crack is None else f"{1e2 * crack:.1f} cm",
+        "region": f"{WIDTH.text(found[WIDTH.key])} × {text(HEIGHT)}" if has_region else "none",
+        "crack": f"at {text(CRACK_START)}, {text(CRACK_TIME)}" if has_crack else "none",
+        "depth": text(CRACK),
         "broken": found["broken_bonds"],
-        "rebound": "–"
-        if found["rebound_velocity_m_s"] is None
-        else f"{found['rebound_velocity_m_s']:.2f} m/s",
+        "rebound": text(REBOUND),
     }
 
 
@@ -106,7 +115,7 @@ def ledger(cases: Sequence[Case]) -> Row:
     rows = []
     for case in cases:
         h = case.result.history
-        parts = [sum(float(h[column][-1]) for column in columns) for columns, _, _ in LEDGER]
+        parts = [sum(float(h[name][-1]) for name in columns_of(layer)) for layer in LEDGER]
         rows.append(
             {
                 "case": plates.short(case.name),
@@ -116,7 +125,7 @@ def ledger(cases: Sequence[Case]) -> Row:
                 "residual": _scientific(case.figures["energy_residual"]),
             }
         )
-    return {"names": [name for _, name, _ in LEDGER], "rows": rows}
+    return {"names": [layer.label for layer in LEDGER], "rows": rows}
 
 
 BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
@@ -144,7 +153,7 @@ def _choice(scene: Scene, part: str, field: str) -> Row:
         text = "true" if value else "false"
     else:
         text = f"{value:.4g}" if isinstance(value, float) else str(value)
-    meaning = type(owner).model_fields[field].description or ""
+    meaning = described(type(owner).model_fields[field])
     return {"key": f"{part}.{field}", "value": text, "meaning": meaning}
 
 
