@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ROW_COLUMNS = (
+ROW_COLUMNS: tuple[str, ...] = (
     "time", "step",                             # s
     "y", "v", "force",                          # impactor: height [m], upward velocity [m/s], N
     "broken",                                   # broken bonds
