@@ -26,7 +26,7 @@ from taichi_foam.picture.style import (
     VERMILION,
     blank,
 )
-from taichi_foam.records.history import LEDGER, columns_of
+from taichi_foam.records.history import COLUMNS, LEDGER, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
+#: Columns of the history that show how the impactor moves.
+MOTION = ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
 #: Energies below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-3
 
@@ -54,16 +56,12 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
         histories: by impact velocity [m/s]: columns time_s, deceleration_smoothed_m_s2,
             velocity_m_s and displacement_m.
     """
-    panels = (
-        ("deceleration_smoothed_m_s2", 1.0, "deceleration (m/s²)"),
-        ("velocity_m_s", 1.0, "velocity (m/s)"),
-        ("displacement_m", 1e2, "displacement (cm)"),
-    )
     with mpl.rc_context(STYLE):
         figure = blank(8.0, 10.5)
         axes = figure.subplots(3, 1, sharex=True)
         ends = []
-        for axis, (column, factor, label), mark in zip(axes, panels, "abc", strict=True):
+        for axis, column, mark in zip(axes, MOTION, "abc", strict=True):
+            label, factor = COLUMNS[column].axis
             ends.clear()
             for colour, (velocity, history) in zip(CYCLE, sorted(histories.items()), strict=False):
                 time, values = 1e3 * history["time_s"], factor * history[column]

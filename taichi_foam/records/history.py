@@ -69,6 +69,7 @@ class Column:
     in_ledger   whether it counts, positive, in the sum of energies that stays what it was
     layer       of the ledger's pictures that it belongs to
     is_integer  whether history.csv holds whole numbers
+    shown       on the axes of figures: unit, and how many of it one SI unit is
     """
 
     name: str
@@ -79,6 +80,13 @@ class Column:
     in_ledger: bool = False
     layer: Layer | None = None
     is_integer: bool = False
+    shown: tuple[str, float] | None = None
+
+    @property
+    def axis(self) -> tuple[str, float]:
+        """Label of an axis, and what to multiply values by for it."""
+        unit, factor = self.shown or (self.unit, 1.0)
+        return f"{self.label} ({unit})", factor
 
 
 def _energy(
@@ -93,7 +101,7 @@ COLUMNS: Mapping[str, Column] = {
         Column("time_s", "s", "time", "end of the row's interval", ("time",)),
         Column(
             "displacement_m", "m", "displacement",
-            "of the impactor from its start, positive downwards", ("y",),
+            "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2),
         ),
         Column(
             "velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",),
