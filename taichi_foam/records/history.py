@@ -211,8 +211,8 @@ class History(dict[str, Array]):
 
     def __repr__(self) -> str:
         rows = len(self["time_s"])
-        last = f" until {self['time_s'][-1]:.6g} s" if rows else ""
-        return f"<History of {rows} rows{last}: {', '.join(self)}>"
+        last = f" until {self['time_s'][-1]:.4g} s" if rows else ""
+        return f"<History of {rows} rows{last}, {len(self)} columns>"
 
     @property
     def units(self) -> dict[str, str]:
