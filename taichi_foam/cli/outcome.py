@@ -67,7 +67,9 @@ def _with_options(error: UserError) -> str:
         return text
     name, _, value = argument.partition("=")
     option = f"--{name.replace('_', '-')}"
-    return text.replace(argument, option if value == "True" else f"{option} {value.strip(chr(39))}")
+    if value != "True":
+        option += " " + value.strip("'")
+    return text.replace(argument, option)
 
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:

@@ -8,19 +8,13 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.analysis.quantities import (
-    BROKEN,
-    CRACK,
-    ENERGY_ABSORBED,
-    PIECES,
-    REBOUND,
-    RESIDUAL,
-    VOLUME,
-    Quantity,
-)
+from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis.quantities import Quantity
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
 
-_MORE = (ENERGY_ABSORBED, VOLUME, REBOUND, PIECES, BROKEN, CRACK, RESIDUAL)
+_MORE = (
+    q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
+)  # fmt: skip
 
 
 def key_figures(summary: Mapping[str, Any]) -> Table:
@@ -64,8 +58,8 @@ def study(content: Mapping[str, Any]) -> Table:
         cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
         table.add_row(case["name"].removeprefix("paper/"), *cells)
         if ensemble is not None:
-            bands = [q.span(case["low"][q.key], case["high"][q.key]) for q in JUDGED]
-            measured = [q.text(case["measured"][q.key]) for q in JUDGED]
+            bands = [one.span(case["low"][one.key], case["high"][one.key]) for one in JUDGED]
+            measured = [one.text(case["measured"][one.key]) for one in JUDGED]
             table.add_row("  5 to 95 %", *(f"{text} " for text in bands), style="dim")
             table.add_row("  measured", *(f"{text} " for text in measured), style="dim")
     hits = [content["within_tolerance"][quantity.key] for quantity in JUDGED]

@@ -26,7 +26,7 @@ from taichi_foam.picture.style import (
     VERMILION,
     blank,
 )
-from taichi_foam.records.history import COLUMNS, LEDGER, columns_of
+from taichi_foam.records.history import COLUMNS, LEDGER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,9 @@ Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
 #: Columns of the history that show how the impactor moves.
-MOTION = ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
+MOTION = tuple(
+    COLUMNS[name] for name in ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
+)
 #: Energies below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-3
 
@@ -61,10 +63,10 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
         axes = figure.subplots(3, 1, sharex=True)
         ends = []
         for axis, column, mark in zip(axes, MOTION, "abc", strict=True):
-            label, factor = COLUMNS[column].axis
+            label, factor = column.axis
             ends.clear()
             for colour, (velocity, history) in zip(CYCLE, sorted(histories.items()), strict=False):
-                time, values = 1e3 * history["time_s"], factor * history[column]
+                time, values = 1e3 * history["time_s"], factor * history[column.name]
                 axis.plot(time, values, color=colour, label=f"{velocity:.2f} m/s")
                 ends.append((time[-1], values[-1], f"{velocity:.2f} m/s", colour))
             axis.set_ylabel(label)
@@ -202,14 +204,14 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
         (
             float(np.max(np.abs(history[c])))
             for layer in LEDGER
-            for c in columns_of(layer)
+            for c in layer.columns
             if c in history
         ),
         default=0.0,
     )
     for layer in LEDGER:
         nothing = np.zeros_like(history["time_s"])
-        total = sum((history[c] for c in columns_of(layer) if c in history), start=nothing)
+        total = sum((history[c] for c in layer.columns if c in history), start=nothing)
         if np.any(np.abs(total) > 0):
             lowest = float(total.min())
             # A stack of areas has no place below zero. By rounding a part may dip there, too.

@@ -30,9 +30,8 @@ from taichi_foam.picture.view import Window, window
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from taichi_foam.records.history import COLUMNS
     from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Scene
+    from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -134,9 +133,9 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
         figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02, hspace=0.02)
         grid = figure.subplots(down, across, sharex=True, squeeze=False)
         axes = list(grid.ravel())
-        for axis, name in zip(axes, shown, strict=False):
-            label, factor = COLUMNS[name].axis
-            values = factor * history[name]
+        for axis, quantity in zip(axes, shown, strict=False):
+            label, factor = quantity.axis
+            values = factor * history[quantity.name]
             axis.plot(time, values, color=BLUE)
             axis.set_ylabel(label)
             # smoothing rings a little where a deceleration sets in

@@ -33,30 +33,6 @@ ROW_COLUMNS: tuple[str, ...] = (
 
 
 @dataclass(frozen=True)
-class Layer:
-    """One layer of the ledger's pictures; one or more columns add up to it."""
-
-    label: str
-    colour: str
-
-
-_IMPACTOR = Layer("impactor, kinetic", "#B8BEC6")
-_FOAM = Layer("foam, kinetic", "#56B4E9")
-_STRAIN = Layer("strain (recoverable)", "#F0E442")
-_CRUSHING = Layer("crushing", "#D55E00")
-_SHEAR = Layer("shear", "#E69F00")
-_DAMPING = Layer("damping", "#009E73")
-_FRICTION = Layer("impactor friction", "#0072B2")
-_FRACTURE = Layer("fracture", "#AA4A8A")
-_CONTACTS = Layer("contacts and base", "#5A5A5A")
-
-LEDGER = (
-    _IMPACTOR, _FOAM, _STRAIN, _CRUSHING, _SHEAR, _DAMPING, _FRICTION, _FRACTURE, _CONTACTS,
-)  # fmt: skip
-"""Layers of the ledger's pictures, bottom to top."""
-
-
-@dataclass(frozen=True)
 class Column:
     """One column of the history.
 
@@ -66,8 +42,6 @@ class Column:
     meaning     what it is, with its sign
     source      members of the device's row that it comes from, see ROW_COLUMNS; their sum unless
                 `analysis.history.history_of` says otherwise
-    in_ledger   whether it counts, positive, in the sum of energies that stays what it was
-    layer       of the ledger's pictures that it belongs to
     is_integer  whether history.csv holds whole numbers
     shown       on the axes of figures: unit, and how many of it one SI unit is
     """
@@ -77,10 +51,13 @@ class Column:
     label: str
     meaning: str
     source: tuple[str, ...]
-    in_ledger: bool = False
-    layer: Layer | None = None
     is_integer: bool = False
     shown: tuple[str, float] | None = None
+
+    @property
+    def in_ledger(self) -> bool:
+        """Whether it counts, positive, in the sum of energies that stays what it was."""
+        return self.unit == "J" and self.name != "residual_J"
 
     @property
     def axis(self) -> tuple[str, float]:
@@ -89,84 +66,42 @@ class Column:
         return f"{self.label} ({unit})", factor
 
 
-def _energy(
-    name: str, label: str, meaning: str, source: tuple[str, ...], layer: Layer | None
-) -> Column:
-    return Column(name, "J", label, meaning, source, in_ledger=True, layer=layer)
-
-
-COLUMNS: Mapping[str, Column] = {
-    column.name: column
-    for column in (
-        Column("time_s", "s", "time", "end of the row's interval", ("time",)),
-        Column(
-            "displacement_m", "m", "displacement",
-            "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2),
-        ),
-        Column(
-            "velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",),
-        ),
-        Column(
-            "deceleration_m_s2", "m/s²", "deceleration, raw",
-            "of the impactor, positive upwards, mean over the row's interval", ("time", "v"),
-        ),
-        Column(
-            "deceleration_smoothed_m_s2", "m/s²", "deceleration",
-            "the same, smoothed: CFC 180, zero phase", ("time", "v"),
-        ),
-        Column(
-            "contact_force_N", "N", "contact force", "of the foam on the impactor, upwards",
-            ("force",),
-        ),
-        _energy(
-            "impactor_kinetic_J", "impactor, kinetic", "kinetic energy of the impactor", ("v",),
-            _IMPACTOR,
-        ),
-        _energy(
-            "foam_kinetic_J", "foam, kinetic", "kinetic energy of the mass points", ("kinetic",),
-            _FOAM,
-        ),
-        _energy("strain_J", "elastic strain", "what bonds can give back", ("stored",), _STRAIN),
-        _energy(
-            "crushing_J", "crushing",
-            "work of normal stresses beyond what is stored or was lost by breaking",
-            ("faces", "shear", "dashpots", "stored", "fracture"), _CRUSHING,
-        ),
-        _energy("shear_J", "shear", "work of shear stresses", ("shear",), _SHEAR),
-        _energy(
-            "damping_J", "damping", "work of dashpots and of drag", ("dashpots", "drag"), _DAMPING,
-        ),
-        _energy(
-            "friction_J", "friction", "lost by friction on the impactor", ("friction",), _FRICTION,
-        ),
-        _energy(
-            "contact_J", "impactor contact", "taken by the impactor's contact", ("impactor",),
-            _CONTACTS,
-        ),
-        _energy(
-            "self_contact_J", "pieces' contact", "taken by contact between pieces",
-            ("self_contact",), _CONTACTS,
-        ),
-        _energy(
-            "fracture_J", "fracture", "stored energy that breaking has lost", ("fracture",),
-            _FRACTURE,
-        ),
-        _energy("base_J", "base", "taken by the base", ("base",), _CONTACTS),
-        _energy(
-            "gravity_J", "gravity", "potential energy of foam and impactor above that at the start",
-            ("potential", "y"), None,
-        ),
-        Column(
-            "residual_J", "J", "unaccounted for",
-            "sum of the ledger at the first row, less that of now", (),
-        ),
-        Column(
-            "broken_bonds", "", "broken bonds", "how many bonds are broken", ("broken",),
-            is_integer=True,
-        ),
-        Column("dt_s", "s", "time step", "the step at the end of the row", ("step",)),
-    )
-}  # fmt: skip
+COLUMNS: Mapping[str, Column] = {column.name: column for column in (
+    Column("time_s", "s", "time", "end of the row's interval", ("time",)),
+    Column("displacement_m", "m", "displacement",
+           "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2)),
+    Column("velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",)),
+    Column("deceleration_m_s2", "m/s²", "deceleration, raw",
+           "of the impactor, positive upwards, mean over the row's interval", ("time", "v")),
+    Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
+           "the same, smoothed: CFC 180, zero phase", ("time", "v")),
+    Column("contact_force_N", "N", "contact force",
+           "of the foam on the impactor, upwards", ("force",)),
+    Column("impactor_kinetic_J", "J", "impactor, kinetic",
+           "kinetic energy of the impactor", ("v",)),
+    Column("foam_kinetic_J", "J", "foam, kinetic",
+           "kinetic energy of the mass points", ("kinetic",)),
+    Column("strain_J", "J", "elastic strain", "what bonds can give back", ("stored",)),
+    Column("crushing_J", "J", "crushing",
+           "work of normal stresses beyond what is stored or was lost by breaking",
+           ("faces", "shear", "dashpots", "stored", "fracture")),
+    Column("shear_J", "J", "shear", "work of shear stresses", ("shear",)),
+    Column("damping_J", "J", "damping", "work of dashpots and of drag", ("dashpots", "drag")),
+    Column("friction_J", "J", "friction", "lost by friction on the impactor", ("friction",)),
+    Column("contact_J", "J", "impactor contact",
+           "taken by the impactor's contact", ("impactor",)),
+    Column("self_contact_J", "J", "pieces' contact",
+           "taken by contact between pieces", ("self_contact",)),
+    Column("fracture_J", "J", "fracture", "stored energy that breaking has lost", ("fracture",)),
+    Column("base_J", "J", "base", "taken by the base", ("base",)),
+    Column("gravity_J", "J", "gravity",
+           "potential energy of foam and impactor above that at the start", ("potential", "y")),
+    Column("residual_J", "J", "unaccounted for",
+           "sum of the ledger at the first row, less that of now", ()),
+    Column("broken_bonds", "", "broken bonds",
+           "how many bonds are broken", ("broken",), is_integer=True),
+    Column("dt_s", "s", "time step", "the step at the end of the row", ("step",)),
+)}  # fmt: skip
 """Columns of the history by name, in order."""
 
 HISTORY_COLUMNS = tuple(COLUMNS)
@@ -176,9 +111,27 @@ ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
 """The ledger's entries in order, and last what they leave unaccounted for."""
 
 
-def columns_of(layer: Layer) -> tuple[str, ...]:
-    """Names of the columns that add up to a layer of the ledger's pictures."""
-    return tuple(column.name for column in COLUMNS.values() if column.layer is layer)
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the ledger's pictures: the columns that add up to it."""
+
+    label: str
+    colour: str
+    columns: tuple[str, ...]
+
+
+LEDGER = (
+    Layer("impactor, kinetic", "#B8BEC6", ("impactor_kinetic_J",)),
+    Layer("foam, kinetic", "#56B4E9", ("foam_kinetic_J",)),
+    Layer("strain (recoverable)", "#F0E442", ("strain_J",)),
+    Layer("crushing", "#D55E00", ("crushing_J",)),
+    Layer("shear", "#E69F00", ("shear_J",)),
+    Layer("damping", "#009E73", ("damping_J",)),
+    Layer("impactor friction", "#0072B2", ("friction_J",)),
+    Layer("fracture", "#AA4A8A", ("fracture_J",)),
+    Layer("contacts and base", "#5A5A5A", ("contact_J", "self_contact_J", "base_J")),
+)
+"""Layers of the ledger's pictures, bottom to top; gravity can lie below zero and has none."""
 
 
 class History(dict[str, Array]):

@@ -9,15 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_foam.analysis.quantities import (
-    DISPLACEMENT,
-    DURATION,
-    ENERGY_PER_VOLUME,
-    PEAK,
-    PEAK_TIME,
-    PLATEAU,
-    SLOPE,
-)
+from taichi_foam.analysis import quantities as q
 from taichi_foam.shim2000.bands import Band
 from taichi_foam.shim2000.tests import MEASURED, SIMULATED_DURATION
 
@@ -28,10 +20,10 @@ ENSEMBLE_TOLERANCE = 0.10
 """... and the median of an ensemble, from which chance has gone, if further than this."""
 
 
-JUDGED = (DISPLACEMENT, DURATION, PLATEAU, ENERGY_PER_VOLUME)
+JUDGED = (q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME)
 """The four figures that the paper gives for every test."""
 
-COMPARED = (*JUDGED, SLOPE, PEAK, PEAK_TIME)
+COMPARED = (*JUDGED, q.SLOPE, q.PEAK, q.PEAK_TIME)
 """All that the paper gives. Both energies stand beside Table 5, whose figures are slopes."""
 
 
@@ -41,7 +33,7 @@ def measured_figures(name: str) -> dict[str, float | None]:
     if found is None:
         return {}
     figures = dataclasses.asdict(found)
-    return {**figures, SLOPE.key: found.energy_per_volume_J_m3}
+    return {**figures, q.SLOPE.key: found.energy_per_volume_J_m3}
 
 
 def comparison(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,7 +102,7 @@ def write_tables(
                 key = quantity.key
                 if case["measured"][key] is None:
                     continue
-                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
+                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is q.DURATION else None
                 found = [case[part][key] for part in ("simulated", *ends, "error")]
                 values = [case["measured"][key], theirs, *found]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]

@@ -5,17 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taichi_foam.analysis.quantities import (
-    CRACK,
-    CRACK_START,
-    CRACK_TIME,
-    DURATION,
-    HEIGHT,
-    REBOUND,
-    WIDTH,
-    Quantity,
-)
-from taichi_foam.records.history import LEDGER, columns_of
+from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis.quantities import DURATION, Quantity
+from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene
 from taichi_foam.scene.fields import described
 from taichi_foam.shim2000 import plates
@@ -97,16 +89,15 @@ def _damage(case: Case) -> Row:
         value = found[quantity.key]
         return quantity.text(value) + (f" {quantity.unit}" if value is not None else "")
 
-    has_crack = found[CRACK.key] is not None
-    has_region = found[WIDTH.key] is not None
+    has_crack, width = found[q.CRACK.key] is not None, found[q.WIDTH.key]
     return {
         "case": plates.short(case.name),
         "pieces": found["pieces"],
-        "region": f"{WIDTH.text(found[WIDTH.key])} × {text(HEIGHT)}" if has_region else "none",
-        "crack": f"at {text(CRACK_START)}, {text(CRACK_TIME)}" if has_crack else "none",
-        "depth": text(CRACK),
+        "region": "none" if width is None else f"{q.WIDTH.text(width)} × {text(q.HEIGHT)}",
+        "crack": f"at {text(q.CRACK_START)}, {text(q.CRACK_TIME)}" if has_crack else "none",
+        "depth": text(q.CRACK),
         "broken": found["broken_bonds"],
-        "rebound": text(REBOUND),
+        "rebound": text(q.REBOUND),
     }
 
 
@@ -115,7 +106,7 @@ def ledger(cases: Sequence[Case]) -> Row:
     rows = []
     for case in cases:
         h = case.result.history
-        parts = [sum(float(h[name][-1]) for name in columns_of(layer)) for layer in LEDGER]
+        parts = [sum(float(h[name][-1]) for name in layer.columns) for layer in LEDGER]
         rows.append(
             {
                 "case": plates.short(case.name),

@@ -20,7 +20,6 @@ from taichi_foam.records.history import (
     HISTORY_COLUMNS,
     LEDGER,
     ROW_COLUMNS,
-    columns_of,
 )
 from taichi_foam.scene import Scene, Wedge
 
@@ -40,20 +39,20 @@ def test_every_member_of_a_row_goes_into_a_column_and_no_other() -> None:
 
 
 def test_layers_hold_the_ledger_but_gravity() -> None:
-    held = [name for layer in LEDGER for name in columns_of(layer)]
+    held = [name for layer in LEDGER for name in layer.columns]
     assert sorted(held) == sorted(
         column.name for column in ENERGIES if column.in_ledger and column.name != "gravity_J"
     )
     assert len({layer.colour for layer in LEDGER}) == len({layer.label for layer in LEDGER}) == 9
-    assert all(columns_of(layer) for layer in LEDGER)
+    assert all(layer.columns for layer in LEDGER)
 
 
 def test_pictures_and_page_tell_the_ledger_as_the_table_does(make_result) -> None:
-    ones = dict.fromkeys((name for layer in LEDGER for name in columns_of(layer)), 1.0)
+    ones = dict.fromkeys((name for layer in LEDGER for name in layer.columns), 1.0)
     names, layers, tones = ledger_layers(make_result(**ones).history)
     assert names == [layer.label for layer in LEDGER]
     assert tones == [layer.colour for layer in LEDGER]
-    assert [layer[0] for layer in layers] == [len(columns_of(layer)) for layer in LEDGER]
+    assert [layer[0] for layer in layers] == [len(layer.columns) for layer in LEDGER]
     assert tuple((column.name, column.label) for column in ENERGIES) == ON_THE_PAGE
 
 
@@ -62,7 +61,7 @@ def test_the_ledger_and_its_residual_stay_what_they_were() -> None:
     rows[:, ROW_COLUMNS.index("time")] = np.arange(20.0)
     history = history_of(Scene(impactor=Wedge(velocity=1.0)), rows)
     assert tuple(history) == HISTORY_COLUMNS
-    total = sum(history[column.name] for column in ENERGIES)
+    total = np.sum([history[column.name] for column in ENERGIES], axis=0)
     np.testing.assert_allclose(total, total[0], rtol=1e-12)
     assert np.ptp(history.residual_J) > 0.1
     drag, dashpots = (rows[:, ROW_COLUMNS.index(name)] for name in ("drag", "dashpots"))

@@ -30,9 +30,10 @@ def test_all_that_compute_take_arch_and_threads_alike(call) -> None:
 def test_what_runs_already_is_kept_and_another_is_refused(scene: tf.Scene) -> None:
     tf.init()
     here = runtime.settings()
-    result = tf.run(scene, arch="cpu", threads=here["threads"])
-    assert result.run["threads"] == here["threads"]
-    other = here["threads"] % 2 + 1
+    threads = int(here["threads"])
+    result = tf.run(scene, arch="cpu", threads=threads)
+    assert result.run["threads"] == threads
+    other = threads % 2 + 1
     for compute in (
         lambda: tf.init(threads=other),
         lambda: tf.run(scene, threads=other),

@@ -35,7 +35,8 @@ _TYPES = {
 }
 _ASSETS = ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg")
 _PLOTLY = "plotly.min.js"
-_PLOTLY_FOLDER = resources.files("plotly") / "package_data"  # here, so that none is told at once
+# Looked for on import: a missing package is told before the page is served.
+_PLOTLY_FOLDER = resources.files("plotly") / "package_data"
 
 
 def app_of(show: Show) -> Starlette:

@@ -6,20 +6,7 @@ import dataclasses
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam.analysis.quantities import (
-    BROKEN,
-    DISPLACEMENT,
-    DURATION,
-    ENERGY_ABSORBED,
-    ENERGY_PER_VOLUME,
-    HEIGHT,
-    PEAK,
-    PIECES,
-    PLATEAU,
-    REBOUND,
-    RESIDUAL,
-    WIDTH,
-)
+from taichi_foam.analysis import quantities as q
 from taichi_foam.records import history
 from taichi_foam.scene import CHOICE_SETS
 from taichi_foam.shim2000.tests import MEASURED, NAMES, paper_scene
@@ -28,12 +15,12 @@ if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
 QUANTITIES = (
-    DISPLACEMENT, DURATION, PLATEAU, ENERGY_PER_VOLUME, ENERGY_ABSORBED, PEAK, REBOUND, WIDTH,
-    HEIGHT, PIECES, BROKEN, RESIDUAL,
+    q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME, q.ENERGY_ABSORBED, q.PEAK,
+    q.REBOUND, q.WIDTH, q.HEIGHT, q.PIECES, q.BROKEN, q.RESIDUAL,
 )  # fmt: skip
 """The figures of the page's table, in its order."""
 
-FIGURES = tuple((q.key, q.name, q.unit, q.factor, q.digits) for q in QUANTITIES)
+FIGURES = tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in QUANTITIES)
 """The same as the page gets them."""
 
 ENERGIES = tuple((column.name, column.label) for column in history.ENERGIES)
