@@ -23,6 +23,7 @@ from taichi_foam.cli.options import (
 )
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_residual
 from taichi_foam.errors import RunError
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.folders import check_output_folder, file_name, output_folder
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
@@ -235,7 +236,7 @@ def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: 
     with output_folder(folder, overwrite) as staging:
         with held_interrupts() as pressed:
             result.write(staging)
-        if pressed.is_set() or result.run["interrupted"]:
+        if pressed.is_set() or result.ending is Ending.INTERRUPTED:
             return True
         frames = films.frames_to_draw(result) if with_films else 0
         if frames == 0:

@@ -20,6 +20,7 @@ from typing import Any
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.picture import films as film_files
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.folders import check_output_folder, output_folder
 from taichi_foam.results.result import storage_bytes, write_json
 from taichi_foam.scene import Scene
@@ -180,8 +181,8 @@ def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
             results = simulate.run_many(scenes, on_progress)
         except RunError as error:
             results, failure = error.results, str(error)
-    cut = [r.scene.name for r in results if r.run["interrupted"]]
-    ended = [r for r in results if not r.run["interrupted"]]
+    cut = [r.scene.name for r in results if r.ending is Ending.INTERRUPTED]
+    ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
     failed = [r for r in ended if has_failed(r)]
     cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
     if cut and not cases and not failed:

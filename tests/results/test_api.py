@@ -84,5 +84,5 @@ def test_the_library_does_not_speak_of_options(make_result, tmp_path: Path) -> N
         if "cli" not in file.relative_to(package).parts:
             assert not any(
                 f"--{option}" in file.read_text(encoding="utf-8")
-                for option in ("overwrite", "arch", "threads", "set ", "out", "port")
+                for option in ("overwrite", "arch", "threads", "set ", "out", "port", "host")
             ), file
