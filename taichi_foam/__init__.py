@@ -2,7 +2,7 @@
 
     import taichi_foam as tf
     result = tf.run(tf.paper_scene("paper/wedge-2.86"))
-    print(tf.summary(result))
+    print(result.summary)
     result.save("runs/wedge")
 
 Taichi, SciPy and Matplotlib load when something first needs them, not on import.
@@ -22,23 +22,30 @@ if TYPE_CHECKING:
     from taichi_foam.catalogue import load_scene
     from taichi_foam.errors import RunError, UserError
     from taichi_foam.live.watch import watch
-    from taichi_foam.results.result import Result
+    from taichi_foam.records.ending import Ending
+    from taichi_foam.records.history import History
+    from taichi_foam.records.snapshot import Snapshot
+    from taichi_foam.results.result import Result, load
     from taichi_foam.scene import Scene
     from taichi_foam.shim2000.reproduce import reproduce
     from taichi_foam.shim2000.tests import paper_scene
-    from taichi_foam.simulation.simulate import run, run_many, simulate, simulate_many
+    from taichi_foam.simulation.simulate import init, run, run_many, simulate, simulate_many
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_LOG_LEVEL", "error")
 
-
 __all__ = [
+    "Ending",
+    "History",
     "Result",
     "RunError",
     "Scene",
+    "Snapshot",
     "UserError",
     "__version__",
+    "init",
+    "load",
     "load_scene",
     "paper_scene",
     "reproduce",
@@ -51,10 +58,15 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Ending": "records.ending",
+    "History": "records.history",
     "Result": "results.result",
     "RunError": "errors",
     "Scene": "scene",
+    "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "init": "simulation.simulate",
+    "load": "results.result",
     "load_scene": "catalogue",
     "paper_scene": "shim2000.tests",
     "reproduce": "shim2000.reproduce",
@@ -77,7 +89,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)
 
 
 if "IPython" in sys.modules:  # in a notebook scenes and results show themselves

@@ -5,29 +5,25 @@ from __future__ import annotations
 import ast
 import difflib
 import runpy
-import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.shape import SHAPES
 from taichi_foam.scene import CHOICE_SETS, Scene
-from taichi_foam.scene.files import read_toml, titled, validated
-from taichi_foam.scene.messages import explain
+from taichi_foam.scene.files import read_toml
+from taichi_foam.scene.messages import explain, titled
+from taichi_foam.scene.values import changed, settings
 from taichi_foam.shim2000 import tests
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 
 def load_scene(
-    source: str | Path | Scene, choices: str | None = None, overrides: Sequence[str] = ()
+    source: str | Path | Scene,
+    choices: str | None = None,
+    overrides: Mapping[str, Any] | Sequence[str] = (),
 ) -> Scene:
     """Load a scene and apply a choice set, then single values.
 
@@ -36,8 +32,8 @@ def load_scene(
             script that defines `scene`, or a scene itself. A script's
             `if __name__ == "__main__"` part does not run.
         choices: key of `CHOICE_SETS`; None keeps the scene's own.
-        overrides: "block.rows=40" and the like, the later ones winning. A value is read as TOML,
-            otherwise as a plain word; `none` empties an optional key.
+        overrides: values by dotted key, as for `Scene.with_values`; or texts as on the command
+            line, see `scene.values.settings`.
 
     Raises:
         UserError: no such source, an unreadable one, or a scene that cannot be.
@@ -45,19 +41,20 @@ def load_scene(
     if choices is not None and choices not in CHOICE_SETS:
         raise UserError(f"choices = {choices!r}: must be one of {', '.join(CHOICE_SETS)}")
     data = source if isinstance(source, Scene) else _read(source, choices)
+    values = settings(overrides)
     if isinstance(data, Scene):
-        if choices is None and not overrides:
+        if choices is None and not values:
             return data
         data = data.model_dump(exclude_none=True)
     # The paper's own tests have taken the set in already, the cylinder's radius included.
     if choices is not None and str(source) not in tests.NAMES:
-        for key, value in CHOICE_SETS[choices].items():
-            if key.startswith("impactor.") and "impactor" not in data:
-                continue
-            _put(data, key, value)
-    for text in overrides:
-        _override(data, text)
-    return validated(data, source.name if isinstance(source, Scene) else str(source))
+        has_impactor = data.get("impactor") is not None
+        chosen = CHOICE_SETS[choices].items()
+        data = changed(
+            data, {k: v for k, v in chosen if has_impactor or not k.startswith("impactor.")}
+        )
+    title = source.name if isinstance(source, Scene) else str(source)
+    return Scene.checked(changed(data, values), title)
 
 
 def list_scenes() -> dict[str, str]:
@@ -102,7 +99,7 @@ def _run_script(path: Path) -> Scene:
     try:
         names = runpy.run_path(str(path), run_name="taichi_foam_scene")
     except ValidationError as error:
-        raise UserError(titled(_where(path, error), explain(error))) from None
+        raise UserError(titled(_where(path, error), explain(error, Scene))) from None
     except (Exception, SystemExit) as error:
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise UserError(f"{_where(path, error)}: the script failed: {what}") from None
@@ -126,42 +123,6 @@ def _where(path: Path, error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename == str(path):
         lines.append(error.lineno)
     return f"{path}:{lines[-1]}" if lines else str(path)
-
-
-def _override(data: dict[str, Any], text: str) -> None:
-    """Apply one "key=value" to a scene's raw data."""
-    key, equals, word = text.partition("=")
-    key, word = key.strip(), word.strip()
-    if not equals or not all(key.split(".")) or not word:
-        raise UserError(f"--set {text}: must read KEY=VALUE, e.g. block.rows=40")
-    value = _parse(word)
-    if key == "impactor.shape" and isinstance(data.get("impactor"), dict) and value in SHAPES:
-        # Keys of the old shape that the new one lacks would be refused as unknown.
-        known = SHAPES[value].model_fields
-        data["impactor"] = {k: v for k, v in data["impactor"].items() if k in known}
-    _put(data, key, value)
-
-
-def _parse(word: str) -> Any:
-    """Return a value read as TOML, or the word itself; None for `none`."""
-    if word == "none":
-        return None
-    try:
-        table = tomllib.loads(f"value = {word}")
-    except tomllib.TOMLDecodeError:
-        return word
-    return table["value"] if table.keys() == {"value"} else word
-
-
-def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested dictionaries, making tables on the way."""
-    *heads, last = key.split(".")
-    table = data
-    for head in heads:
-        table = table.setdefault(head, {})
-        if not isinstance(table, dict):
-            raise UserError(f"{key}: unknown key; {head} has no keys of its own")
-    table[last] = value
 
 
 def _gallery() -> dict[str, Path]:

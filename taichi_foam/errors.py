@@ -1,13 +1,22 @@
-"""The two ways in which a request can end badly."""
+"""The two ways in which a request can end badly, and what to say of a package that is missing."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 
 class UserError(Exception):
-    """The request cannot be met: the message says why, and how to mend it (exit code 2)."""
+    """The request cannot be met: the message says why, and how to mend it (exit code 2).
+
+    `argument` is the one that the message proposes, such as "overwrite=True", as it stands there:
+    the command line puts its own option in its place.
+    """
+
+    def __init__(self, message: str, argument: str | None = None) -> None:
+        super().__init__(message)
+        self.argument = argument
 
 
 class RunError(Exception):
@@ -19,3 +28,20 @@ class RunError(Exception):
     def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.results = list(results)
+
+
+@contextlib.contextmanager
+def installed(purpose: str, package: str) -> Iterator[None]:
+    """Import what comes with `package` in this block; UserError says what to install if it fails.
+
+    `package` may be one of the extras, such as "taichi-foam[live]".
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("taichi_foam"):
+            raise  # a fault of ours
+        raise UserError(
+            f"{purpose}: needs {error.name}, which is not installed. "
+            f"Fix: python -m pip install '{package}'"
+        ) from None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
 
 FIX_BY_UNIT = {
     "m": "lengths are in metres (200 mm is 0.2)",
@@ -23,8 +25,8 @@ FIX_BY_UNIT = {
 }
 """What to say about a value out of range, by the field's unit."""
 
-# The two strain entries differ in sign convention only; both print as a plain number.
-_PRINTED_UNIT = {"tension": "", "compression": "", "-": "", "count": "", "px": " px"}
+# The two strain entries differ in sign convention only.
+_WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 
 
 class Part(BaseModel):
@@ -33,6 +35,12 @@ class Part(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        """What differs from the defaults, which is what one would write."""
+        for name, value in super().__repr_args__():
+            if name is None or value != type(self).model_fields[name].default:
+                yield name, value
 
 
 def quantity(
@@ -53,13 +61,13 @@ def quantity(
     Args:
         default: value when the scene does not give one.
         unit: key of `FIX_BY_UNIT`.
-        meaning: what the number is; becomes the field's description, unit appended.
+        meaning: what the number is; becomes the field's description.
         above, at_least, below, at_most: the range, enforced and described.
         allowed: the range in words, for a field whose type enforces it.
         fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
         more: passed on to `pydantic.Field`.
     """
-    suffix = _PRINTED_UNIT.get(unit, f" {unit}")
+    shown = "" if unit in _WITHOUT_UNIT else unit
     limits = {"above": above, "at least": at_least, "below": below, "at most": at_most}
     given = [
         f"{text} {limit:{',' if isinstance(limit, int) else 'g'}}"
@@ -67,11 +75,11 @@ def quantity(
         if limit is not None
     ]
     bounds = {"gt": above, "ge": at_least, "lt": below, "le": at_most}
-    allowed = allowed or " and ".join(given) + suffix
+    allowed = allowed or f"{' and '.join(given)} {shown}".rstrip()
     return Field(
         default=default,
-        description=f"{meaning}{f' [{suffix.strip()}]' if suffix else ''}",
-        json_schema_extra={"allowed": allowed, "fix": fix or FIX_BY_UNIT[unit]},
+        description=meaning,
+        json_schema_extra={"allowed": allowed, "fix": fix or FIX_BY_UNIT[unit], "unit": shown},
         **{name: limit for name, limit in bounds.items() if limit is not None},
         **more,
     )
@@ -80,3 +88,15 @@ def quantity(
 def choice(default: Any, meaning: str) -> Any:
     """Return a pydantic field for a named option or a switch."""
     return Field(default=default, description=meaning)
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Unit of a field [SI, degrees or pixels]; empty for a plain number and all else."""
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def described(field: FieldInfo) -> str:
+    """What a field is, and its unit in brackets where it has one."""
+    unit = unit_of(field)
+    return f"{field.description or ''}{f' [{unit}]' if unit else ''}"

@@ -6,17 +6,17 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from taichi_foam.analysis.measures import summary
+from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, ENERGY_PER_VOLUME, PLATEAU
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import Band, band
 from taichi_foam.shim2000.case import has_failed
-from taichi_foam.shim2000.compare import DISPLACEMENT, DURATION, ENERGY, PLATEAU
 from taichi_foam.shim2000.ensemble import faster
 from taichi_foam.shim2000.reproduce import case_names
 from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
-ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY)
+ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY_PER_VOLUME)
 
 Figures = dict[str, Any]
 """The content of a run's summary.json, and `simulated_s`, how long the run was."""

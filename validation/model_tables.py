@@ -15,14 +15,21 @@ from typing import Annotated, Any
 import typer
 from ensembles import ORDER, percent, short, table
 
-from taichi_foam.shim2000.compare import DISPLACEMENT, DURATION, ENERGY, PLATEAU, Quantity, is_miss
+from taichi_foam.analysis.quantities import (
+    DISPLACEMENT,
+    DURATION,
+    ENERGY_PER_VOLUME,
+    PLATEAU,
+    Quantity,
+)
+from taichi_foam.shim2000.compare import is_miss
 
 # Of a figure in the README's table: title, decimals as computed, and as measured.
 README_ORDER = (
     (DISPLACEMENT, "displacement, cm", 2, 1),
     (DURATION, "duration, ms", 1, 0),
     (PLATEAU, "plateau, m/s²", 0, 0),
-    (ENERGY, "energy/volume, 10⁵ J/m³", 2, 2),
+    (ENERGY_PER_VOLUME, "energy/volume, 10⁵ J/m³", 2, 2),
 )
 
 Entry = Mapping[str, Any]

@@ -30,8 +30,8 @@ from ensembles import (
 from rich.console import Console
 from scipy.stats import mannwhitneyu
 
+from taichi_foam.analysis.quantities import Quantity
 from taichi_foam.results.result import Result
-from taichi_foam.shim2000.compare import Quantity
 from taichi_foam.shim2000.ensemble import WITHIN, factors
 from taichi_foam.shim2000.machine import machine, versions
 from taichi_foam.shim2000.tests import MEASURED, TABLE_6

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-
 from taichi_foam.engine.parameters import impactor_edges, parameters_of
+
 from taichi_foam.scene import Cylinder, Scene
 
 

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-
 from taichi_foam.engine.parameters import parameters_of
+
 from taichi_foam.scene import Scene
 
 from .constants import Skipped, State, lattice_of

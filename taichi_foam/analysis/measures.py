@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.analysis.fragments import crack_over_time, pieces
 from taichi_foam.analysis.pattern import crushed_region
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
 
@@ -260,7 +261,7 @@ def summary(record: Record) -> dict[str, Any]:
         "max_overlap_cells": (
             None if overlap is None else overlap / min(scene.block.dx, scene.block.dy)
         ),
-        "interrupted": bool(run.get("interrupted", False)),
+        "interrupted": record.ending is Ending.INTERRUPTED,
     }
 
 

@@ -23,6 +23,7 @@ from taichi_foam.cli.options import (
 )
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_residual
 from taichi_foam.errors import RunError
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.folders import check_output_folder, file_name, output_folder
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
@@ -204,7 +205,7 @@ def _run(
         from taichi_foam.simulation import simulate
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
-        runtime.start(arch, threads)
+        runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
         failure = None
         with bars.computing(scene.name) as on_progress:
             try:
@@ -214,15 +215,13 @@ def _run(
                     raise
                 result, failure = error.results[0], error
         # measures take a while to load: after the run, not before it
-        from taichi_foam.analysis.measures import summary
         from taichi_foam.cli import tables
 
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
-        figures = summary(result)
-        console.print(tables.key_figures(figures))
+        console.print(tables.key_figures(result.summary))
         say_where(console, folder)
         if failure is None:
-            warn_of_residual(errors, figures["energy_residual"])
+            warn_of_residual(errors, result.summary["energy_residual"])
         if failure is not None:
             raise RunError(f"{failure}; what was computed until then is in {folder}")
         if cut:
@@ -237,7 +236,7 @@ def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: 
     with output_folder(folder, overwrite) as staging:
         with held_interrupts() as pressed:
             result.write(staging)
-        if pressed.is_set() or result.run["interrupted"]:
+        if pressed.is_set() or result.ending is Ending.INTERRUPTED:
             return True
         frames = films.frames_to_draw(result) if with_films else 0
         if frames == 0:

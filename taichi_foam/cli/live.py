@@ -8,7 +8,6 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from taichi_foam.analysis.measures import summary
 from taichi_foam.cli import tables
 from taichi_foam.cli.outcome import INTERRUPTED, say_where, warn_of_residual
 from taichi_foam.errors import RunError
@@ -51,7 +50,7 @@ def run_live(
     whole = kept[:-1] if stage.was_cut else kept
     has_films = bool(stage.failures) or _draw_films(whole, bars)
     if kept:
-        figures = summary(Result.load(kept[-1]))
+        figures = Result.load(kept[-1]).summary
         console.print(tables.key_figures(figures))
         for path in kept:
             say_where(console, str(path))

@@ -24,7 +24,7 @@ def exit_codes(console: Console) -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        raise _told(console, str(error), REFUSED) from None
+        raise _told(console, _with_options(error), REFUSED) from None
     except RunError as error:
         raise _told(console, str(error), FAILED) from None
     except KeyboardInterrupt as error:
@@ -58,6 +58,18 @@ def warn_of_residual(errors: Console, residual: float | None) -> None:
             "this run; take a smaller --dt, or auto",
             soft_wrap=True,
         )
+
+
+def _with_options(error: UserError) -> str:
+    """The message, with the command line's own option for the argument that it proposes."""
+    text, argument = str(error), error.argument
+    if argument is None:
+        return text
+    name, _, value = argument.partition("=")
+    option = f"--{name.replace('_', '-')}"
+    if value != "True":
+        option += " " + value.strip("'")
+    return text.replace(argument, option)
 
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:

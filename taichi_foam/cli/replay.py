@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.delivery import Job, deliver
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
 from taichi_foam.cli.outcome import exit_codes
@@ -181,16 +180,14 @@ def _loaded(
     result = Result.load(folder)
     if not result.snapshots:
         raise UserError(f"{folder}: the run has no snapshots to draw. Fix: run its scene again.")
-    given: dict[str, object] = {"mode": mode, "theme": theme, "fps": fps}
-    if curve is not None:
-        given["curve"] = "true" if curve else "false"
+    given: dict[str, object] = {"mode": mode, "theme": theme, "fps": fps, "curve": curve}
     if size is not None:
         parts = re.fullmatch(r"([0-9]{1,9})[x×]([0-9]{1,9})", size.strip().lower())
         if parts is None:
             raise UserError(f"size = {size!r}: must read WIDTHxHEIGHT in pixels, e.g. 1280x720")
         given["width"], given["height"] = int(parts[1]), int(parts[2])
-    overrides = [f"output.{key}={value}" for key, value in given.items() if value is not None]
-    return replace(result, scene=load_scene(result.scene, overrides=overrides))
+    values = {f"output.{key}": value for key, value in given.items() if value is not None}
+    return replace(result, scene=result.scene.with_values(values))
 
 
 def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:

@@ -12,6 +12,7 @@ from rich.console import Console
 from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.options import Arch, Choices, Dt, Set, Threads
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
+from taichi_foam.errors import installed
 
 
 def serve_command(
@@ -34,7 +35,8 @@ def serve_command(
         overrides = [] if dt is None else [f"numerics.dt={dt}"]
         checked = load_scene(scene, choices, [*overrides, *(set_ or [])])
         # the scene is right: now what brings Taichi along
-        from taichi_foam.live.page.server import Server, open_browser
+        with installed("a live page", "taichi-foam[live]"):
+            from taichi_foam.live.page.server import Server, open_browser
 
         server = Server(checked, out, host, port, arch, threads)
 

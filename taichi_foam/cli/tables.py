@@ -8,17 +8,13 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.shim2000.compare import COMPARED, JUDGED, Quantity, comparison, is_miss
+from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
 
 _MORE = (
-    Quantity("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
-    Quantity("crushed_volume_m3", "volume crushed", "cm³", 1e6, 1),
-    Quantity("rebound_velocity_m_s", "rebound velocity", "m/s", 1.0, 2),
-    Quantity("pieces", "pieces", ""),
-    Quantity("broken_bonds", "broken bonds", ""),
-    Quantity("crack_lowest_height_m", "crack below impactor, down to", "cm", 1e2, 1),
-    Quantity("energy_residual", "energy residual", "", 1.0, 6),
-)
+    q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
+)  # fmt: skip
 
 
 def key_figures(summary: Mapping[str, Any]) -> Table:
@@ -57,16 +53,13 @@ def study(content: Mapping[str, Any]) -> Table:
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
     for quantity in JUDGED:
-        # The nouns of "maximum displacement" and the like; units stand below.
-        name = quantity.label.removeprefix("maximum ").removeprefix("impact ")
-        head = f"{name.replace(' per ', '/').split()[0]}\n{quantity.unit}"
-        table.add_column(head, justify="right", no_wrap=True)
+        table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
         table.add_row(case["name"].removeprefix("paper/"), *cells)
         if ensemble is not None:
-            bands = [q.span(case["low"][q.key], case["high"][q.key]) for q in JUDGED]
-            measured = [q.text(case["measured"][q.key]) for q in JUDGED]
+            bands = [one.span(case["low"][one.key], case["high"][one.key]) for one in JUDGED]
+            measured = [one.text(case["measured"][one.key]) for one in JUDGED]
             table.add_row("  5 to 95 %", *(f"{text} " for text in bands), style="dim")
             table.add_row("  measured", *(f"{text} " for text in measured), style="dim")
     hits = [content["within_tolerance"][quantity.key] for quantity in JUDGED]

@@ -52,13 +52,15 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
     if arch != "cpu" and not _is_present(arch):
         raise UserError(
             f"arch = {arch!r}: this machine offers no {arch} device that Taichi can use; "
-            "use --arch cpu, or install the device's driver"
+            "use arch='cpu', or install the device's driver",
+            argument="arch='cpu'",
         )
     _device = device_of(arch)
     if _device is not None and not _device.has_float64:
         raise UserError(
-            f"arch = {arch!r}: {_device.name} has no 64-bit floats; use --arch cpu, or a device "
-            "that has them"
+            f"arch = {arch!r}: {_device.name} has no 64-bit floats; use arch='cpu', or a device "
+            "that has them",
+            argument="arch='cpu'",
         )
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(

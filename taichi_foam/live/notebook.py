@@ -12,6 +12,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.records.ending import Ending
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -39,11 +41,10 @@ def install() -> None:
 
 def result_html(result: Result) -> str:
     """A run as HTML that needs nothing else: instants, key figures, and the film."""
-    from taichi_foam.analysis.measures import summary
     from taichi_foam.picture.montage import montage
 
-    figures = _figures(result.scene, summary(result))
-    if result.run.get("interrupted"):
+    figures = _figures(result.scene, result.summary)
+    if result.ending is Ending.INTERRUPTED:
         figures = "<p>interrupted: this is what there was until then</p>" + figures
     if not result.snapshots:
         return figures
@@ -67,6 +68,7 @@ def _side_by_side(*parts: str) -> str:
 
 def _given(scene: Scene) -> list[tuple[str, ...]]:
     """Key, value and meaning of what has not its default value, and of all of the impactor."""
+    from taichi_foam.parts import described
     from taichi_foam.scene import Numerics, Scene
 
     plain = Scene(numerics=Numerics(end=1.0))
@@ -77,7 +79,7 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
             value = getattr(part, key)
             if name == "impactor" or value != getattr(default, key):
                 shown = f"{value:g}" if isinstance(value, float) else str(value)
-                found.append((f"{name}.{key}", shown, field.description or ""))
+                found.append((f"{name}.{key}", shown, described(field)))
     return found
 
 

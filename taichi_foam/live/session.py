@@ -43,13 +43,11 @@ from taichi_foam.live.messages import (
     Start,
     Step,
 )
+from taichi_foam.records.history import ROW_COLUMNS
 
 if TYPE_CHECKING:
     from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
-
-# Numbers in a row of the history: as many as `engine.ledger.ROW_COLUMNS`, which would load Taichi.
-ROW_VALUES = 18
 
 # A worker that has not left so long after it was asked is ended [s].
 GRACE = 2.0
@@ -167,11 +165,11 @@ class Session:
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n, 18) of the current drop's history, for `batches.history_of`."""
+        """Rows (n, 18) of the current drop's history, for `analysis.history.history_of`."""
         with self._state:
             if len(self._rows) > 1:
                 self._rows = [np.concatenate(self._rows)]
-            return self._rows[0] if self._rows else np.empty((0, ROW_VALUES))
+            return self._rows[0] if self._rows else np.empty((0, len(ROW_COLUMNS)))
 
     def poll(self, timeout: float = 0.0) -> list[Event]:
         """What has come, in order; waits up to `timeout` [s] if there is nothing.

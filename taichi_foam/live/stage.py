@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.history import history_of
 from taichi_foam.catalogue import load_scene
 from taichi_foam.engine.state import initial_state
 from taichi_foam.errors import UserError
@@ -24,7 +25,6 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.batches import history_of
 from taichi_foam.simulation.interrupts import held_interrupts
 
 Image8 = NDArray[np.uint8]

@@ -29,7 +29,7 @@ def watch(
         arch, threads: what to compute on, as for `run`.
 
     Returns:
-        The result of the last drop; `run["interrupted"]` tells whether it was cut short.
+        The result of the last drop; its `ending` tells whether it was cut short.
 
     Raises:
         UserError: no display, or an arch that cannot be had.

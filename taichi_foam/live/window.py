@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from taichi_foam.errors import UserError
+from taichi_foam.errors import UserError, installed
 from taichi_foam.live.overlay import panel
 from taichi_foam.live.stage import FPS, PACE, Keep, Stage
 from taichi_foam.picture import raster
@@ -97,7 +97,8 @@ class _Window:
     def __init__(self, size: tuple[int, int], shots: Path) -> None:
         # pygame greets on stdout when it is imported
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        import pygame
+        with installed("a live window", "taichi-foam[live]"):
+            import pygame
 
         self._pygame = pygame
         try:

@@ -166,14 +166,14 @@ class _Worker:
 
     def _finish(self) -> None:
         self._is_over = True
-        result = None if self._drop is None else _result(self._drop, interrupted=True)
+        result = None if self._drop is None else _result(self._drop)
         self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
 
     def _fail(self, message: str) -> None:
         """Something that must not be has been; what came before it is handed over."""
         result = None
         with contextlib.suppress(Exception):  # whatever is wrong may be wrong there, too
-            result = None if self._drop is None else _result(self._drop, interrupted=True)
+            result = None if self._drop is None else _result(self._drop)
         self._leave_drop()
         self._send(Failed(self._number, message, result))
 
@@ -258,9 +258,9 @@ class _Sender:
                 self._pipe.send_bytes(data)
 
 
-def _result(drop: Drop, interrupted: bool = False) -> Result | None:
+def _result(drop: Drop) -> Result | None:
     """What there is of a drop, if there is anything."""
-    return drop.result(interrupted) if len(drop.rows()) else None
+    return drop.result() if len(drop.rows()) else None
 
 
 def _words(error: Exception) -> str:

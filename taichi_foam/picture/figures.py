@@ -18,19 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_foam.errors import UserError
 from taichi_foam.picture.labels import beside, spread
 from taichi_foam.picture.style import (
-    BLUE,
     CYCLE,
-    GREEN,
     INK,
     LEGEND,
     ORANGE,
-    PURPLE,
-    SKY,
     STYLE,
     VERMILION,
-    YELLOW,
     blank,
 )
+from taichi_foam.records.history import COLUMNS, LEDGER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,19 +34,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
-#: Parts of the ledger, bottom to top: history columns, label, colour.
-LEDGER = (
-    (("impactor_kinetic_J",), "impactor, kinetic", "#B8BEC6"),
-    (("foam_kinetic_J",), "foam, kinetic", SKY),
-    (("strain_J",), "strain (recoverable)", YELLOW),
-    (("crushing_J",), "crushing", VERMILION),
-    (("shear_J",), "shear", ORANGE),
-    (("damping_J",), "damping", GREEN),
-    (("friction_J",), "impactor friction", BLUE),
-    (("fracture_J",), "fracture", PURPLE),
-    (("contact_J", "self_contact_J", "base_J"), "contacts and base", "#5A5A5A"),
+#: Columns of the history that show how the impactor moves.
+MOTION = tuple(
+    COLUMNS[name] for name in ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
 )
-
 #: Energies below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-3
 
@@ -71,19 +58,15 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
         histories: by impact velocity [m/s]: columns time_s, deceleration_smoothed_m_s2,
             velocity_m_s and displacement_m.
     """
-    panels = (
-        ("deceleration_smoothed_m_s2", 1.0, "deceleration (m/s²)"),
-        ("velocity_m_s", 1.0, "velocity (m/s)"),
-        ("displacement_m", 1e2, "displacement (cm)"),
-    )
     with mpl.rc_context(STYLE):
         figure = blank(8.0, 10.5)
         axes = figure.subplots(3, 1, sharex=True)
         ends = []
-        for axis, (column, factor, label), mark in zip(axes, panels, "abc", strict=True):
+        for axis, column, mark in zip(axes, MOTION, "abc", strict=True):
+            label, factor = column.axis
             ends.clear()
             for colour, (velocity, history) in zip(CYCLE, sorted(histories.items()), strict=False):
-                time, values = 1e3 * history["time_s"], factor * history[column]
+                time, values = 1e3 * history["time_s"], factor * history[column.name]
                 axis.plot(time, values, color=colour, label=f"{velocity:.2f} m/s")
                 ends.append((time[-1], values[-1], f"{velocity:.2f} m/s", colour))
             axis.set_ylabel(label)
@@ -166,8 +149,8 @@ def energy_ledger(history: History) -> Figure:
     """Where the impact energy goes: the ledger's parts stacked over time.
 
     Args:
-        history: columns time_s and those of LEDGER [J]; energies that only a few runs have may
-            be absent.
+        history: columns time_s and energies of the ledger [J]; those that only a few runs have
+            may be absent.
 
     Raises UserError for a history without energy.
     """
@@ -209,7 +192,7 @@ def energy_ledger(history: History) -> Figure:
 
 
 def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
-    """Names, energies (n,) [J] and colours of the parts of LEDGER that a history has.
+    """Names, energies (n,) [J] and colours of the layers of LEDGER that a history has.
 
     A part that gives back more than it took, such as the shear of a block that starts sheared, goes
     below zero: it is counted from its lowest, and its name says so. The stack keeps its height.
@@ -220,22 +203,22 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
     largest = max(
         (
             float(np.max(np.abs(history[c])))
-            for columns, *_ in LEDGER
-            for c in columns
+            for layer in LEDGER
+            for c in layer.columns
             if c in history
         ),
         default=0.0,
     )
-    for columns, name, colour in LEDGER:
+    for layer in LEDGER:
         nothing = np.zeros_like(history["time_s"])
-        total = sum((history[c] for c in columns if c in history), start=nothing)
+        total = sum((history[c] for c in layer.columns if c in history), start=nothing)
         if np.any(np.abs(total) > 0):
             lowest = float(total.min())
             # A stack of areas has no place below zero. By rounding a part may dip there, too.
             given_back = lowest < -_ROUNDING * largest
             layers.append(total - lowest if given_back else np.maximum(total, 0.0))
-            names.append(f"{name}, from its lowest" if given_back else name)
-            tones.append(colour)
+            names.append(f"{layer.label}, from its lowest" if given_back else layer.label)
+            tones.append(layer.colour)
     if not layers:
         raise UserError("energy ledger: the history holds no energy to show")
     return names, layers, tones

@@ -16,6 +16,7 @@ from taichi_foam.analysis.crush import permanent_strain, worst_strain
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.units import si_scale
 
 Array = NDArray[np.float64]
 
@@ -24,8 +25,6 @@ Array = NDArray[np.float64]
 KEY_STRAIN = 0.95
 #: Stress at the dark end, in plateau stresses; shear strain, in those at which foam breaks.
 KEY_STRESS, KEY_SHEAR = 2.0, 2.0
-
-_PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: ""}
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,9 @@ def _strain(snapshot: Snapshot, scene: Scene) -> Array:
 
 def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * scene.foam.plateau_stress
-    words = ("compressive", f"stress ({_prefix(top)}Pa)")
-    return Key(words, "heat", top, _ticks(top, 1 / _scale(top), open_ended=True))
+    scale, prefix = si_scale(top, least=0, digits=3)
+    words = ("compressive", f"stress ({prefix}Pa)")
+    return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
 
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
@@ -160,8 +160,9 @@ def _broken(snapshot: Snapshot, scene: Scene) -> Array:
 def _energy_key(scene: Scene) -> Key:
     foam = scene.foam
     top = foam.plateau_stress * (foam.yield_strain - foam.densification_strain)
-    words = ("crush energy", f"({_prefix(top)}J/m³)")
-    return Key(words, "heat", top, _ticks(top, 1 / _scale(top), open_ended=True))
+    scale, prefix = si_scale(top, least=0, digits=3)
+    words = ("crush energy", f"({prefix}J/m³)")
+    return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
 
 
 def _energy(snapshot: Snapshot, scene: Scene) -> Array:
@@ -222,12 +223,3 @@ def _ticks(
 def _figure(value: float) -> str:
     """Three digits of a figure, never with an exponent."""
     return np.format_float_positional(float(f"{value:.3g}"), trim="-")
-
-
-def _scale(top: float) -> float:
-    """The power of a thousand that figures up to `top` are given in, as `_figure` rounds it."""
-    return next((scale for scale in _PREFIXES if float(f"{top:.3g}") >= scale), 1.0)
-
-
-def _prefix(top: float) -> str:
-    return _PREFIXES[_scale(top)]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Sequence
 from typing import Any
 
+from taichi_foam.parts import unit_of
 from taichi_foam.scene import CHOICE_SETS, Cylinder, Scene, Wedge
 from taichi_foam.shim2000 import tests
+from taichi_foam.units import si_scale
 
 #: A name holds so many keys at most, of values that are no longer than so many letters.
 MOST_KEYS, LONGEST = 2, 40
@@ -20,9 +20,8 @@ _OF_ALL_SHAPES = Cylinder.model_fields.keys() & Wedge.model_fields.keys()
 _IN_TITLES = frozenset({"impactor.shape", "impactor.velocity"})
 #: What runs of different titles need no words for: the draw of chance, and the end, which shows.
 _BY_THE_WAY = frozenset({"foam.strength_seed", "numerics.end"})
-#: Units that take a prefix, and the prefixes by their power of ten.
+#: Units that take a prefix.
 _SCALED = frozenset({"Pa", "s", "m", "J", "N", "W"})
-_PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 def names(scenes: Sequence[Scene], folders: Sequence[str]) -> list[tuple[str, str]]:
@@ -123,21 +122,19 @@ def _shown(value: Any, unit: str) -> str:
     if value is None or isinstance(value, str):
         return value or "none"
     if isinstance(value, float):
-        power = 0
+        factor, prefix = 1.0, ""
         if unit in _SCALED and value and not 0.01 <= abs(value) < 1e4:
-            power = 3 * math.floor(math.log10(abs(value) * (1 + 1e-9)) / 3)
-            power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
-        text = f"{value / 10.0**power:.6g}"
-        return f"{text} {_PREFIXES[power]}{unit}" if unit else text
+            factor, prefix = si_scale(value)
+        text = f"{value / factor:.6g}"
+        return f"{text} {prefix}{unit}" if unit else text
     return f"{value} {unit}" if unit else str(value)
 
 
 def _unit(scene: Scene, key: str) -> str:
-    """The unit of a scene's key, as its description ends with it; empty without one."""
+    """The unit of a scene's key; empty without one."""
     owner: Any = scene
     *heads, last = key.split(".")
     for head in heads:
         owner = getattr(owner, head, None)
     field = getattr(type(owner), "model_fields", {}).get(last)
-    found = re.search(r"\[([^\]]+)\]$", field.description or "") if field else None
-    return found[1] if found and found[1] != "-" else ""
+    return unit_of(field) if field else ""

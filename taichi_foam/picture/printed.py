@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, cells, colours
-from taichi_foam.picture.figures import ledger_layers
+from taichi_foam.picture.figures import MOTION, ledger_layers
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.montage import choose
@@ -110,7 +110,7 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
     """Deceleration, velocity, displacement and energies of a run over time.
 
     Args:
-        history: columns of `result.HISTORY_COLUMNS`.
+        history: columns of `records.history.COLUMNS`.
         scene: what was run; without an impactor there are only the energies.
         column: key of COLUMNS; in a double one the panels stand two by two.
 
@@ -122,12 +122,7 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
         raise UserError("curves: the history has fewer than two rows; run the scene for longer")
     names, layers, tones = ledger_layers(history)
     time = 1e3 * history["time_s"]
-    shown = [
-        ("deceleration_smoothed_m_s2", 1.0, "deceleration (m/s²)"),
-        ("velocity_m_s", 1.0, "velocity (m/s)"),
-        ("displacement_m", 1e2, "displacement (cm)"),
-    ]
-    shown = shown if scene.impactor is not None else []
+    shown = MOTION if scene.impactor is not None else ()
     count = len(shown) + 1
     across = min(count, 2 if column == "double" else 1)
     down = math.ceil(count / across)
@@ -138,8 +133,9 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
         figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02, hspace=0.02)
         grid = figure.subplots(down, across, sharex=True, squeeze=False)
         axes = list(grid.ravel())
-        for axis, (name, factor, label) in zip(axes, shown, strict=False):
-            values = factor * history[name]
+        for axis, quantity in zip(axes, shown, strict=False):
+            label, factor = quantity.axis
+            values = factor * history[quantity.name]
             axis.plot(time, values, color=BLUE)
             axis.set_ylabel(label)
             # smoothing rings a little where a deceleration sets in

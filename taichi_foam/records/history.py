@@ -1,36 +1,184 @@
-"""The history of a run: one row per history interval."""
+"""The history of a run: one row per history interval, one column for each of `COLUMNS`.
+
+This is the one place that says what a history holds. The files, the ledger of energies in pictures,
+tables and on the page, and what the engine writes on the device follow from it.
+"""
 
 from __future__ import annotations
 
-ROW_COLUMNS = (
-    "time", "step", "y", "v", "force", "broken", "kinetic", "stored", "potential", "fracture",
-    "bonds", "shear", "dashpots", "drag", "impactor", "friction", "base", "self_contact",
-)  # fmt: skip
-"""What the engine writes for each row: time and step [s], the impactor's height [m], upward
-velocity [m/s] and force [N], the broken bonds, and energies [J]: of the nodes, then works."""
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-HISTORY_COLUMNS = (
-    "time_s",
-    "displacement_m",
-    "velocity_m_s",
-    "deceleration_m_s2",  # mean over the row's interval, which ends at time_s
-    "deceleration_smoothed_m_s2",  # CFC 180, zero phase
-    "contact_force_N",
-    "impactor_kinetic_J",
-    "foam_kinetic_J",
-    "strain_J",
-    "crushing_J",
-    "shear_J",
-    "damping_J",
-    "friction_J",
-    "contact_J",
-    "self_contact_J",
-    "fracture_J",
-    "base_J",
-    "gravity_J",
-    "residual_J",
-    "broken_bonds",
-    "dt_s",
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.errors import installed
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+
+ROW_COLUMNS: tuple[str, ...] = (
+    "time", "step",                             # s
+    "y", "v", "force",                          # impactor: height [m], upward velocity [m/s], N
+    "broken",                                   # broken bonds
+    "kinetic", "stored", "potential",           # energies of the nodes and their bonds [J]
+    "fracture",                                 # stored energy that breaking has lost [J]
+    "bonds", "shear", "dashpots", "drag",       # works of the bonds, of their parts [J]
+    "impactor", "friction", "base", "self_contact",  # works of the contacts [J]
+)  # fmt: skip
+"""What the engine writes on the device in each row, in order."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the history.
+
+    name        in history.csv, the unit at its end
+    unit        SI; empty for a count
+    label       in tables and on the page
+    meaning     what it is, with its sign
+    source      members of the device's row that it comes from, see ROW_COLUMNS; their sum unless
+                `analysis.history.history_of` says otherwise
+    is_integer  whether history.csv holds whole numbers
+    shown       on the axes of figures: unit, and how many of it one SI unit is
+    """
+
+    name: str
+    unit: str
+    label: str
+    meaning: str
+    source: tuple[str, ...]
+    is_integer: bool = False
+    shown: tuple[str, float] | None = None
+
+    @property
+    def in_ledger(self) -> bool:
+        """Whether it counts, positive, in the sum of energies that stays what it was."""
+        return self.unit == "J" and self.name != "residual_J"
+
+    @property
+    def axis(self) -> tuple[str, float]:
+        """Label of an axis, and what to multiply values by for it."""
+        unit, factor = self.shown or (self.unit, 1.0)
+        return f"{self.label} ({unit})", factor
+
+
+COLUMNS: Mapping[str, Column] = {column.name: column for column in (
+    Column("time_s", "s", "time", "end of the row's interval", ("time",)),
+    Column("displacement_m", "m", "displacement",
+           "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2)),
+    Column("velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",)),
+    Column("deceleration_m_s2", "m/s²", "deceleration, raw",
+           "of the impactor, positive upwards, mean over the row's interval", ("time", "v")),
+    Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
+           "the same, smoothed: CFC 180, zero phase", ("time", "v")),
+    Column("contact_force_N", "N", "contact force",
+           "of the foam on the impactor, upwards", ("force",)),
+    Column("impactor_kinetic_J", "J", "impactor, kinetic",
+           "kinetic energy of the impactor", ("v",)),
+    Column("foam_kinetic_J", "J", "foam, kinetic",
+           "kinetic energy of the mass points", ("kinetic",)),
+    Column("strain_J", "J", "elastic strain", "what bonds can give back", ("stored",)),
+    Column("crushing_J", "J", "crushing",
+           "work of normal stresses beyond what is stored or was lost by breaking",
+           ("bonds", "shear", "dashpots", "stored", "fracture")),
+    Column("shear_J", "J", "shear", "work of shear stresses", ("shear",)),
+    Column("damping_J", "J", "damping", "work of dashpots and of drag", ("dashpots", "drag")),
+    Column("friction_J", "J", "friction", "lost by friction on the impactor", ("friction",)),
+    Column("contact_J", "J", "impactor contact",
+           "taken by the impactor's contact", ("impactor",)),
+    Column("self_contact_J", "J", "pieces' contact",
+           "taken by contact between pieces", ("self_contact",)),
+    Column("fracture_J", "J", "fracture", "stored energy that breaking has lost", ("fracture",)),
+    Column("base_J", "J", "base", "taken by the base", ("base",)),
+    Column("gravity_J", "J", "gravity",
+           "potential energy of foam and impactor above that at the start", ("potential", "y")),
+    Column("residual_J", "J", "unaccounted for",
+           "sum of the ledger at the first row, less that of now", ()),
+    Column("broken_bonds", "", "broken bonds",
+           "how many bonds are broken", ("broken",), is_integer=True),
+    Column("dt_s", "s", "time step", "the step at the end of the row", ("step",)),
+)}  # fmt: skip
+"""Columns of the history by name, in order."""
+
+HISTORY_COLUMNS = tuple(COLUMNS)
+"""Names of the columns, in order."""
+
+ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
+"""The ledger's entries in order, and last what they leave unaccounted for."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the ledger's pictures: the columns that add up to it."""
+
+    label: str
+    colour: str
+    columns: tuple[str, ...]
+
+
+LEDGER = (
+    Layer("impactor, kinetic", "#B8BEC6", ("impactor_kinetic_J",)),
+    Layer("foam, kinetic", "#56B4E9", ("foam_kinetic_J",)),
+    Layer("strain (recoverable)", "#F0E442", ("strain_J",)),
+    Layer("crushing", "#D55E00", ("crushing_J",)),
+    Layer("shear", "#E69F00", ("shear_J",)),
+    Layer("damping", "#009E73", ("damping_J",)),
+    Layer("impactor friction", "#0072B2", ("friction_J",)),
+    Layer("fracture", "#AA4A8A", ("fracture_J",)),
+    Layer("contacts and base", "#5A5A5A", ("contact_J", "self_contact_J", "base_J")),
 )
-"""Columns of the history, in order. Displacement (from its start), velocity, deceleration: of the
-impactor, downwards."""
+"""Layers of the ledger's pictures, bottom to top; gravity can lie below zero and has none."""
+
+
+class History(dict[str, Array]):
+    """Columns (n,) by name, in SI units; `history["time_s"]` is also `history.time_s`.
+
+    Raises ValueError when a column is missing, unknown or of another length.
+    """
+
+    def __init__(self, columns: Mapping[str, Array]) -> None:
+        if set(columns) != set(HISTORY_COLUMNS):
+            odd = sorted(set(columns) ^ set(HISTORY_COLUMNS))
+            raise ValueError(f"history columns missing or unknown: {', '.join(odd)}")
+        if len({np.shape(column) for column in columns.values()}) != 1:
+            raise ValueError("history columns differ in length")
+        super().__init__({name: columns[name] for name in HISTORY_COLUMNS})
+
+    def __getattr__(self, name: str) -> Array:
+        if name in self:
+            return self[name]
+        raise AttributeError(f"a history has no column {name!r}; it has {', '.join(COLUMNS)}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+    def __repr__(self) -> str:
+        rows = len(self["time_s"])
+        last = f" until {self['time_s'][-1]:.4g} s" if rows else ""
+        return f"<History of {rows} rows{last}, {len(self)} columns>"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each column by its name; empty for a count."""
+        return {name: column.unit for name, column in COLUMNS.items()}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The history as a frame, a column for each of `COLUMNS`; `frame.attrs["units"]` has units.
+
+        Raises UserError if pandas is not installed.
+        """
+        with installed("a history as a frame", "pandas"):
+            import pandas
+        frame = pandas.DataFrame(dict(self))
+        frame.attrs["units"] = self.units
+        return frame

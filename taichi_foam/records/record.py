@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.ending import Ending
+from taichi_foam.records.history import History
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -20,28 +19,36 @@ class Record:
     """A finished (or interrupted) run.
 
     scene      what was run, with every default filled in
-    history    one array (n,) for each of HISTORY_COLUMNS
+    history    one array (n,) for each of HISTORY_COLUMNS; made a `History` if it is a plain mapping
     snapshots  instants in order of time
-    run        how it was computed: steps, dt_min_s, dt_max_s, wall_s, node_stages_per_s,
-               interrupted, max_overlap_m, versions, ...; values that JSON can hold
+    run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s, wall_s,
+               node_stages_per_s, max_overlap_m, versions, ...; values that JSON can hold
 
-    Raises ValueError when a history column is missing, unknown or of another length.
+    Raises ValueError when a history column is missing, unknown or of another length, or when
+    `ended_by` is no `Ending`.
     """
 
     scene: Scene
-    history: dict[str, Array]
+    history: History
     snapshots: list[Snapshot]
     run: dict[str, Any]
 
     def __post_init__(self) -> None:
-        if set(self.history) != set(HISTORY_COLUMNS):
-            odd = sorted(set(self.history) ^ set(HISTORY_COLUMNS))
-            raise ValueError(f"history columns missing or unknown: {', '.join(odd)}")
-        if len({np.shape(column) for column in self.history.values()}) != 1:
-            raise ValueError("history columns differ in length")
+        object.__setattr__(self, "history", History(self.history))
+        Ending(self.run.get("ended_by", Ending.END_TIME))
 
     def __repr__(self) -> str:
         return (
-            f"<Result of {self.scene.name!r}: {len(self.history['time_s'])} rows, "
-            f"{len(self.snapshots)} snapshots, ended by {self.run.get('ended_by', 'nobody knows')}>"
+            f"<{type(self).__name__} of {self.scene.name!r}: {len(self.history['time_s'])} rows, "
+            f"{len(self.snapshots)} snapshots, ended by: {self.ending or 'unknown'}>"
         )
+
+    @property
+    def ending(self) -> Ending | None:
+        """How the run ended; None if that is not known, as while it goes on."""
+        word = self.run.get("ended_by")
+        return None if word is None else Ending(word)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The history as a frame; see `History.to_pandas`."""
+        return self.history.to_pandas()

@@ -12,7 +12,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One instant of one lattice of I x J mass points; `results.result` gives the units."""
+    """One instant of one lattice of I x J mass points.
+
+    time          s
+    impactor_y    m, height of the impactor's lowest point; NaN without one
+    position      (I, J, 2) m, x and y of mass point (i, j)
+    velocity      (I, J, 2) m/s
+    e_min_a       (I-1, J), worst compressive strain so far of bond A(i,j), <= 0
+    e_min_b       (I, J-1), the same of B(i,j)
+    break_time_a  (I-1, J) s, when bond A(i,j) broke; NaN while intact
+    break_time_b  (I, J-1) s, the same of B(i,j)
+    """
 
     time: float
     impactor_y: float

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from taichi_foam.errors import UserError
+from taichi_foam.units import si_scale
 
 _PREFIX = ".taichi-foam-"
 
@@ -163,7 +164,8 @@ def _check_target(target: Path, overwrite: bool) -> None:
     if not overwrite:
         raise UserError(
             f"output folder {target}: it exists and is not empty. "
-            "Fix: choose another folder, or pass --overwrite to replace it as a whole."
+            "Fix: choose another folder, or pass overwrite=True to replace it as a whole.",
+            argument="overwrite=True",
         )
     here = Path.cwd()
     if target == here or target in here.parents or target == _home() or (target / ".git").exists():
@@ -218,8 +220,5 @@ def _explain(error: OSError, target: Path) -> UserError:
 
 def _size(count: float) -> str:
     """A number of bytes for people."""
-    for unit in ("bytes", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} GB"
+    scale, prefix = si_scale(count, least=0, digits=3)
+    return f"{count / scale:.3g} {prefix}B" if prefix else f"{count:.3g} bytes"

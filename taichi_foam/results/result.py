@@ -27,23 +27,20 @@ import json
 import math
 import zipfile
 import zlib
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.history import COLUMNS, HISTORY_COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import output_folder
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 
-Array = NDArray[np.float64]
-
-_INTEGER_COLUMNS = ("broken_bonds",)
 _FORMAT = 1
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
 _DAMAGE = (
@@ -71,6 +68,13 @@ _SNAPSHOT_FIELDS = (
 class Result(Record):
     """A `Record` that measures itself, and can be stored and loaded."""
 
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Its measures by the keys of summary.json; see `analysis.measures.summary`."""
+        from taichi_foam.analysis.measures import summary
+
+        return summary(self)
+
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the five files into a new folder, all or nothing, and return its path.
 
@@ -84,14 +88,13 @@ class Result(Record):
         """Write the five files into an existing folder (one yielded by `output_folder`)."""
         # Here, since measures bring SciPy along, which takes half a second to load.
         from taichi_foam.analysis.fragments import cracks
-        from taichi_foam.analysis.measures import summary
 
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
         paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
         write_json(folder / "cracks.json", {"polylines_m": paths})
-        write_json(folder / "summary.json", {**summary(self), "run": self.run})
+        write_json(folder / "summary.json", {**self.summary, "run": self.run})
 
     @classmethod
     def load(cls, folder: str | Path) -> Result:
@@ -110,6 +113,10 @@ class Result(Record):
                 f"result folder {root}: not a complete result of this version ({error}). "
                 f"Fix: run {root / 'scene.toml'} again."
             ) from error
+
+
+load = Result.load
+"""Read a folder that a result was saved to; see `Result.load`."""
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -146,25 +153,25 @@ def plain(value: Any, digits: int | None = None) -> Any:
     return value
 
 
-def _write_history(path: Path, history: dict[str, Array]) -> None:
+def _write_history(path: Path, history: History) -> None:
     columns = []
-    for name in HISTORY_COLUMNS:
+    for name, column in COLUMNS.items():
         # tolist gives Python floats, whose repr is the shortest text that reads back the same.
         values = np.asarray(history[name], dtype=np.float64).tolist()
-        columns.append(map(int, values) if name in _INTEGER_COLUMNS else map(repr, values))
+        columns.append(map(int if column.is_integer else repr, values))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HISTORY_COLUMNS)
         writer.writerows(zip(*columns, strict=True))
 
 
-def _read_history(path: Path) -> dict[str, Array]:
+def _read_history(path: Path) -> History:
     with path.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     if any(len(row) != len(header) for row in rows):
         raise ValueError("history.csv has a row that is too short or too long")
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
-    return {name: table[:, k].copy() for k, name in enumerate(header)}
+    return History({name: table[:, k].copy() for k, name in enumerate(header)})
 
 
 def _field_shapes(scene: Scene) -> dict[str, tuple[int, ...]]:

@@ -1,8 +1,8 @@
 """Scenes: one impact on one foam block, as typed, frozen, validated values in SI units.
 
 Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end.
-A value that cannot be raises `pydantic.ValidationError`; `taichi_foam.catalogue.explain` turns
-that into text for people.
+A value that cannot be raises `pydantic.ValidationError`; `scene.messages.explain` turns that
+into text for people.
 """
 
 from taichi_foam.laws.bond.crushable import Foam

@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.scene.messages import explain
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -26,15 +24,7 @@ def scene_to_toml(scene: Scene) -> str:
 
 def scene_from_toml(path: Path) -> Scene:
     """The scene of a TOML file. Raises UserError: unreadable, or a scene that cannot be."""
-    return validated(read_toml(path), str(path))
-
-
-def validated(data: dict[str, Any], source: str) -> Scene:
-    """The scene of raw data. Raises UserError with every problem, titled with its source."""
-    try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        raise UserError(titled(source, explain(error))) from None
+    return Scene.checked(read_toml(path), str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -47,9 +37,3 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def titled(source: str, problems: str) -> str:
-    """Return problems as an indented list under the scene that has them."""
-    listed = "\n".join(f"  {line}" for line in problems.splitlines())
-    return f"{source}: not a valid scene:\n{listed}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from pydantic import ValidationError
@@ -13,18 +14,9 @@ from pydantic_core import ErrorDetails
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
-from taichi_foam.scene.whole import Scene
 
 _CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 """Parts of a scene that are one of several classes, by their key."""
-
-_PARTS: dict[str, type[Part]] = {
-    name: field.annotation
-    for name, field in Scene.model_fields.items()
-    if name not in _CHOSEN
-    and isinstance(field.annotation, type)
-    and issubclass(field.annotation, Part)
-}
 
 _KIND_OF_VALUE = {
     "float_type": "a number, ",
@@ -35,23 +27,53 @@ _KIND_OF_VALUE = {
 }
 
 
-def explain(error: ValidationError) -> str:
-    """Return the problems of an invalid scene, or part of one, one line each."""
-    lines = (line for detail in error.errors(include_url=False) for line in _lines(error, detail))
+def explain(error: ValidationError, scene: type[Part]) -> str:
+    """Return the problems of an invalid scene, or part of one, one line each.
+
+    `scene` is the class of scenes, from which keys and parts are known.
+    """
+    lines = (
+        line for detail in error.errors(include_url=False) for line in _lines(error, detail, scene)
+    )
     return "\n".join(dict.fromkeys(lines))
 
 
-def _lines(error: ValidationError, detail: ErrorDetails) -> Iterator[str]:
+def titled(source: str, problems: str) -> str:
+    """Return problems as an indented list under the scene that has them."""
+    listed = "\n".join(f"  {line}" for line in problems.splitlines())
+    return f"{source}: not a valid scene:\n{listed}"
+
+
+@lru_cache
+def _parts(scene: type[Part]) -> dict[str, type[Part]]:
+    """Classes of a scene's parts but those that are chosen, by the key that they stand under."""
+    return {
+        name: field.annotation
+        for name, field in scene.model_fields.items()
+        if name not in _CHOSEN
+        and isinstance(field.annotation, type)
+        and issubclass(field.annotation, Part)
+    }
+
+
+def _root(title: str, scene: type[Part]) -> tuple[str, type[Part]]:
+    """Where in a scene a class stands, by its name: a part may also be built by itself."""
+    return next(
+        ((key, part) for key, part in _all_parts(scene) if part.__name__ == title), ("", scene)
+    )
+
+
+def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> Iterator[str]:
     """Yield the line or lines of one of pydantic's details."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "value_error":
         yield from str(context["error"]).splitlines()
         return
-    path, owner, field = _locate(error.title, detail["loc"])
+    path, owner, field = _locate(error.title, detail["loc"], scene)
     registry = _CHOSEN.get(path, SHAPES)
     tag, tags = registry.tag, ", ".join(registry)
     if kind == "extra_forbidden":
-        yield _unknown_key(path, owner)
+        yield _unknown_key(path, owner, scene)
     elif kind == "union_tag_not_found" and isinstance(value, Mapping):
         yield f"{path}.{tag}: missing; choose one of {tags}"
     elif kind == "union_tag_invalid":
@@ -73,23 +95,22 @@ def _lines(error: ValidationError, detail: ErrorDetails) -> Iterator[str]:
 
 
 def _locate(
-    title: str, location: tuple[int | str, ...]
+    title: str, location: tuple[int | str, ...], scene: type[Part]
 ) -> tuple[str, type[Part], FieldInfo | None]:
     """Return the dotted path, the innermost part reached and the field of pydantic's location.
 
     Pydantic puts the names of union members between the keys; they are left out.
     """
-    roots = {kind.__name__: (name, kind) for name, kind in _all_parts()}
-    path, owner = roots.get(title, ("", Scene))
+    path, owner = _root(title, scene)
     field: FieldInfo | None = None
     for step in location:
         if isinstance(step, int):
             path += f"[{step}]"
-        elif owner is Scene and step in _PARTS:
-            path, owner = step, _PARTS[step]
+        elif owner is scene and step in _parts(scene):
+            path, owner = step, _parts(scene)[step]
         elif path in _CHOSEN and step in _CHOSEN[path]:
             owner = _CHOSEN[path][step]
-        elif owner is Scene and step in _CHOSEN:
+        elif owner is scene and step in _CHOSEN:
             path, owner = step, next(iter(_CHOSEN[step].values()))
         elif field is None:
             path = f"{path}.{step}" if path else step
@@ -97,7 +118,7 @@ def _locate(
     return path, owner, field
 
 
-def _unknown_key(path: str, owner: type[Part]) -> str:
+def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
     """Say that a key is unknown, and which known one comes nearest."""
     *_, key = path.split(".")
     head = path[: -len(key)]
@@ -105,7 +126,7 @@ def _unknown_key(path: str, owner: type[Part]) -> str:
     # Other shapes' keys stand in the same place: to suggest one would repeat the question.
     everywhere = {
         name: f"{part}.{name}"
-        for part, kind in _all_parts()
+        for part, kind in _all_parts(scene)
         for name in kind.model_fields
         if f"{part}.{name}" != path
     }
@@ -116,9 +137,9 @@ def _unknown_key(path: str, owner: type[Part]) -> str:
     return f"{path}: unknown key; known here: {', '.join(here)}"
 
 
-def _all_parts() -> Iterator[tuple[str, type[Part]]]:
+def _all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
     """Yield every class that a scene can hold, with the key that it stands under."""
-    yield from _PARTS.items()
+    yield from _parts(scene).items()
     for name, registry in _CHOSEN.items():
         yield from ((name, kind) for kind in registry.values())
 

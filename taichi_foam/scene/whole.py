@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene.block import Block
+from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+from taichi_foam.scene.values import changed
 
 CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
@@ -90,6 +93,30 @@ class Scene(Part):
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    @classmethod
+    def checked(cls, data: Mapping[str, Any], source: str) -> Scene:
+        """The scene of raw data. Raises UserError with every problem, titled with its source."""
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise UserError(titled(source, explain(error, cls))) from None
+
+    def with_values(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Scene:
+        """A scene with other values, checked anew; this one stays as it is.
+
+            scene.with_values({"impactor.velocity": 3.0, "block.rows": 40})
+            scene.with_values(impactor__velocity=3.0, block__rows=40)
+
+        Keys are those of the scene's TOML; as keywords they have two underscores for each dot. None
+        empties an optional key. A new `impactor.shape` drops the keys that it lacks.
+
+        Raises UserError, naming every problem: unknown keys, values that cannot be.
+        """
+        wanted = {**(values or {}), **{key.replace("__", "."): more[key] for key in more}}
+        if not wanted:
+            return self
+        return self.checked(changed(self.model_dump(exclude_none=True), wanted), self.name)
 
     @property
     def contact_height(self) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.measures import impact, summary
+from taichi_foam.analysis.measures import impact
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
@@ -65,7 +65,7 @@ class Case:
     @cached_property
     def figures(self) -> dict[str, Any]:
         """The measures of the run itself, as in its summary.json."""
-        return summary(self.result)
+        return self.result.summary
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Computed:
 
 def has_failed(result: Result) -> bool:
     """Whether a run has ended before its time, and not by Ctrl-C."""
-    return result.run["ended_by"] not in ("rebound", "end time", "interrupt")
+    return result.ending is not None and result.ending.failed
 
 
 def from_contact(result: Result) -> dict[str, Array]:

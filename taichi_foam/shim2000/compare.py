@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from taichi_foam.analysis import quantities as q
 from taichi_foam.shim2000.bands import Band
 from taichi_foam.shim2000.tests import MEASURED, SIMULATED_DURATION
 
@@ -19,43 +20,10 @@ ENSEMBLE_TOLERANCE = 0.10
 """... and the median of an ensemble, from which chance has gone, if further than this."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Quantity:
-    """One figure of a run: its key in summary.json and how people read it.
-
-    unit    for people; value in `unit` = `factor` times the value in SI units
-    digits  decimals shown in that unit
-    """
-
-    key: str
-    label: str
-    unit: str
-    factor: float = 1.0
-    digits: int = 0
-
-    def text(self, value: float | None) -> str:
-        """The value as people read it, without its unit; a dash for no answer."""
-        return "–" if value is None else f"{self.factor * value:.{self.digits}f}"
-
-    def span(self, low: float | None, high: float | None) -> str:
-        """A band as people read it; one that reaches to runs without an answer is open above."""
-        if low is None:
-            return "–"
-        return f"{self.text(low)} to {'∞' if high is None else self.text(high)}"
-
-
-DURATION = Quantity("impact_duration_s", "impact duration", "ms", 1e3, 1)
-DISPLACEMENT = Quantity("max_displacement_m", "maximum displacement", "cm", 1e2, 2)
-PLATEAU = Quantity("plateau_deceleration_m_s2", "plateau deceleration", "m/s²", 1.0, 1)
-ENERGY = Quantity("energy_per_volume_J_m3", "energy per volume", "10⁵ J/m³", 1e-5, 2)
-SLOPE = Quantity("energy_volume_slope_J_m3", "slope of energy over volume", "10⁵ J/m³", 1e-5, 2)
-PEAK = Quantity("initial_peak_m_s2", "initial peak", "m/s²", 1.0, 0)
-PEAK_TIME = Quantity("initial_peak_time_s", "time of the initial peak", "ms", 1e3, 1)
-
-JUDGED = (DISPLACEMENT, DURATION, PLATEAU, ENERGY)
+JUDGED = (q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME)
 """The four figures that the paper gives for every test."""
 
-COMPARED = (*JUDGED, SLOPE, PEAK, PEAK_TIME)
+COMPARED = (*JUDGED, q.SLOPE, q.PEAK, q.PEAK_TIME)
 """All that the paper gives. Both energies stand beside Table 5, whose figures are slopes."""
 
 
@@ -65,7 +33,7 @@ def measured_figures(name: str) -> dict[str, float | None]:
     if found is None:
         return {}
     figures = dataclasses.asdict(found)
-    return {**figures, SLOPE.key: found.energy_per_volume_J_m3}
+    return {**figures, q.SLOPE.key: found.energy_per_volume_J_m3}
 
 
 def comparison(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,7 +102,7 @@ def write_tables(
                 key = quantity.key
                 if case["measured"][key] is None:
                     continue
-                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
+                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is q.DURATION else None
                 found = [case[part][key] for part in ("simulated", *ends, "error")]
                 values = [case["measured"][key], theirs, *found]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]

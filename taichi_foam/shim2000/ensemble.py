@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from taichi_foam.analysis.measures import summary
-from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -63,8 +62,7 @@ def factors(count: int) -> list[float]:
 def faster(scene: Scene, factor: float) -> Scene:
     """The scene with another impact velocity, by a factor."""
     assert scene.impactor is not None  # every test has one
-    velocity = factor * scene.impactor.velocity
-    return load_scene(scene, overrides=[f"impactor.velocity={velocity!r}"])
+    return scene.with_values(impactor__velocity=factor * scene.impactor.velocity)
 
 
 def members_of(scene: Scene, count: int) -> list[Scene]:
@@ -77,7 +75,7 @@ def members_of(scene: Scene, count: int) -> list[Scene]:
         return members
     seeds = [(scene.foam.strength_seed + place) % _SEEDS for place in range(count)]
     return [
-        load_scene(member, overrides=[f"foam.strength_seed={seed}"])
+        member.with_values(foam__strength_seed=seed)
         for member, seed in zip(members, seeds, strict=True)
     ]
 
@@ -175,9 +173,8 @@ def _failure(result: Result) -> str:
     if scene.foam.strength_scatter > 0.0:
         changed.append(f"foam.strength_seed={scene.foam.strength_seed}")
     return (
-        f"{scene.name} at {scene.impactor.velocity:.4f} m/s: ended by {result.run['ended_by']} and "
-        "left out; to look at it: taichi-foam run "
-        f"{scene.name} {' '.join(f'--set {text}' for text in changed)}"
+        f"{scene.name} at {scene.impactor.velocity:.4f} m/s: {result.ending} and left out; "
+        f"to look at it, run {scene.name} with {', '.join(changed)}"
     )
 
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME, Quantity
 from taichi_foam.picture.overview import Whisker
-from taichi_foam.shim2000.compare import ENERGY, Quantity
 from taichi_foam.shim2000.plates import short
 from taichi_foam.shim2000.rows import Row, hit
 from taichi_foam.shim2000.scores import HELD_OUT, SCORED, SHARE
@@ -23,7 +23,7 @@ def headline(content: Mapping[str, Any]) -> list[Row]:
             "small": "",
             "label": f"median of these {ensemble['all']['of']} absolute errors",
         },
-        hit(ENERGY.label, content["within_tolerance"][ENERGY.key]),
+        hit(ENERGY_PER_VOLUME.label, content["within_tolerance"][ENERGY_PER_VOLUME.key]),
     ]
     if ensemble["criteria"]:
         met = sum(criterion["holds"] for criterion in ensemble["criteria"])

@@ -12,10 +12,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from taichi_foam.analysis.measures import PLATEAU_END_FRACTION
+from taichi_foam.analysis.quantities import PEAK, PEAK_TIME, SLOPE
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import ensemble_rows, plates, rows
 from taichi_foam.shim2000.case import Case
-from taichi_foam.shim2000.compare import COMPARED, JUDGED, PEAK, PEAK_TIME, SLOPE, is_miss
+from taichi_foam.shim2000.compare import COMPARED, JUDGED, is_miss
 from taichi_foam.shim2000.ensemble import WITHIN
 from taichi_foam.shim2000.scores import SHARE
 from taichi_foam.simulation.progress import Bars

@@ -13,24 +13,25 @@ from __future__ import annotations
 
 import difflib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_foam.catalogue import load_scene
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.picture import films as film_files
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.folders import check_output_folder, output_folder
 from taichi_foam.results.result import storage_bytes, write_json
 from taichi_foam.scene import Scene
+from taichi_foam.scene.values import settings
 from taichi_foam.shim2000 import compare, report
 from taichi_foam.shim2000 import ensemble as ensembles
 from taichi_foam.shim2000.bands import bands
 from taichi_foam.shim2000.case import Case, Computed, has_failed
 from taichi_foam.shim2000.machine import machine, versions
 from taichi_foam.shim2000.scores import scores
-from taichi_foam.shim2000.tests import NAMES
+from taichi_foam.shim2000.tests import NAMES, paper_scene
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
@@ -67,8 +68,8 @@ def reproduce(
     *,
     ensemble: int | None = None,
     choices: str = "calibrated",
-    overrides: Sequence[str] = (),
-    arch: str = "cpu",
+    overrides: Mapping[str, Any] | Sequence[str] = (),
+    arch: str | None = None,
     threads: int | None = None,
     overwrite: bool = False,
     films: bool = True,
@@ -83,8 +84,9 @@ def reproduce(
             strengths where the foam's scatter; the tables then hold medians and bands. 2 to 100;
             None: each test once.
         choices: a key of `CHOICE_SETS`.
-        overrides: "block.rows=10" and the like, for every case.
-        arch, threads: as `engine.runtime.start`.
+        overrides: values by dotted key for every case, as for `Scene.with_values`; or texts such
+            as "block.rows=10".
+        arch, threads: what to compute on, as for `init`.
         overwrite: replace a folder that has content.
         films: write film.gif and film.mp4 for each case.
         bars: where progress shows; None: nowhere.
@@ -102,9 +104,10 @@ def reproduce(
     bars = bars or Bars()
     if ensemble is not None:
         ensembles.check(ensemble)
-    scenes = [load_scene(name, choices, overrides) for name in case_names(cases)]
+    values = settings(overrides)
+    scenes = [paper_scene(name, choices).with_values(values) for name in case_names(cases)]
     if not films:
-        scenes = [_without_films(scene) for scene in scenes]
+        scenes = [s.with_values(output__film=False, output__frames=False) for s in scenes]
     needed = sum(storage_bytes(s) + film_files.storage_bytes(s) for s in scenes) + _REPORT_BYTES
     check_output_folder(out, overwrite, needed)
     runtime.start(arch, threads)
@@ -119,7 +122,7 @@ def reproduce(
             content = _content(computed, ensemble)
             content |= {
                 "choices": choices,
-                "overrides": list(overrides),
+                "overrides": [f"{key}={value}" for key, value in values.items()],
                 "interrupted": interrupted,
                 "machine": machine(),
                 "versions": versions(),
@@ -169,10 +172,6 @@ def _listed() -> str:
     return ", ".join(case_folder(name) for name in NAMES)
 
 
-def _without_films(scene: Scene) -> Scene:
-    return load_scene(scene, overrides=["output.film=false", "output.frames=false"])
-
-
 def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
     """Run each test once, all as one batch, and sort what comes out."""
     failure = None
@@ -182,8 +181,8 @@ def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
             results = simulate.run_many(scenes, on_progress)
         except RunError as error:
             results, failure = error.results, str(error)
-    cut = [r.scene.name for r in results if r.run["interrupted"]]
-    ended = [r for r in results if not r.run["interrupted"]]
+    cut = [r.scene.name for r in results if r.ending is Ending.INTERRUPTED]
+    ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
     failed = [r for r in ended if has_failed(r)]
     cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
     if cut and not cases and not failed:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taichi_foam.picture.figures import LEDGER
+from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis.quantities import DURATION, Quantity
+from taichi_foam.parts import described
+from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene
 from taichi_foam.shim2000 import plates
 from taichi_foam.shim2000.case import Case
-from taichi_foam.shim2000.compare import DURATION, JUDGED, Quantity, is_miss
+from taichi_foam.shim2000.compare import JUDGED, is_miss
 from taichi_foam.shim2000.tests import SIMULATED_DURATION
 
 #: Error at the ends of the small error scale.
@@ -81,23 +84,20 @@ def kind(key: str, group: Sequence[Case]) -> Row:
 def _damage(case: Case) -> Row:
     """How a block looks at the end of its run, in words for one row of a table."""
     found = case.figures
-    crack, start = found["crack_lowest_height_m"], found["crack_start_height_m"]
-    region = "none"
-    if found["crushed_width_m"] is not None:
-        width, height = 1e2 * found["crushed_width_m"], 1e2 * found["crushed_height_m"]
-        region = f"{width:.1f} × {height:.1f} cm"
+
+    def text(quantity: Quantity) -> str:
+        value = found[quantity.key]
+        return quantity.text(value) + (f" {quantity.unit}" if value is not None else "")
+
+    has_crack, width = found[q.CRACK.key] is not None, found[q.WIDTH.key]
     return {
         "case": plates.short(case.name),
         "pieces": found["pieces"],
-        "region": region,
-        "crack": "none"
-        if crack is None
-        else f"at {1e2 * start:.1f} cm, {1e3 * found['crack_start_time_s']:.1f} ms",
-        "depth": "–" if crack is None else f"{1e2 * crack:.1f} cm",
+        "region": "none" if width is None else f"{q.WIDTH.text(width)} × {text(q.HEIGHT)}",
+        "crack": f"at {text(q.CRACK_START)}, {text(q.CRACK_TIME)}" if has_crack else "none",
+        "depth": text(q.CRACK),
         "broken": found["broken_bonds"],
-        "rebound": "–"
-        if found["rebound_velocity_m_s"] is None
-        else f"{found['rebound_velocity_m_s']:.2f} m/s",
+        "rebound": text(q.REBOUND),
     }
 
 
@@ -106,7 +106,7 @@ def ledger(cases: Sequence[Case]) -> Row:
     rows = []
     for case in cases:
         h = case.result.history
-        parts = [sum(float(h[column][-1]) for column in columns) for columns, _, _ in LEDGER]
+        parts = [sum(float(h[name][-1]) for name in layer.columns) for layer in LEDGER]
         rows.append(
             {
                 "case": plates.short(case.name),
@@ -116,7 +116,7 @@ def ledger(cases: Sequence[Case]) -> Row:
                 "residual": _scientific(case.figures["energy_residual"]),
             }
         )
-    return {"names": [name for _, name, _ in LEDGER], "rows": rows}
+    return {"names": [layer.label for layer in LEDGER], "rows": rows}
 
 
 BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
@@ -144,7 +144,7 @@ def _choice(scene: Scene, part: str, field: str) -> Row:
         text = "true" if value else "false"
     else:
         text = f"{value:.4g}" if isinstance(value, float) else str(value)
-    meaning = type(owner).model_fields[field].description or ""
+    meaning = described(type(owner).model_fields[field])
     return {"key": f"{part}.{field}", "value": text, "meaning": meaning}
 
 

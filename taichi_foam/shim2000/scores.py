@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.shim2000.bands import ENDS, quantile
 from taichi_foam.shim2000.case import Case
-from taichi_foam.shim2000.compare import DISPLACEMENT, DURATION, PLATEAU, is_miss
+from taichi_foam.shim2000.compare import is_miss
 from taichi_foam.shim2000.ensemble import WITHIN
 
 if TYPE_CHECKING:

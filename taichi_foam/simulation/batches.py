@@ -1,6 +1,6 @@
 """Calls of the engine: scenes on the device, call by call, and what comes back of them.
 
-`simulation` runs scenes to their ends on this, `drop` advances one a little at a time.
+`simulate` runs scenes to their ends on this, `stepwise` advances one a little at a time.
 """
 
 import contextlib
@@ -13,10 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import taichi as ti
 
+from taichi_foam.analysis.history import history_of
 from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -32,12 +34,13 @@ MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
 MOST_LATTICES = {"cpu": 64, "gpu": 4096}
 
 ENDINGS = {
-    RUNNING: "interrupt",
-    AT_END_TIME: "end time",
-    AT_REBOUND: "rebound",
-    DIVERGED: "values that went astray",
-    CROWDED: "a full neighbour list",
+    RUNNING: Ending.INTERRUPTED,
+    AT_END_TIME: Ending.END_TIME,
+    AT_REBOUND: Ending.REBOUND,
+    DIVERGED: Ending.DIVERGED,
+    CROWDED: Ending.CROWDED,
 }
+"""How a run ends, by the status that the engine leaves."""
 
 
 @dataclass
@@ -90,19 +93,17 @@ class Run:
     @property
     def failure(self) -> str | None:
         """When and where the run failed, if it did, and what to do."""
-        node, rows = int(self.report.get("bad_node", 0)), self.scene.block.rows
-        if self.status == CROWDED:
-            return (
-                f"{self.scene.name}: at {self.time * 1e3:.4f} ms more pieces touch than the "
-                "neighbour list holds; set model.self_contact = false or take a finer lattice"
-            )
-        if self.status == DIVERGED:
-            return (
-                f"{self.scene.name}: went astray at {self.time * 1e3:.4f} ms, first at node "
-                f"({node // rows}, {node % rows}): values that are not finite, or beyond all "
-                "measure; take a smaller numerics.dt, or 'auto'"
-            )
-        return None
+        ending = ENDINGS[self.status]
+        if not ending.failed:
+            return None
+        where = ""
+        if ending is Ending.DIVERGED:
+            i, j = divmod(int(self.report.get("bad_node", 0)), self.scene.block.rows)
+            where = f", first at node ({i}, {j})"
+        return (
+            f"{self.scene.name}: {ending} at {self.time * 1e3:.4f} ms{where}: {ending.meaning}; "
+            f"{ending.remedy}"
+        )
 
     def rows_since(self, since: int) -> np.ndarray:
         """The rows (n, 18) that have come after the first `since`."""
@@ -251,8 +252,12 @@ def _batch_size(scenes: int, nodes: int) -> int:
     return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
 
 
-def result_of(run: Run, wall: Wall, interrupted: bool = False) -> Result:
-    """Everything that a run has given, and how it was computed. It must have taken a call."""
+def result_of(run: Run, wall: Wall) -> Result:
+    """Everything that a run has given, and how it was computed. It must have taken a call.
+
+    One that has not ended counts as interrupted.
+    """
+    ending = ENDINGS[run.status]
     seconds = wall.seconds - run.begun.seconds
     node_stages = wall.node_stages - run.begun.node_stages
     return Result(
@@ -260,8 +265,8 @@ def result_of(run: Run, wall: Wall, interrupted: bool = False) -> Result:
         history=history_of(run.scene, run.rows_since(0)),
         snapshots=run.snapshots,
         run={
-            "ended_by": ENDINGS[run.status],
-            "interrupted": interrupted,
+            "ended_by": ending.value,
+            "interrupted": ending is Ending.INTERRUPTED,
             "steps": int(run.report["steps"]),
             "dt_min_s": run.report["shortest"],
             "dt_max_s": run.report["longest"],
@@ -277,57 +282,3 @@ def result_of(run: Run, wall: Wall, interrupted: bool = False) -> Result:
             "machine": platform.platform(),
         },
     )
-
-
-def history_of(scene: Scene, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """The history's columns from rows of the engine: signs and sums as people report them.
-
-    rows  (n, 18), columns as in `ledger.ROW_COLUMNS`; from the first row of the run on, n may be 0
-    Returns one array (n,) for each of `result.HISTORY_COLUMNS`.
-
-    Work counts from the first row; crushing is what the normal stresses took up beyond what they
-    still store or lost by breaking. The residual is the energy that no column accounts for.
-    """
-    # filters take a second to load: after the run, not before it
-    from taichi_foam.analysis.smoothing import smooth_deceleration
-
-    of = dict(zip(ROW_COLUMNS, rows.T, strict=True))
-    impactor = scene.impactor
-    mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
-    t, y, v = of["time"], of["y"], of["v"]
-    interval = np.diff(t, prepend=t[:1])
-    deceleration = np.divide(
-        np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
-    )
-    stored = of["stored"]
-    normal = of["bonds"] - of["shear"] - of["dashpots"]
-    crushing = normal - (stored - stored[:1]) - of["fracture"]
-    potential = of["potential"] + mass * gravity * y
-    energies = {
-        "impactor_kinetic_J": 0.5 * mass * v**2,
-        "foam_kinetic_J": of["kinetic"],
-        "strain_J": stored,
-        "crushing_J": crushing,
-        "shear_J": of["shear"],
-        "damping_J": of["dashpots"] + of["drag"],
-        "friction_J": of["friction"],
-        "contact_J": of["impactor"],
-        "self_contact_J": of["self_contact"],
-        "fracture_J": of["fracture"],
-        "base_J": of["base"],
-        "gravity_J": potential - potential[:1],
-    }
-    total = np.sum(list(energies.values()), axis=0)
-    start = scene.contact_height + impactor.gap if impactor else np.nan
-    return {
-        "time_s": t,
-        "displacement_m": (start - y) if impactor else np.zeros_like(t),
-        "velocity_m_s": -v,
-        "deceleration_m_s2": deceleration,
-        "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),
-        "contact_force_N": of["force"],
-        **energies,
-        "residual_J": total[:1] - total,
-        "broken_bonds": of["broken"],
-        "dt_s": of["step"],
-    }

@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from taichi_foam.units import si_scale
+
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import Progress as Standing
 
@@ -111,10 +113,8 @@ class Bars:
 
 def _count(number: float) -> str:
     """A number of steps for people: 940, 9.4k, 1.2M."""
-    for size, letter in ((1e6, "M"), (1e3, "k")):
-        if number >= size:
-            return f"{number / size:.3g}{letter}"
-    return f"{number:.0f}"
+    scale, prefix = si_scale(number, least=0, digits=3)
+    return f"{number / scale:.3g}{prefix}"
 
 
 def _cut(text: str, length: int = 22) -> str:

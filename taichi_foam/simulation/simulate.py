@@ -5,13 +5,14 @@
     result = run(paper_scene("paper/wedge-2.86"))
 
 `simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as
-they come; `run` and `run_many` return results. All start Taichi with its defaults unless
-`engine.runtime.start` has been called before.
+they come; `run` and `run_many` return results. All take `arch` and `threads`, which start Taichi as
+`init` does; None takes what already runs, else the CPU with all its cores.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
+from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -35,12 +36,30 @@ class Progress:
 ProgressCallback = Callable[[Progress], None]
 
 
-def simulate(scene: Scene) -> Iterator[Snapshot]:
+def init(arch: str | None = None, threads: int | None = None) -> None:
+    """Say what to compute on, for all runs of this process; without it the first run decides.
+
+    Args:
+        arch: "cpu", "cuda", "vulkan" or "metal"; None: what already runs, else the CPU.
+        threads: CPU threads; None: what already runs, else all cores.
+
+    Raises:
+        UserError: an arch that is unknown or cannot be had here, a bad number of threads, or others
+            than those that this process already runs with.
+    """
+    runtime.start(arch, threads)
+
+
+def simulate(
+    scene: Scene, *, arch: str | None = None, threads: int | None = None
+) -> Iterator[Snapshot]:
     """Step through `scene`, yielding a snapshot every `output.snapshot_interval`.
 
     Raises:
-        RunError: the run met values that are not finite, or too many pieces in one place.
+        UserError: as `init`.
+        RunError: the run diverged, or too many pieces touch in one place.
     """
+    init(arch, threads)
     given = 0
     for runs in batches.advance_all([scene], Wall()):
         yield from runs[0].snapshots[given:]
@@ -49,7 +68,11 @@ def simulate(scene: Scene) -> Iterator[Snapshot]:
 
 
 def simulate_many(
-    scenes: Sequence[Scene], on_progress: ProgressCallback | None = None
+    scenes: Sequence[Scene],
+    on_progress: ProgressCallback | None = None,
+    *,
+    arch: str | None = None,
+    threads: int | None = None,
 ) -> Generator[tuple[int, Result], None, None]:
     """Run scenes side by side, yielding each one's place in `scenes` and its result as it ends.
 
@@ -57,8 +80,12 @@ def simulate_many(
     each CPU thread, and a lattice that has ended makes room for the next. Nothing is kept of what
     has been yielded. A result does not depend, to the last bit, on what else is run.
 
-    A run that fails is yielded like any other; `run["ended_by"]` says why it ended.
+    A run that fails is yielded like any other; its `ending` says so.
+
+    Raises:
+        UserError: as `init`.
     """
+    init(arch, threads)
     wall = Wall()
     finished = 0
     for runs in batches.advance_all(scenes, wall):
@@ -70,26 +97,41 @@ def simulate_many(
             yield run.index, batches.result_of(run, wall)
 
 
-def run(scene: Scene, on_progress: ProgressCallback | None = None) -> Result:
+def run(
+    scene: Scene,
+    on_progress: ProgressCallback | None = None,
+    *,
+    arch: str | None = None,
+    threads: int | None = None,
+) -> Result:
     """Run `scene` to its end and return everything it gave.
 
-    Ctrl-C ends it early: the result then holds what there is, with `interrupted` set.
+    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED.
 
     Raises:
+        UserError: as `init`.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    return run_many([scene], on_progress)[0]
+    return run_many([scene], on_progress, arch=arch, threads=threads)[0]
 
 
-def run_many(scenes: Sequence[Scene], on_progress: ProgressCallback | None = None) -> list[Result]:
+def run_many(
+    scenes: Sequence[Scene],
+    on_progress: ProgressCallback | None = None,
+    *,
+    arch: str | None = None,
+    threads: int | None = None,
+) -> list[Result]:
     """Run scenes as `simulate_many` does, and return their results in order.
 
-    Ctrl-C ends it early: there are then results of the scenes that were begun, those that had not
-    ended with `interrupted` set.
+    Ctrl-C ends it early: there are then results of the scenes that were begun; the ending of those
+    that had not ended is INTERRUPTED.
 
     Raises:
+        UserError: as `init`.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
+    init(arch, threads)
     wall = Wall()
     begun: dict[int, Run] = {}
     results: dict[int, Result] = {}
@@ -104,7 +146,7 @@ def run_many(scenes: Sequence[Scene], on_progress: ProgressCallback | None = Non
     except KeyboardInterrupt:
         for index, run in begun.items():
             if index not in results and run.rows:
-                results[index] = batches.result_of(run, wall, interrupted=True)
+                results[index] = batches.result_of(run, wall)
         if not results:
             raise
     ordered = [results[index] for index in sorted(results)]

@@ -17,6 +17,7 @@ import time
 import numpy as np
 
 from taichi_foam.engine.features import features_of
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -73,14 +74,17 @@ class Drop:
         return self._slots.now(0)
 
     def rows(self, since: int = 0) -> np.ndarray:
-        """Rows (n, 18) of the history after the first `since`, for `batches.history_of`."""
+        """Rows (n, 18) after the first `since`, for `analysis.history.history_of`."""
         return self._run.rows_since(since)
 
-    def result(self, interrupted: bool = False) -> Result:
-        """What there is so far. Raises ValueError before the first row."""
+    def result(self) -> Result:
+        """What there is so far, interrupted if it has not ended.
+
+        Raises ValueError before the first row.
+        """
         if not self._run.rows:
             raise ValueError(f"{self.scene.name}: nothing has been computed yet")
-        return result_of(self._run, self._wall, interrupted)
+        return result_of(self._run, self._wall)
 
     @property
     def time(self) -> float:
@@ -93,8 +97,8 @@ class Drop:
         return self._run.ended
 
     @property
-    def ended_by(self) -> str | None:
-        """Why it ended, in the words of a result's record; None while it runs."""
+    def ended_by(self) -> Ending | None:
+        """How it ended; None while it runs."""
         return ENDINGS[self._run.status] if self.ended else None
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_foam.analysis import measures
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Numerics, Scene, Wedge
 
@@ -293,7 +294,7 @@ def test_summary_without_impactor_and_of_nothing(make_result, make_snapshot) -> 
     known = {"scene", "pieces", "broken_bonds", "interrupted"}
     assert {key for key, value in found.items() if value is not None} == known
 
-    empty = make_result(time=[], run={"interrupted": True})
+    empty = make_result(time=[], run={"ended_by": Ending.INTERRUPTED})
     found = measures.summary(empty)
     assert found["interrupted"] is True
     assert {key for key, value in found.items() if value is not None} == {"scene", "interrupted"}

@@ -112,7 +112,9 @@ class TestOutputFolder:
         (tmp_path / "kept").mkdir()
         (tmp_path / "kept" / "note").write_text("mine")
         before = tree(tmp_path)
-        assert_refused(ask(*command, "--out", "kept"), "--overwrite")
+        result = ask(*command, "--out", "kept")
+        assert_refused(result, "pass --overwrite to replace it")
+        assert "overwrite=True" not in result.stderr
         assert tree(tmp_path) == before
 
     def test_is_the_current_folder(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
@@ -161,5 +163,6 @@ def test_absent_gpu(tmp_path: Path) -> None:
     done = call("-m", "taichi_foam", "run", WEDGE, "--arch", absent[0], cwd=tmp_path)
     assert done.returncode == 2
     assert f"this machine offers no {absent[0]} device" in done.stderr
+    assert "use --arch cpu, or install" in done.stderr
     assert "Traceback" not in done.stderr
     assert tree(tmp_path) == {}

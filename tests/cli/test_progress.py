@@ -76,6 +76,11 @@ def test_importing_the_package_and_asking_for_help_loads_nothing_heavy(tmp_path)
     assert done.returncode == 0, done.stderr
 
 
+def test_the_package_shows_its_public_names_and_nothing_else() -> None:
+    assert dir(taichi_foam) == sorted(taichi_foam.__all__)
+    assert {"init", "load", "run", "simulate_many", "Ending", "Snapshot"} <= set(dir(taichi_foam))
+
+
 def test_every_public_name_is_there() -> None:
     for name in taichi_foam.__all__:
         assert getattr(taichi_foam, name) is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +34,10 @@ def test_options_reach_the_study(invoke: Callable, monkeypatch: pytest.MonkeyPat
 def test_an_ensemble_shows_medians_bands_and_scores(
     invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def small(source: object, choices: str | None = None, overrides: Sequence[str] = ()) -> Scene:
-        return load_scene(source, choices, [*overrides, *SHORT])
+    def small(name: str, choices: str) -> Scene:
+        return load_scene(name, choices, SHORT)
 
-    monkeypatch.setattr(study, "load_scene", small)
+    monkeypatch.setattr(study, "paper_scene", small)
     asked = ["--ensemble", "2", "--cases", "wedge-2.86", "--out", "two", "--no-films"]
     result = invoke("reproduce", *asked)
     assert result.exit_code == 0, result.output

@@ -112,10 +112,10 @@ def test_a_failed_run_is_saved(invoke: Callable, tmp_path: Path) -> None:
     wild = ["--dt", "5e-5", "--set", "numerics.end=0.01"]
     result = invoke("run", WEDGE, *COARSE_OPTIONS, *wild, *drag, "--out", "wild")
     assert result.exit_code == 1, result.output
-    assert re.search(r"went astray at [0-9.]+ ms, first at node \(\d+, \d+\)", result.stderr)
+    assert re.search(r"diverged at [0-9.]+ ms, first at node \(\d+, \d+\)", result.stderr)
     assert "numerics.dt" in result.stderr
     assert "Traceback" not in result.stderr
-    assert summary_of(tmp_path / "wild")["run"]["ended_by"] == "values that went astray"
+    assert summary_of(tmp_path / "wild")["run"]["ended_by"] == "diverged"
     assert len(Result.load(tmp_path / "wild").history["time_s"]) >= 1
 
 

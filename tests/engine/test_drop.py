@@ -7,11 +7,11 @@ import pytest
 from bench import small_scene
 from test_same_numbers import assert_same_results, assert_same_snapshots, impacts
 
-from taichi_foam.engine.ledger import ROW_COLUMNS
+from taichi_foam.analysis.history import history_of
 from taichi_foam.errors import RunError
-from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.ending import Ending
+from taichi_foam.records.history import HISTORY_COLUMNS, ROW_COLUMNS
 from taichi_foam.scene import FlatBlock, Numerics, Output
-from taichi_foam.simulation.batches import history_of
 from taichi_foam.simulation.simulate import run
 from taichi_foam.simulation.stepwise import Drop
 
@@ -51,9 +51,9 @@ def test_it_goes_on_to_the_time_asked_for_past_snapshots_and_full_rows() -> None
         assert 4.05e-3 <= drop.time < 4.05e-3 + 2e-5
         assert 0.8 < drop.fraction < 0.9
         assert drop.wall > 0.0
-        cut = drop.result(interrupted=True)
+        cut = drop.result()
         assert cut.run["interrupted"]
-        assert cut.run["ended_by"] == "interrupt"
+        assert cut.run["ended_by"] == Ending.INTERRUPTED
         assert len(cut.snapshots) == 41
         now = drop.now()
         assert now.time == drop.time

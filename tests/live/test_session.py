@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 
 from taichi_foam import load_scene
-from taichi_foam.engine.ledger import ROW_COLUMNS
 from taichi_foam.live import session as session_module
 from taichi_foam.live.messages import Died, Ended, Failed, Frame, NothingYet, Refused
 from taichi_foam.live.session import Session
+from taichi_foam.records.ending import Ending
+from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.simulate import run
 
@@ -220,8 +221,8 @@ def test_a_failed_run_says_why(session: Session) -> None:
     wild = ("model.damping=absolute", "numerics.damping_time=1e-2", "numerics.dt=5e-5")
     session.start(drop_of(0.01, *wild))
     failed = wait_for(session, lambda event: isinstance(event, Failed))
-    assert "went astray" in failed.message
-    assert failed.result.run["ended_by"] == "values that went astray"
+    assert "diverged" in failed.message
+    assert failed.result.run["ended_by"] == Ending.DIVERGED
     assert session.result is failed.result
     assert session.alive
 

@@ -17,6 +17,7 @@ from taichi_foam.live.overlay import panel, strip
 from taichi_foam.live.stage import PACES, VELOCITY_STEP, Stage, pace_words
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.modes import MODES
+from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
@@ -130,7 +131,7 @@ def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(kept: list[Result]) ->
         assert not stage.was_cut
         stage.update(0.5)
         assert np.ptp(field(stage)) > 0
-    assert [result.run["ended_by"] for result in kept] == ["end time"]
+    assert [result.run["ended_by"] for result in kept] == [Ending.END_TIME]
 
 
 def test_a_drop_that_is_finished_early_is_kept_as_it_is(stage: Stage, kept: list[Result]) -> None:
@@ -222,9 +223,9 @@ def test_a_run_that_goes_astray_is_kept_and_told_of(kept: list[Result]) -> None:
     with Stage(scene, kept.append, pace=None) as stage:
         wait(stage, lambda: stage.ended)
         assert stage.state == "failed"
-        assert "went astray" in stage.message
+        assert "diverged" in stage.message
         assert stage.failures == [stage.message]
-    assert [result.run["ended_by"] for result in kept] == ["values that went astray"]
+    assert [result.run["ended_by"] for result in kept] == [Ending.DIVERGED]
 
 
 def test_a_long_message_is_a_strip_at_the_foot_with_whole_lines() -> None:

@@ -276,7 +276,7 @@ def test_an_impactor_at_rest_falls_when_there_is_gravity():
 def test_bad_polygon_gets_its_message(corners, says):
     with pytest.raises(ValidationError) as caught:
         Polygon(vertices=corners)
-    assert re.search(says, explain(caught.value))
+    assert re.search(says, explain(caught.value, Scene))
 
 
 def test_polygon_takes_its_corners_in_any_order():
@@ -309,8 +309,8 @@ def test_polygon_takes_its_corners_in_any_order():
 def test_parts_built_in_python_are_explained_with_their_place_in_the_scene(build, line):
     with pytest.raises(ValidationError) as caught:
         build()
-    assert explain(caught.value).startswith(line)
-    assert len(explain(caught.value).splitlines()) == 1
+    assert explain(caught.value, Scene).startswith(line)
+    assert len(explain(caught.value, Scene).splitlines()) == 1
 
 
 def test_scenes_are_frozen():

@@ -16,6 +16,7 @@ from page import Page
 
 from taichi_foam import Result, Scene, load_scene
 from taichi_foam.errors import RunError, UserError
+from taichi_foam.records.ending import Ending
 from taichi_foam.shim2000.ensemble import check, compute, factors, members_of
 from taichi_foam.shim2000.reproduce import reproduce
 from taichi_foam.shim2000.scores import HELD_OUT, score
@@ -169,16 +170,16 @@ def test_a_run_that_fails_is_left_out_and_told(
     stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(place: int, result: Result) -> Result:
-        bad = {**result.run, "ended_by": "a full neighbour list"}
+        bad = {**result.run, "ended_by": Ending.CROWDED}
         return replace(result, run=bad) if place == 1 else result
 
     monkeypatch.setattr(simulate, "simulate_many", given(stored, change=fail))
-    with pytest.raises(RunError, match=r"2\.86\d* m/s: ended by a full neighbour list") as raised:
+    with pytest.raises(RunError, match=r"2\.86\d* m/s: too many neighbours") as raised:
         reproduce(tmp_path / "out", ["wedge-2.86"], ensemble=3, films=False, overrides=COARSE)
-    assert "taichi-foam run paper/wedge-2.86 --set impactor.velocity=2.86" in str(raised.value)
+    assert "run paper/wedge-2.86 with impactor.velocity=2.86" in str(raised.value)
     content = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert content["cases"][0]["runs"] == 2
-    assert "full neighbour list" in (tmp_path / "out" / "report.html").read_text()
+    assert "too many neighbours" in (tmp_path / "out" / "report.html").read_text()
 
 
 # --- a tiny one from end to end -----------------------------------------------------------------

@@ -14,6 +14,7 @@ from PIL import Image
 from taichi_foam import Result, UserError
 from taichi_foam.errors import RunError
 from taichi_foam.picture import films
+from taichi_foam.records.ending import Ending
 from taichi_foam.shim2000.reproduce import case_names, reproduce
 from taichi_foam.shim2000.tests import NAMES
 from taichi_foam.simulation import simulate
@@ -96,7 +97,7 @@ def test_tables_repeat_the_summary(study) -> None:
 
 def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
     (tmp_path / "note").write_text("mine")
-    with pytest.raises(UserError, match="--overwrite"):
+    with pytest.raises(UserError, match="overwrite=True"):
         reproduce(tmp_path, CASES)
     assert [path.name for path in tmp_path.iterdir()] == ["note"]
 
@@ -108,7 +109,7 @@ def altered(change: Callable[[list[Result]], list[Result]]) -> Callable:
 
 
 def cut(result: Result) -> Result:
-    return replace(result, run={**result.run, "interrupted": True, "ended_by": "interrupt"})
+    return replace(result, run={**result.run, "interrupted": True, "ended_by": Ending.INTERRUPTED})
 
 
 def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +150,7 @@ def test_a_failed_case_is_kept_apart_and_the_others_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(results: list[Result]) -> list[Result]:
-        bad = replace(results[1], run={**results[1].run, "ended_by": "non-finite values"})
+        bad = replace(results[1], run={**results[1].run, "ended_by": Ending.DIVERGED})
         raise RunError("wedge: not finite at 1 ms", [results[0], bad])
 
     monkeypatch.setattr(simulate, "run_many", altered(fail))

@@ -35,6 +35,8 @@ _TYPES = {
 }
 _ASSETS = ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg")
 _PLOTLY = "plotly.min.js"
+# Looked for on import: a missing package is told before the page is served.
+_PLOTLY_FOLDER = resources.files("plotly") / "package_data"
 
 
 def app_of(show: Show) -> Starlette:
@@ -103,7 +105,7 @@ async def _asset(request: Request, name: str) -> Response:
 def _read(name: str) -> tuple[bytes, bytes, str]:
     """A file of the page: plain, packed, and a mark of its content."""
     if name == _PLOTLY:
-        file = resources.files("plotly") / "package_data" / name
+        file = _PLOTLY_FOLDER / name
     else:
         file = resources.files("taichi_foam.live.page") / "assets" / name
     plain = file.read_bytes()

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.curve import thinned
 from taichi_foam.results.folders import check_output_folder, file_name
@@ -183,12 +184,11 @@ class Archive:
 
 def _told(drop: Finished) -> dict[str, Any]:
     figures = drop.figures
-    keys = ("max_displacement_m", "impact_duration_s", "plateau_deceleration_m_s2")
     return {
         "number": drop.number,
         "about": drop.about,
         "ended": drop.ended,
-        "figures": {key: figures.get(key) for key in keys},
+        "figures": {q.key: figures.get(q.key) for q in (DISPLACEMENT, DURATION, PLATEAU)},
         "folder": str(drop.folder) if drop.folder else None,
         "problem": drop.problem,
         "films": dict(drop.films),

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.scene import Block, Foam, Scene
@@ -99,18 +98,21 @@ class Controls:
             _check_range(knob, value)
 
     def scene_of(self, shape: str, values: Mapping[str, Value]) -> Scene:
-        """The scene with these settings, named by what is new. Raises UserError as `load_scene`."""
+        """The scene with these settings, named by what is new.
+
+        Raises UserError as `with_values`.
+        """
         self.check(shape, values)
-        settings = [f"impactor.shape={shape}"] if shape != self.shape else []
-        if settings and "height" in SHAPES[shape].model_fields:
+        changed: dict[str, str | Value] = {"impactor.shape": shape} if shape != self.shape else {}
+        if changed and "height" in SHAPES[shape].model_fields:
             # that of the old shape may be too low for the new one
-            settings.append(f"impactor.height={SHAPES[shape].model_fields['height'].default!r}")
+            changed["impactor.height"] = SHAPES[shape].model_fields["height"].default
         for key, value in values.items():
             if self._has(shape, _KNOBS[key]) and value != self.defaults[key]:
-                settings.append(f"{key}={'none' if value is None else repr(value)}")
-        if not settings:
+                changed[key] = value
+        if not changed:
             return self.given
-        scene = load_scene(self.given, overrides=settings)
+        scene = self.given.with_values(changed)
         nodes, most = _nodes(scene), max(MOST_NODES, _nodes(self.given))
         if nodes > most:
             raise UserError(
@@ -152,7 +154,6 @@ class Controls:
         spoken = " ".join(f"{word} {limit:,.12g}".strip() for word, limit in given.items())
         spoken = spoken.replace(" below", ", below")
         allowed = f"{spoken} {knob.unit}".strip()
-        about, _, _ = schema["description"].partition(" [")
         return {
             "group": knob.group,
             "key": knob.key,
@@ -169,7 +170,7 @@ class Controls:
             "min": given.get("", given.get("above")),
             "max": given.get("to", given.get("below")),
             "open": [word for word in ("above", "below") if word in given],
-            "about": about,
+            "about": schema["description"],
             "allowed": f"none, or {allowed}" if schema["optional"] else allowed,
         }
 

@@ -6,44 +6,25 @@ import dataclasses
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.analysis import quantities as q
+from taichi_foam.records import history
 from taichi_foam.scene import CHOICE_SETS
 from taichi_foam.shim2000.tests import MEASURED, NAMES, paper_scene
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
-FIGURES = (
-    ("max_displacement_m", "displacement", "cm", 1e2, 2),
-    ("impact_duration_s", "duration", "ms", 1e3, 1),
-    ("plateau_deceleration_m_s2", "plateau", "m/s²", 1.0, 1),
-    ("energy_per_volume_J_m3", "energy per volume", "10⁵ J/m³", 1e-5, 2),
-    ("energy_absorbed_J", "energy absorbed", "J", 1.0, 2),
-    ("initial_peak_m_s2", "initial peak", "m/s²", 1.0, 0),
-    ("rebound_velocity_m_s", "rebound", "m/s", 1.0, 2),
-    ("crushed_width_m", "crushed width", "cm", 1e2, 1),
-    ("crushed_height_m", "crushed height", "cm", 1e2, 1),
-    ("pieces", "pieces", "", 1.0, 0),
-    ("broken_bonds", "broken bonds", "", 1.0, 0),
-    ("energy_residual", "unaccounted for", "%", 1e2, 3),
-)
-"""Key in `measures.summary`, words, unit, units in one SI unit, decimals."""
+QUANTITIES = (
+    q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME, q.ENERGY_ABSORBED, q.PEAK,
+    q.REBOUND, q.WIDTH, q.HEIGHT, q.PIECES, q.BROKEN, q.RESIDUAL,
+)  # fmt: skip
+"""The figures of the page's table, in its order."""
 
-ENERGIES = (
-    ("impactor_kinetic_J", "impactor, kinetic"),
-    ("foam_kinetic_J", "foam, kinetic"),
-    ("strain_J", "elastic strain"),
-    ("crushing_J", "crushing"),
-    ("shear_J", "shear"),
-    ("damping_J", "damping"),
-    ("friction_J", "friction"),
-    ("contact_J", "impactor contact"),
-    ("self_contact_J", "pieces' contact"),
-    ("fracture_J", "fracture"),
-    ("base_J", "base"),
-    ("gravity_J", "gravity"),
-    ("residual_J", "unaccounted for"),
-)
-"""Columns of the history and their words, in the ledger's order."""
+FIGURES = tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in QUANTITIES)
+"""The same as the page gets them."""
+
+ENERGIES = tuple((column.name, column.label) for column in history.ENERGIES)
+"""The ledger as the page gets it: columns of the history and their words."""
 
 
 def measured(scene: Scene) -> dict[str, Any] | None:

@@ -81,8 +81,8 @@ class Guard:
             if _name(host) not in LOOPBACK:
                 return (
                     HTTPStatus.FORBIDDEN,
-                    "This server answers to its own machine only. Open it as localhost, or start "
-                    "it with --host and use the address that it prints.",
+                    "This server answers to its own machine only. Open it as localhost, or serve "
+                    "it on another host and use the address that it prints.",
                 )
             return None
         kept = cookie_parser(headers.get("cookie", "")).get(self._cookie)

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_foam.analysis.measures import summary
+from taichi_foam.analysis.history import history_of
 from taichi_foam.live.page.curve import Curve
-from taichi_foam.live.page.figures import ENERGIES, FIGURES
+from taichi_foam.live.page.figures import ENERGIES, QUANTITIES
 from taichi_foam.results.result import Result
-from taichi_foam.simulation.batches import history_of
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame
@@ -89,8 +88,8 @@ class Readings:
 
     def _measure(self, result: Result) -> None:
         start = time.monotonic()
-        measured = summary(result)
-        self._figures = {key: measured[key] for key, *_ in FIGURES}
+        measured = result.summary
+        self._figures = {quantity.key: measured[quantity.key] for quantity in QUANTITIES}
         took = time.monotonic() - start
         self._measure_at = start + max(MEASURE_SECONDS, 20.0 * took)
 

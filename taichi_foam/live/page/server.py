@@ -154,11 +154,11 @@ def open_browser(address: str) -> None:
 def _bound(host: str, port: int) -> socket.socket:
     """A socket on this address. Raises UserError if it cannot be had."""
     if not 0 <= port <= 65535:
-        raise UserError(f"--port {port}: must be 0 to 65535; 0 takes any that is free")
+        raise UserError(f"port = {port}: must be 0 to 65535; 0 takes any that is free")
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (socket.gaierror, UnicodeError):
-        raise UserError(f"--host {host}: no such address here; try 127.0.0.1") from None
+        raise UserError(f"host = {host}: no such address here; try 127.0.0.1") from None
     family, kind, protocol, _, address = found[0]
     bound = socket.socket(family, kind, protocol)
     if os.name == "posix":  # elsewhere it would let two servers have one port
@@ -173,11 +173,11 @@ def _bound(host: str, port: int) -> socket.socket:
     except OSError as error:
         bound.close()
         if error.errno == errno.EADDRINUSE:
-            what = f"--port {port}: in use; choose another, or 0 for any that is free"
+            what = f"port = {port}: in use; choose another, or 0 for any that is free"
         elif error.errno == errno.EACCES:
-            what = f"--port {port}: not allowed; choose one above 1023"
+            what = f"port = {port}: not allowed; choose one above 1023"
         else:
-            what = f"--host {host}: cannot be used ({error.strerror}); try 127.0.0.1"
+            what = f"host = {host}: cannot be used ({error.strerror}); try 127.0.0.1"
         raise UserError(what) from None
     return bound
 

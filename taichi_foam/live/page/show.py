@@ -98,7 +98,7 @@ class Show:
         self._post_settings()
         self._list()
         try:
-            self._begin(self._scene, _initial_state(self._scene).snapshot())
+            self._begin(self._scene, _start_of(self._scene))
         except Exception as error:
             self._fail(f"{type(error).__name__}: {error}")
         while not self._is_closing.is_set():
@@ -286,7 +286,7 @@ class Show:
     def _drop_these(self, shape: str, values: dict[str, Value]) -> None:
         scene = self.controls.scene_of(shape, values)
         self.archive.check(scene)
-        start = _initial_state(scene).snapshot()
+        start = _start_of(scene)
         # nothing of the scene speaks against it: only now the drop that goes on is ended
         self._cut_short()
         self._shape, self._draft = shape, dict(values)
@@ -361,7 +361,7 @@ class Show:
         }
 
 
-def _initial_state(scene: Scene).snapshot() -> Snapshot:
+def _start_of(scene: Scene) -> Snapshot:
     from taichi_foam.engine.state import initial_state
 
     return initial_state(scene).snapshot()

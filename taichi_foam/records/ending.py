@@ -1,0 +1,45 @@
+"""How a run ended."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Ending(str, Enum):
+    """How a run ended; its value is the word in summary.json (`run.ended_by`), and equal to it.
+
+    meaning  the ending in words
+    remedy   what to do about an ending that is a failure, else empty
+    """
+
+    meaning: str
+    remedy: str
+
+    END_TIME = "end time", "it came to numerics.end or numerics.time_limit"
+    REBOUND = "rebound", "the impactor has come to rest and gone up again"
+    DIVERGED = (
+        "diverged",
+        "values are not finite or far beyond any that foam can have",
+        "take a smaller numerics.dt, or 'auto'",
+    )
+    CROWDED = (
+        "too many neighbours",
+        "more pieces touch in one place than the list of neighbours holds",
+        "set model.self_contact = false, or take a finer lattice",
+    )
+    INTERRUPTED = "interrupted", "it was stopped before its end"
+
+    def __new__(cls, word: str, meaning: str, remedy: str = "") -> Ending:
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.meaning = meaning
+        member.remedy = remedy
+        return member
+
+    def __str__(self) -> str:
+        return self.value
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run ended before its time by itself: its last values are of no use."""
+        return bool(self.remedy)

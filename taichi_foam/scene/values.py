@@ -1,0 +1,86 @@
+"""Values of a scene by dotted key: read from text, put into raw data that is yet to be checked."""
+
+from __future__ import annotations
+
+import copy
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from taichi_foam.errors import UserError
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.parts import Part
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
+    """Values by dotted key, given so, or as "block.rows=40" and the like, the later ones winning.
+
+    A value in text is read as TOML, otherwise as a plain word; `none` is None. Raises UserError for
+    text that does not read so.
+    """
+    if isinstance(given, Mapping):
+        return dict(given)
+    values = {}
+    for text in given:
+        key, equals, word = (part.strip() for part in text.partition("="))
+        if not equals or not all(key.split(".")) or not word:
+            raise UserError(f"{text!r}: must read KEY=VALUE, e.g. block.rows=40")
+        values[key] = _value(word)
+    return values
+
+
+def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested data of a scene with other values by dotted key; None empties an optional key.
+
+    Whole parts come first and the impactor's shape next, in whatever order they are given: a new
+    shape drops what the old one had and it lacks. Raises UserError for a key that is malformed, or
+    below one that has no keys of its own.
+    """
+    found = copy.deepcopy(dict(data))
+    for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
+        if not all(key.split(".")):
+            raise UserError(f"{key!r}: must be the key of a value, e.g. block.rows")
+        _put(found, key, values[key])
+    return found
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key in nested dictionaries, making tables on the way."""
+    *heads, last = key.split(".")
+    table = data
+    for head in heads:
+        if table.get(head) is None:
+            table[head] = {}
+        table = table[head]
+        if not isinstance(table, dict):
+            raise UserError(f"{key}: unknown key; {head} has no keys of its own")
+    if key == "impactor.shape" and isinstance(value, str) and value in SHAPES:
+        # Keys of the old shape that the new one lacks would be refused as unknown.
+        for old in table.keys() - SHAPES[value].model_fields.keys():
+            del table[old]
+    table[last] = _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """A part as its data, and a NumPy number as Python's: scenes take no other types."""
+    if isinstance(value, Part):
+        return value.model_dump(exclude_none=True)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _value(word: str) -> Any:
+    """A value read as TOML, or the word itself; None for `none`."""
+    if word == "none":
+        return None
+    try:
+        table = tomllib.loads(f"value = {word}")
+    except tomllib.TOMLDecodeError:
+        return word
+    return table["value"] if table.keys() == {"value"} else word

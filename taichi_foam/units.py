@@ -1,0 +1,21 @@
+"""SI prefixes for figures that people read."""
+
+from __future__ import annotations
+
+import math
+
+_PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str]:
+    """The power of a thousand that suits a value, and its prefix: 2.78e6 has (1e6, "M").
+
+    `least` is the lowest power of ten; `digits` those to which the value will be rounded, so that
+    999.9 of three digits is 1 k.
+    """
+    rounded = abs(float(f"{value:.{digits}g}"))
+    if rounded == 0.0 or not math.isfinite(rounded):
+        return 1.0, ""
+    power = 3 * math.floor(math.log10(rounded) / 3 + 1e-9)
+    power = min(max(power, least), max(_PREFIXES))
+    return 10.0**power, _PREFIXES[power]

@@ -1,0 +1,34 @@
+"""The figures that people are shown: each is a measure of a run, and has one set of words."""
+
+from __future__ import annotations
+
+from taichi_foam.analysis import quantities
+from taichi_foam.analysis.measures import summary
+from taichi_foam.analysis.quantities import DISPLACEMENT, RESIDUAL, Quantity
+from taichi_foam.cli import tables
+from taichi_foam.live.page.figures import FIGURES, QUANTITIES
+
+ALL = [each for each in vars(quantities).values() if isinstance(each, Quantity)]
+
+
+def test_every_figure_is_a_measure_of_a_run(make_result) -> None:
+    assert {quantity.key for quantity in ALL} <= summary(make_result()).keys()
+    assert len({quantity.key for quantity in ALL}) == len(ALL)
+    assert len({quantity.name for quantity in ALL}) == len(ALL)
+
+
+def test_figures_in_the_unit_of_people() -> None:
+    assert DISPLACEMENT.text(0.07512) == "7.51"
+    assert RESIDUAL.text(-1.234e-5) == "-0.0012"
+    assert DISPLACEMENT.text(None) == "–"
+    assert DISPLACEMENT.span(0.07, None) == "7.00 to ∞"
+
+
+def test_terminal_and_page_say_the_same(make_result) -> None:
+    assert [(key, unit, factor) for key, _, unit, factor, _ in FIGURES] == [
+        (quantity.key, quantity.unit, quantity.factor) for quantity in QUANTITIES
+    ]
+    result = make_result(strain_J=1.0, residual_J=(0.0, 0.01))
+    labels = list(tables.key_figures(result.summary).columns[0].cells)
+    assert RESIDUAL.label in labels
+    assert labels == [quantity.label for quantity in ALL if quantity.label in labels]

@@ -1,0 +1,51 @@
+"""Packages that only the live window and the live page need may be absent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_line import call, tree
+
+#: The command line where these packages are not installed.
+PROGRAM = """
+import os, sys
+os.environ["SDL_VIDEODRIVER"] = "dummy"  # a display is not what is missing
+for name in {absent}:
+    sys.modules[name] = None
+from taichi_foam.cli import main
+sys.argv = ["taichi-foam", *{arguments}]
+main()
+"""
+
+LIVE = ("pygame", "starlette", "uvicorn", "websockets", "plotly")
+
+
+@pytest.mark.parametrize(
+    ("absent", "arguments", "says"),
+    [
+        (LIVE, ["serve", "paper/wedge-2.86", "--no-open"], "a live page: needs "),
+        (["plotly"], ["serve", "paper/wedge-2.86", "--no-open"], "a live page: needs plotly"),
+        (LIVE, ["run", "paper/wedge-2.86", "--live"], "a live window: needs pygame"),
+    ],
+)
+def test_one_line_says_what_to_install(
+    absent: list[str], arguments: list[str], says: str, tmp_path: Path
+) -> None:
+    done = call("-c", PROGRAM.format(absent=list(absent), arguments=arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert says in line
+    assert line.endswith("Fix: python -m pip install 'taichi-foam[live]'")
+    assert tree(tmp_path) == {}
+
+
+def test_all_else_works_without_them(tmp_path: Path) -> None:
+    """All commands that compute nothing, and the modules of those that compute and draw."""
+    modules = "taichi_foam.shim2000.reproduce, taichi_foam.live.notebook, taichi_foam.live.cell"
+    program = f"import {modules}\n" + PROGRAM.format(absent=[], arguments=["scenes"])
+    absent = f"import sys\nfor name in {LIVE}:\n    sys.modules[name] = None\n"
+    done = call("-c", absent + program, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "paper/wedge-2.86" in done.stdout
