@@ -14,7 +14,7 @@ Run time: some seconds on one core.
 
 import math
 
-from taichi_foam.scene import Base, Block, FlatBlock, Numerics, Output, Scene
+from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Scene
 
 SPEED = 1.0  # m/s
 FINAL_STRAIN = 0.87
@@ -36,6 +36,7 @@ scene = Scene(
 def exact_stress(strain: float) -> float:
     """Nominal stress [Pa] of virgin foam at a nominal strain, both positive in tension (Eq. 26)."""
     foam = scene.foam
+    assert isinstance(foam, Foam)
     if strain >= foam.yield_strain:
         return foam.youngs_modulus * strain
     plateau = foam.youngs_modulus * foam.yield_strain

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Foam
 
 CRUSHED_FRACTION = 0.5
 """A cell counts as crushed this share of the way from yield to densification (here: halfway)."""
@@ -26,17 +26,12 @@ def worst_strain(e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]) -> 
     return worst
 
 
-def permanent_strain(e_min: NDArray[np.float64], foam: Foam) -> NDArray[np.float64]:
-    """Strain (<= 0) at which foam that has met `e_min` is without stress (Fig. 19)."""
-    turn = np.clip(e_min, foam.densification_strain, foam.yield_strain)
-    return turn - foam.yield_strain
-
-
-def crushed_cells(snapshot: Snapshot, foam: Foam) -> NDArray[np.bool_]:
+def crushed_cells(snapshot: Snapshot, foam: BondFoam) -> NDArray[np.bool_]:
     """Whether each cell is crushed, (columns, rows).
 
     It is when the worst compressive strain of its two to four bonds, so far, lies beyond
-    CRUSHED_FRACTION of the way from the yield to the densification strain.
+    CRUSHED_FRACTION of the way through the crushing.
     """
-    limit = foam.yield_strain + CRUSHED_FRACTION * (foam.densification_strain - foam.yield_strain)
+    marks = foam.landmarks
+    limit = marks.crush_start + CRUSHED_FRACTION * (marks.crush_end - marks.crush_start)
     return worst_strain(snapshot.e_min_a, snapshot.e_min_b) < limit

@@ -267,4 +267,4 @@ def summary(record: Record) -> dict[str, Any]:
 
 def _is_flat(impactor: Impactor) -> bool:
     """Whether the impactor meets the block with a level face."""
-    return impactor.nose_depth <= 1e-6 * impactor.width
+    return impactor.nose_depth <= 1e-6 * impactor.extent

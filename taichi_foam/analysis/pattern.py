@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from taichi_foam.analysis.crush import crushed_cells, permanent_strain, worst_strain
+from taichi_foam.analysis.crush import crushed_cells, worst_strain
 from taichi_foam.analysis.fragments import Crack, parts
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Block, Foam, Impactor, Scene
+from taichi_foam.scene import Block, Impactor, Scene
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -88,7 +89,7 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
         return None
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
     across, up = int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)
-    links = block.dy * (1.0 + permanent_strain(snapshot.e_min_b, scene.foam))
+    links = block.dy * (1.0 + scene.foam.permanent_strain(snapshot.e_min_b))
     cells = np.empty(patch.shape)
     cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
     cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
@@ -297,7 +298,7 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
         [np.linalg.norm(np.diff(s.position, axis=0), axis=2) for s in snapshots], axis=0
     )
     last = snapshots[-1]
-    opened = last.broken_a & (lengths / dx - 1 > scene.foam.tensile_strain) & near[:, None]
+    opened = last.broken_a & (lengths / dx - 1 > scene.foam.landmarks.tensile) & near[:, None]
     top = opened[:, -1]
     rows, reached = 0, top
     while reached.any():
@@ -324,10 +325,10 @@ def _largest_patch(crushed: Flags) -> Flags | None:
     return patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
 
 
-def _deformed_for_good(snapshot: Snapshot, foam: Foam) -> Flags:
+def _deformed_for_good(snapshot: Snapshot, foam: BondFoam) -> Flags:
     """(columns, rows) whether a cell was compressed beyond ELASTIC_YIELDS yield strains."""
     strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
-    return strain < ELASTIC_YIELDS * foam.yield_strain
+    return strain < ELASTIC_YIELDS * foam.landmarks.crush_start
 
 
 def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:

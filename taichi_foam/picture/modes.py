@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import permanent_strain, worst_strain
+from taichi_foam.analysis.crush import worst_strain
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -59,7 +59,7 @@ class Mode:
 
 def _strain_key(*words: str) -> Callable[[Scene], Key]:
     def key(scene: Scene) -> Key:
-        top = max(KEY_STRAIN, -scene.foam.locking_strain)
+        top = max(KEY_STRAIN, -scene.foam.landmarks.limit)
         shown = (0.0, 0.2, 0.4, 0.6, 0.8, top)
         return Key(words, "heat", top, tuple((s, f"{_figure(100 * s)} %") for s in shown))
 
@@ -74,13 +74,13 @@ def _strain(snapshot: Snapshot, scene: Scene) -> Array:
     """The most compressed of each node's bonds; a broken one counts as unloaded."""
     e_a, e_b = _lengthwise(snapshot, scene)
     foam = scene.foam
-    a = np.where(snapshot.broken_a, permanent_strain(snapshot.e_min_a, foam), e_a)
-    b = np.where(snapshot.broken_b, permanent_strain(snapshot.e_min_b, foam), e_b)
+    a = np.where(snapshot.broken_a, foam.permanent_strain(snapshot.e_min_a), e_a)
+    b = np.where(snapshot.broken_b, foam.permanent_strain(snapshot.e_min_b), e_b)
     return -worst_strain(a, b)
 
 
 def _stress_key(scene: Scene) -> Key:
-    top = KEY_STRESS * scene.foam.plateau_stress
+    top = KEY_STRESS * scene.foam.landmarks.plateau_stress
     scale, prefix = si_scale(top, least=0, digits=3)
     words = ("compressive", f"stress ({prefix}Pa)")
     return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
@@ -118,7 +118,7 @@ def _fastest(scene: Scene) -> float:
 
 
 def _shear_key(scene: Scene) -> Key:
-    top = KEY_SHEAR * scene.foam.shear_strain
+    top = KEY_SHEAR * scene.foam.landmarks.shear
     return Key(("shear", "strain"), "cool", top, _ticks(top, 1e2, " %", open_ended=True))
 
 
@@ -158,8 +158,8 @@ def _broken(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _energy_key(scene: Scene) -> Key:
-    foam = scene.foam
-    top = foam.plateau_stress * (foam.yield_strain - foam.densification_strain)
+    marks = scene.foam.landmarks
+    top = marks.plateau_stress * (marks.crush_start - marks.crush_end)
     scale, prefix = si_scale(top, least=0, digits=3)
     words = ("crush energy", f"({prefix}J/m³)")
     return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
@@ -172,8 +172,8 @@ def _energy(snapshot: Snapshot, scene: Scene) -> Array:
     """
     foam = scene.foam
     taken = np.zeros(snapshot.position.shape[:2])
-    a = -0.5 * foam.plateau_stress * permanent_strain(snapshot.e_min_a, foam)
-    b = -0.5 * foam.plateau_stress * permanent_strain(snapshot.e_min_b, foam)
+    a = -0.5 * foam.landmarks.plateau_stress * foam.permanent_strain(snapshot.e_min_a)
+    b = -0.5 * foam.landmarks.plateau_stress * foam.permanent_strain(snapshot.e_min_b)
     taken[:-1] += a
     taken[1:] += a
     taken[:, :-1] += b

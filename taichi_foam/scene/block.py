@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
@@ -68,7 +70,7 @@ class Block(Part):
         return self.density * self.dx * self.dy * self.thickness
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> NDArray[Any]:
         """Reference positions of the mass points, (columns, rows, 2) [m]."""
         x = (np.arange(self.columns) - 0.5 * (self.columns - 1)) * self.dx
         y = (np.arange(self.rows) + 0.5) * self.dy

@@ -187,7 +187,7 @@ def _flat(run: _Run) -> list[Criterion]:
     region = pattern.crushed_region(stop, scene)
     beside, below = pattern.boundary_cells(stop, scene) or (None, None)
     cell = 1e3 * run.cell
-    width = 1e3 * run.impactor.width
+    width = 1e3 * run.impactor.extent
     return [
         _confined("flat-confined", "Gross crushing only under the impactor", run),
         run.between(
@@ -278,7 +278,7 @@ def _cylinder(run: _Run) -> list[Criterion]:
             "A crack starts below the impactor (distance from its axis)",
             offset,
             # Section 3.3: it extends from the tip, which on a circle is the middle half at most.
-            1e3 * run.impactor.width / 4,
+            1e3 * run.impactor.extent / 4,
             "mm",
         ),
         _vertical("cylinder-crack-vertical", run),

@@ -23,20 +23,20 @@ def branches(scene: Scene) -> dict[str, Branch]:
     By name, engineering strain and stress [Pa] (n,), tension positive. Loading begins at fracture
     in tension and ends where the stress is `TOP` times the plateau's.
     """
-    foam = scene.foam
-    corners = (foam.tensile_strain, foam.yield_strain, foam.densification_strain)
+    marks = scene.foam.landmarks
+    corners = (marks.tensile, marks.crush_start, marks.crush_end)
     # Cosine spacing towards locking, where the curve turns upwards.
     steep = np.cos(np.linspace(0.0, np.pi / 2, 400))
-    locking = foam.locking_strain + (foam.densification_strain - foam.locking_strain) * steep
+    locking = marks.limit + (marks.crush_end - marks.limit) * steep
     down = np.concatenate([np.linspace(a, b, 60) for a, b in itertools.pairwise(corners)])
     strain = np.concatenate([down, locking[1:]])
     loading = normal_stresses(scene, strain, np.minimum(strain, 0.0))
-    shown = -loading <= TOP * foam.plateau_stress
+    shown = -loading <= TOP * marks.plateau_stress
 
-    turn = max(TURN, foam.densification_strain)
-    unloaded = turn - foam.yield_strain
+    turn = max(TURN, marks.crush_end)
+    unloaded = float(scene.foam.permanent_strain(np.array(turn)))
     back = np.linspace(turn, unloaded, 40)
-    again = np.linspace(unloaded, foam.crushed_tensile_fraction * foam.tensile_strain, 40)
+    again = np.linspace(unloaded, marks.crushed_tensile, 40)
     return {
         "first loading": (strain[shown], loading[shown]),
         f"unloading from {-100 * turn:.0f} %": (back, normal_stresses(scene, back, turn)),

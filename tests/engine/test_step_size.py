@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from bench import bench, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
-from taichi_foam.engine.parameters import RK4_RADIUS
 
+from taichi_foam.engine.model import RK4_RADIUS
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
 from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run

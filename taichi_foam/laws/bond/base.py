@@ -23,6 +23,7 @@ class Landmarks:
     crush_end        strain at which the foam is crushed through, < crush_start
     limit            most compressive strain that a picture's key has to show, <= crush_end
     tensile          strain at which whole foam breaks in tension
+    crushed_tensile  strain at which foam that was crushed breaks in tension
     shear            shear strain at which whole foam breaks
     plateau_stress   magnitude of the stress between crush_start and crush_end [Pa]
     """
@@ -31,6 +32,7 @@ class Landmarks:
     crush_end: float
     limit: float
     tensile: float
+    crushed_tensile: float
     shear: float
     plateau_stress: float
 

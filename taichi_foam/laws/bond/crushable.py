@@ -134,6 +134,7 @@ class Foam(BondFoam):
             crush_end=self.densification_strain,
             limit=self.locking_strain,
             tensile=self.tensile_strain,
+            crushed_tensile=self.crushed_tension[0],
             shear=self.shear_strain,
             plateau_stress=self.plateau_stress,
         )

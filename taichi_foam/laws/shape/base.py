@@ -81,6 +81,11 @@ class Impactor(Part):
         chain = geometry.lower_chain(self.outline())
         return float(max(chain[0, 1], chain[-1, 1]))
 
+    @property
+    def extent(self) -> float:
+        """Width of the outline [m]."""
+        return float(np.ptp(self.outline()[:, 0]))
+
     def crushed_volume(self, displacement: ArrayLike, thickness: float) -> np.ndarray:
         """Volume that the impactor has swept below the block's top (paper, Eqs 4-6) [m3].
 
