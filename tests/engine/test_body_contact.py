@@ -158,7 +158,7 @@ def test_the_support_stops_the_impactor_and_throws_it_back() -> None:
     aside = reference_positions(scene) + np.array([1.0, 0.0])
     heights, speeds = [], []
     with bench(scene, position=aside) as loaded:
-        member = loaded.lattice.body.get_member_field
+        member = loaded.lattice.state.body.get_member_field
         y, v, support_work = member("y"), member("v"), member("support_work")
         y[0] = member("trial_y")[0] = 1e-4
         for _ in range(120):
@@ -186,7 +186,7 @@ def test_without_a_stop_the_impactor_goes_on() -> None:
     )
     aside = reference_positions(scene) + np.array([1.0, 0.0])
     with bench(scene, position=aside) as loaded:
-        member = loaded.lattice.body.get_member_field
+        member = loaded.lattice.state.body.get_member_field
         member("y")[0] = member("trial_y")[0] = 1e-4
         loaded.step(1200)
         assert member("v")[0] == -speed
