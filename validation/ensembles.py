@@ -10,10 +10,10 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import Band, band
-from taichi_foam.shim2000.case import has_failed
 from taichi_foam.shim2000.compare import DISPLACEMENT, DURATION, ENERGY, PLATEAU
 from taichi_foam.shim2000.ensemble import faster
 from taichi_foam.shim2000.reproduce import case_names
+from taichi_foam.shim2000.study import has_failed
 from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
 ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY)

@@ -17,6 +17,7 @@ from taichi_foam.picture import films
 from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import tests
 from taichi_foam.simulation.progress import Bars
 
 
@@ -51,8 +52,9 @@ def run_live(
     whole = kept[:-1] if stage.was_cut else kept
     has_films = bool(stage.failures) or _draw_films(whole, bars)
     if kept:
-        figures = summary(Result.load(kept[-1]))
-        console.print(tables.key_figures(figures))
+        last = Result.load(kept[-1])
+        figures = summary(last)
+        console.print(tables.key_figures(last.scene, figures))
         for path in kept:
             say_where(console, str(path))
         if not stage.failures:
@@ -84,7 +86,7 @@ def _draw_films(folders: list[Path], bars: Bars) -> bool:
             frames = films.frames_to_draw(result)
             if frames:
                 with bars.counting("films", f"films of {folder}", frames, "frames") as on_frame:
-                    films.write(result, folder, on_frame)
+                    films.write(result, folder, on_frame, title=tests.title(result.scene))
     except KeyboardInterrupt:
         return False
     return True

@@ -75,6 +75,7 @@ def write(
     on_frame: Callable[[], object] = lambda: None,
     names: Names | None = None,
     overwrite: bool = False,
+    title: str | None = None,
 ) -> list[Path]:
     """Draw a run into an existing folder; return the paths.
 
@@ -85,6 +86,7 @@ def write(
         on_frame: called after each frame drawn, `frames_to_draw` times.
         names: what to draw; default what `result.scene.output` asks for.
         overwrite: replace a folder of frames that has content; older films are always replaced.
+        title: text above each picture; default the name of the scene.
 
     Raises:
         UserError: a film that cannot be written, a folder of frames that may not be replaced.
@@ -96,7 +98,7 @@ def write(
         return []
     written: list[Path] = []
     if names.mp4 or names.frames:
-        pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame)
+        pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame, title)
         with ExitStack() as open_:
             if names.frames:
                 written.append(folder / names.frames)
@@ -108,7 +110,7 @@ def write(
                 for _ in pictures:
                     pass
     if names.gif:
-        written.append(write_gif(result, folder / names.gif, on_frame=on_frame))
+        written.append(write_gif(result, folder / names.gif, on_frame=on_frame, title=title))
     return written
 
 
@@ -118,13 +120,14 @@ def write_gif(
     width: int = movie.GIF_WIDTH,
     every: int = 1,
     on_frame: Callable[[], object] = lambda: None,
+    title: str | None = None,
 ) -> Path:
     """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
     output = result.scene.output
     stride = _stride(output.fps) * every
     fps = max(1, round(output.fps / stride))  # the pace stays that of the film
     size = scaled(output.width, output.height, width)
-    pictures = _drawn(result, result.snapshots[::stride], size, on_frame)
+    pictures = _drawn(result, result.snapshots[::stride], size, on_frame, title)
     return movie.save_gif(pictures, path, fps, width)
 
 
@@ -193,12 +196,13 @@ def _drawn(
     snapshots: Iterable[Snapshot],
     size: tuple[int, int],
     on_frame: Callable[[], object],
+    title: str | None,
 ) -> Iterator[Image8]:
     scene = result.scene
     curve = None
     if scene.output.curve and scene.impactor is not None:
         curve = Curve.of(result.history)
-    for picture in movie.frames(snapshots, scene, size, curve=curve):
+    for picture in movie.frames(snapshots, scene, size, title=title, curve=curve):
         on_frame()
         yield picture
 

@@ -17,10 +17,10 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.case import has_failed
 from taichi_foam.shim2000.compare import PEAK, comparison_of_medians, measured_figures
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.ensemble import members_of
+from taichi_foam.shim2000.study import has_failed
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
 
