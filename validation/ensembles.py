@@ -1,4 +1,4 @@
-"""What benchmarks of many runs of the nine tests share: the tests, their figures, tables."""
+"""What studies of many runs of the nine tests share: the tests, their figures, tables."""
 
 from __future__ import annotations
 
@@ -59,6 +59,10 @@ def short(name: str) -> str:
     """ "paper/rectangular-2.46" as the tables have it: flat 2.46."""
     shape, velocity = name.removeprefix("paper/").split("-")
     return f"{'flat' if shape == 'rectangular' else shape} {velocity}"
+
+
+COARSE = ("block.columns=20", "block.rows=10")
+"""Settings with which an impact takes a second: for `--smoke`, whose figures nobody reads."""
 
 
 def full_names(cases: str | None) -> list[str]:
