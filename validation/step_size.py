@@ -249,8 +249,8 @@ def smoke() -> None:
 
     Raises AssertionError or whatever goes wrong; writes nothing.
     """
-    short = (*COARSE, "numerics.end=8e-3")
-    test = Test("paper/wedge-2.86", fine=1e-6, settings=short, scouted_every=4e-5)
+    coarse = (*COARSE, "numerics.end=8e-3")
+    test = Test("paper/wedge-2.86", fine=1e-6, settings=coarse, scouted_every=4e-5)
     counts = dict.fromkeys(STEPS, 2)
     before_failure(test)
     impacts(test, counts, Bars())

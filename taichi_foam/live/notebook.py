@@ -9,6 +9,7 @@ import base64
 import html
 import io
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -132,19 +133,24 @@ def _picture(image: NDArray) -> str:
 
 def _film(result: Result) -> str:
     """The run as a film that plays in the page; the last picture stays."""
-    from taichi_foam.picture import films, movie
+    from taichi_foam.picture import films
     from taichi_foam.shim2000 import tests
 
-    output = result.scene.output
+    scene = result.scene
     every = -(-len(result.snapshots) // MOST_FRAMES)
-    size = films.scaled(output.width, output.height, FILM)
+    width, height = films.scaled(scene.output.width, scene.output.height, FILM)
+    asked = {"width": width, "height": height, "curve": False}
+    output = scene.output.model_copy(update=asked)
+    small = replace(
+        result,
+        scene=scene.model_copy(update={"output": output}),
+        snapshots=result.snapshots[::every],
+    )
+    names, title = films.Names(mp4="film.mp4"), tests.title(scene)
     with tempfile.TemporaryDirectory() as folder:
-        pictures = movie.frames(
-            result.snapshots[::every], result.scene, size, title=tests.title(result.scene)
-        )
-        path = movie.save_mp4(pictures, Path(folder) / "film.mp4", output.fps)
+        (path,) = films.write(small, Path(folder), names=names, title=title)
         data = _data("video/mp4", path.read_bytes())
-    return f'<video controls muted loop autoplay width="{size[0]}" src="{data}"></video>'
+    return f'<video controls muted loop autoplay width="{width}" src="{data}"></video>'
 
 
 def _data(kind: str, content: bytes) -> str:
