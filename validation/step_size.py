@@ -36,7 +36,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.shim2000.compare import Quantity
 from taichi_foam.shim2000.ensemble import WITHIN, factors
 from taichi_foam.shim2000.machine import machine, versions
-from taichi_foam.shim2000.tests import MEASURED, TABLE_6
+from taichi_foam.shim2000.tests import TABLE_6, TESTS
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import run
 
@@ -178,7 +178,7 @@ def _figures(tests: list[Test], quantity: Quantity) -> str:
         rows.append(
             [
                 short(test.name),
-                quantity.text(getattr(MEASURED[test.name], quantity.key)),
+                quantity.text(getattr(TESTS[test.name].measured, quantity.key)),
                 *(quantity.text(test.single[step][quantity.key]) for step in STEPS),
                 *(_spread_text(spread[step], quantity) for step in STEPS),
                 _chance(spread["auto"], spread["fine"]),

@@ -80,57 +80,36 @@ class Measured:
     """When that peak comes (Table 2)."""
 
 
-MEASURED: Mapping[str, Measured] = MappingProxyType(
-    {
-        # Table 2
-        "paper/rectangular-2.46": Measured(0.037, 0.046, 72, 1.50e5, 90, 0.0029),
-        "paper/rectangular-3.03": Measured(0.042, 0.065, 74, 1.56e5, 97, 0.0020),
-        "paper/rectangular-3.60": Measured(0.048, 0.086, 75, 1.60e5, 102, 0.0018),
-        # Table 3
-        "paper/cylinder-2.32": Measured(0.040, 0.048, 60, 1.32e5),
-        "paper/cylinder-2.94": Measured(0.047, 0.070, 64, 1.43e5),
-        "paper/cylinder-3.32": Measured(0.053, 0.090, 65, 1.46e5),
-        # Table 4; the last sinks deeper than the block is high
-        "paper/wedge-2.10": Measured(0.040, 0.046, 61, 1.34e5),
-        "paper/wedge-2.86": Measured(0.049, 0.075, 66, 1.36e5),
-        "paper/wedge-3.60": Measured(0.059, 0.110, 68, 1.40e5),
-    }
-)
-"""Measured figures of the nine tests, by scene name (Tables 2-5)."""
-
-NAMES: tuple[str, ...] = tuple(MEASURED)
-"""The nine tests, in the tables' order."""
-
-_SIMULATED_DURATION = {"paper/rectangular-3.03": 0.0402, "paper/wedge-2.86": 0.0483}
-_PICTURE = {"paper/rectangular-3.03": 22, "paper/cylinder-3.32": 24, "paper/wedge-2.86": 26}
 _TABLE = {"rectangular": 2, "cylinder": 3, "wedge": 4}
+_WORDS = {"rectangular": "flat block", "cylinder": "cylinder", "wedge": "wedge"}
 _SHAPE: dict[str, type[FlatBlock] | type[Cylinder] | type[Wedge]] = {
     "rectangular": FlatBlock,
     "cylinder": Cylinder,
     "wedge": Wedge,
 }
-_WORDS = {"rectangular": "flat block", "cylinder": "cylinder", "wedge": "wedge"}
 
 
 @dataclass(frozen=True)
 class PaperTest:
     """One of the nine tests.
 
-    name                of its scene, as in `NAMES`
     kind                "rectangular", "cylinder" or "wedge"
     velocity            of the impact [m/s]
     measured            its figures
-    simulated_duration  impact duration that the paper's own simulation gave (captions of Figs 22
-                        and 26) [s]
     picture             number of the figure that shows the block during the impact
+    simulated_duration  impact duration that the paper's own simulation gave [s]
     """
 
-    name: str
     kind: str
     velocity: float
     measured: Measured
-    simulated_duration: float | None
-    picture: int | None
+    picture: int | None = None
+    simulated_duration: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its scene."""
+        return f"paper/{self.kind}-{self.velocity:.2f}"
 
     @property
     def title(self) -> str:
@@ -138,17 +117,25 @@ class PaperTest:
         return f"{_WORDS[self.kind]}, {self.velocity:.2f} m/s"
 
 
-def _test(name: str, measured: Measured) -> PaperTest:
-    kind, velocity = name.removeprefix("paper/").split("-")
-    return PaperTest(
-        name, kind, float(velocity), measured, _SIMULATED_DURATION.get(name), _PICTURE.get(name)
-    )
-
-
-TESTS: Mapping[str, PaperTest] = MappingProxyType(
-    {name: _test(name, measured) for name, measured in MEASURED.items()}
+_TESTS = (
+    # Table 2
+    PaperTest("rectangular", 2.46, Measured(0.037, 0.046, 72, 1.50e5, 90, 0.0029)),
+    PaperTest("rectangular", 3.03, Measured(0.042, 0.065, 74, 1.56e5, 97, 0.0020), 22, 0.0402),
+    PaperTest("rectangular", 3.60, Measured(0.048, 0.086, 75, 1.60e5, 102, 0.0018)),
+    # Table 3
+    PaperTest("cylinder", 2.32, Measured(0.040, 0.048, 60, 1.32e5)),
+    PaperTest("cylinder", 2.94, Measured(0.047, 0.070, 64, 1.43e5)),
+    PaperTest("cylinder", 3.32, Measured(0.053, 0.090, 65, 1.46e5), 24),
+    # Table 4; the last sinks deeper than the block is high
+    PaperTest("wedge", 2.10, Measured(0.040, 0.046, 61, 1.34e5)),
+    PaperTest("wedge", 2.86, Measured(0.049, 0.075, 66, 1.36e5), 26, 0.0483),
+    PaperTest("wedge", 3.60, Measured(0.059, 0.110, 68, 1.40e5)),
 )
-"""The nine tests by name."""
+TESTS: Mapping[str, PaperTest] = MappingProxyType({test.name: test for test in _TESTS})
+"""The nine tests by name, in the tables' order (Tables 2-5, captions of Figs 22 and 26)."""
+
+NAMES: tuple[str, ...] = tuple(TESTS)
+"""Their names."""
 
 
 # --- what makes a scene a test ------------------------------------------------------------------

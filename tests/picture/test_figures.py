@@ -23,7 +23,7 @@ from taichi_foam.picture import figures, style
 from taichi_foam.picture.labels import spread
 from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
 from taichi_foam.shim2000.error_figure import Whisker, errors
-from taichi_foam.shim2000.tests import MEASURED
+from taichi_foam.shim2000.tests import TESTS
 
 VELOCITIES = (2.46, 3.03, 3.60)
 
@@ -59,7 +59,7 @@ def deceleration_of(velocity: float) -> Deceleration:
         velocity,
         history["time_s"],
         history["deceleration_m_s2"],
-        MEASURED[f"paper/rectangular-{velocity:.2f}"],
+        TESTS[f"paper/rectangular-{velocity:.2f}"].measured,
     )
 
 

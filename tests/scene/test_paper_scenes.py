@@ -47,7 +47,7 @@ def test_table_5_follows_from_the_other_tables_with_this_geometry(name):
     That the cylinder agrees only with a radius of 2.5 cm is why that is the default. The nine
     agree within 8 %: Table 5 is a fitted slope, this is one point of the line.
     """
-    scene, measured = tests.paper_scene(name), tests.MEASURED[name]
+    scene, measured = tests.paper_scene(name), tests.TESTS[name].measured
     volume = scene.impactor.crushed_volume(measured.max_displacement_m, scene.block.thickness)
     energy = 0.5 * scene.impactor.mass * scene.impactor.velocity**2
     assert energy / volume == pytest.approx(measured.energy_per_volume_J_m3, rel=0.08)
@@ -56,7 +56,7 @@ def test_table_5_follows_from_the_other_tables_with_this_geometry(name):
 @pytest.mark.parametrize("name", tests.NAMES)
 def test_plateau_and_duration_nearly_stop_the_impactor(name):
     """The mean deceleration v0 / duration lies below the plateau, by the rise at the start."""
-    scene, measured = tests.paper_scene(name), tests.MEASURED[name]
+    scene, measured = tests.paper_scene(name), tests.TESTS[name].measured
     mean = scene.impactor.velocity / measured.impact_duration_s
     assert (
         0.8 * measured.plateau_deceleration_m_s2
@@ -66,7 +66,9 @@ def test_plateau_and_duration_nearly_stop_the_impactor(name):
 
 
 def test_only_the_flat_block_has_a_first_peak():
-    assert [n for n, m in tests.MEASURED.items() if m.initial_peak_m_s2] == list(tests.NAMES[:3])
+    assert [n for n, t in tests.TESTS.items() if t.measured.initial_peak_m_s2] == list(
+        tests.NAMES[:3]
+    )
 
 
 def test_paper_literal():
