@@ -54,7 +54,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Name of the test, as in `paper.NAMES`."""
+        """Name of the test, as in `tests.NAMES`."""
         return self.scene.name
 
     @cached_property
