@@ -1,8 +1,7 @@
 """The nine drop tests of Shim, Tu & Lim (2000), Int. J. Impact Engng 24, 703-731.
 
 As scenes, with what was measured in them; and `test_of`, which says whether a scene is one of
-them. Table 1 (the foam) and Table 6 (the lattice) are the defaults of `taichi_foam.scene`; they
-stand here again in the paper's words for tests and tables.
+them. Table 1 (the foam) and Table 6 (the lattice) are the defaults of `taichi_foam.scene`.
 """
 
 from __future__ import annotations
@@ -28,35 +27,6 @@ from taichi_foam.scene import (
     Start,
     Wedge,
 )
-
-TABLE_1: Mapping[str, float] = MappingProxyType(
-    {
-        "density_kg_m3": 25.6,
-        "youngs_modulus_Pa": 2.78e6,
-        "shear_modulus_Pa": 0.84e6,
-        "static_plateau_stress_Pa": 0.12e6,
-        "yield_strain": -0.05,
-        "densification_strain": -0.80,
-        "tensile_strain": 0.05,
-        "shear_strain": 0.10,
-    }
-)
-"""Table 1, with Eq. 26's signs. The model's own plateau is K |e_y| = 0.139 MPa, not the measured
-0.12 MPa."""
-
-TABLE_6: Mapping[str, float] = MappingProxyType(
-    {
-        "damping_alpha": 0.0,
-        "damping_beta_m_s": 1e-6,
-        "cell_width_m": 0.005,
-        "cell_height_m": 0.005,
-        "columns": 40,
-        "rows": 20,
-        "dt_s": 1e-7,
-        "time_limit_s": 0.050,
-    }
-)
-"""Table 6 and the time limit that the text above it gives."""
 
 LITERAL_CYLINDER_RADIUS = 0.05
 """Radius [m] in section 3.1's words; Eqs 3 and 5 with Tables 3 and 5 need half of it."""

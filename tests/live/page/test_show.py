@@ -145,7 +145,9 @@ def test_little_of_each_viewer_waits() -> None:
     assert [whose for _, whose in inbox.take()] == [other.append]
 
 
-def test_measured_figures_go_with_the_test_not_with_the_name(show: Show) -> None:
+def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> None:
+    show = Show(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
+
     def told(scene: Any) -> dict[str, Any]:
         show._scene = scene
         show._post_scene()
