@@ -1,4 +1,4 @@
-"""What benchmarks of many runs of the nine tests share: the tests, their figures, tables."""
+"""What studies of many runs of the nine tests share: the tests, their figures, tables."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import Band, band
-from taichi_foam.shim2000.case import has_failed
 from taichi_foam.shim2000.ensemble import faster
 from taichi_foam.shim2000.reproduce import case_names
+from taichi_foam.shim2000.study import has_failed
 from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
 ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY_PER_VOLUME)
@@ -59,6 +59,10 @@ def short(name: str) -> str:
     """ "paper/rectangular-2.46" as the tables have it: flat 2.46."""
     shape, velocity = name.removeprefix("paper/").split("-")
     return f"{'flat' if shape == 'rectangular' else shape} {velocity}"
+
+
+COARSE = ("block.columns=20", "block.rows=10")
+"""Settings with which an impact takes a second: for `--smoke`, whose figures nobody reads."""
 
 
 def full_names(cases: str | None) -> list[str]:

@@ -10,10 +10,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
-from ensembles import ORDER, percent, short, table
+from ensembles import COARSE, ORDER, percent, short, table
+from store import SMOKE_HELP
 
 from taichi_foam.analysis.quantities import (
     DISPLACEMENT,
@@ -23,6 +25,7 @@ from taichi_foam.analysis.quantities import (
     Quantity,
 )
 from taichi_foam.shim2000.compare import is_miss
+from taichi_foam.shim2000.reproduce import reproduce
 
 # Of a figure in the README's table: title, decimals as computed, and as measured.
 README_ORDER = (
@@ -116,11 +119,34 @@ def literal(entries: Sequence[Entry]) -> str:
     return table(header, rows)
 
 
+def smoke() -> None:
+    """The tables of two coarse studies: whether it all still works. Writes nothing that stays."""
+    with TemporaryDirectory() as folder:
+        coarse: dict[str, Any] = {"overrides": COARSE, "films": False}
+        ensemble, plain = Path(folder) / "ensemble", Path(folder) / "literal"
+        reproduce(ensemble, ["rectangular-3.03"], ensemble=2, **coarse)
+        reproduce(plain, ["rectangular-3.03"], choices="paper-literal", **coarse)
+        tables(ensemble, plain)
+
+
 def main(
-    ensemble: Annotated[Path, typer.Argument(help="Folder of reproduce --ensemble.")],
-    paper_literal: Annotated[Path, typer.Argument(help="Folder of --choices paper-literal.")],
+    ensemble: Annotated[Path | None, typer.Argument(help="Folder of reproduce --ensemble.")] = None,
+    paper_literal: Annotated[
+        Path | None, typer.Argument(help="Folder of --choices paper-literal.")
+    ] = None,
+    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
 ) -> None:
     """Print the tables, as Markdown."""
+    if smoke_test:
+        smoke()
+    elif ensemble is None or paper_literal is None:
+        raise typer.BadParameter("give the folders of both studies")
+    else:
+        tables(ensemble, paper_literal)
+
+
+def tables(ensemble: Path, paper_literal: Path) -> None:
+    """Print the tables of two studies' folders."""
     found = json.loads((ensemble / "summary.json").read_text(encoding="utf-8"))
     entries, groups = found["cases"], found["ensemble"]
     typer.echo(f"## README\n\n{readme(entries, found['tolerance'])}")

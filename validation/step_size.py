@@ -18,6 +18,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from ensembles import (
+    COARSE,
     ORDER,
     Figures,
     figures_of,
@@ -29,18 +30,19 @@ from ensembles import (
 )
 from rich.console import Console
 from scipy.stats import mannwhitneyu
+from store import SMOKE_HELP
 
 from taichi_foam.analysis.quantities import Quantity
 from taichi_foam.results.result import Result
 from taichi_foam.shim2000.ensemble import WITHIN, factors
 from taichi_foam.shim2000.machine import machine, versions
-from taichi_foam.shim2000.tests import MEASURED, TABLE_6
+from taichi_foam.shim2000.tests import TESTS
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import run
 
 RESULTS = Path(__file__).parent / "results"
-FINE = TABLE_6["dt_s"]
-STEPS = {"auto": "auto", "fine": repr(FINE)}
+FINE = 1e-7  # s, Table 6
+STEPS = ("auto", "fine")
 
 # Before anything breaks: what is compared, as the history has it.
 COLUMNS = (
@@ -58,6 +60,9 @@ class Test:
     """What one test has given: figures by step and by the velocity's factor, and deviations."""
 
     name: str
+    fine: float = FINE  # s
+    settings: tuple[str, ...] = ()  # of the scene, beyond the test's own
+    scouted_every: float = 1e-5  # s: more than two automatic steps, or they are cut to fit
     single: dict[str, Figures] = field(default_factory=dict)
     ensemble: dict[str, list[Figures]] = field(default_factory=lambda: {"auto": [], "fine": []})
     first_failure: float = math.nan  # s
@@ -69,7 +74,10 @@ def impacts(test: Test, counts: dict[str, int], bars: Bars) -> None:
     """Run the test itself and its ensembles with either step."""
     runs = [(step, None) for step in STEPS]
     runs += [(step, factor) for step in STEPS for factor in factors(counts[step])]
-    scenes = [scene_of(test.name, f or 1.0, [f"numerics.dt={STEPS[s]}"]) for s, f in runs]
+    steps = {"auto": "auto", "fine": repr(test.fine)}
+    scenes = [
+        scene_of(test.name, f or 1.0, [*test.settings, f"numerics.dt={steps[s]}"]) for s, f in runs
+    ]
     with bars.computing(f"{short(test.name)}: {len(runs)} runs") as on_progress:
         for place, figures in figures_of(scenes, on_progress):
             step, factor = runs[place]
@@ -86,7 +94,7 @@ def before_failure(test: Test) -> None:
     for at multiples of it, and the other steps divide it, so that all have rows at the same
     instants; the fine one is the largest of these that is not above 1e-7 s.
     """
-    scout = _until(test.name, "auto", SCOUTED, 1e-5).history
+    scout = _until(test, "auto", SCOUTED, test.scouted_every).history
     failed = np.flatnonzero(scout["broken_bonds"])
     last = failed[0] - 1
     test.first_failure = float(scout["time_s"][failed[0]])
@@ -95,16 +103,17 @@ def before_failure(test: Test) -> None:
     # a little less than a multiple: sums of steps may fall short of it by rounding
     interval = ROWS_EVERY * step * (1.0 - 1e-9)
     end = float(scout["time_s"][last])
-    fine = _until(test.name, step / math.ceil(step / FINE), end, interval)
+    fine = _until(test, step / math.ceil(step / test.fine), end, interval)
     for parts in REFINED:
         given = "auto" if parts == 1 else step / parts
-        coarse = _until(test.name, given, end, interval)
+        coarse = _until(test, given, end, interval)
         test.deviations[parts] = _deviations(coarse, fine)
 
 
-def _until(name: str, dt: float | str, end: float, interval: float) -> Result:
+def _until(test: Test, dt: float | str, end: float, interval: float) -> Result:
     values = {"numerics.dt": dt, "numerics.end": end, "output.history_interval": interval}
-    return run(scene_of(name, overrides=[f"{key}={value}" for key, value in values.items()]))
+    settings = [*test.settings, *(f"{key}={value}" for key, value in values.items())]
+    return run(scene_of(test.name, overrides=settings))
 
 
 def _deviations(result: Result, exact: Result) -> dict[str, tuple[float, float]]:
@@ -169,7 +178,7 @@ def _figures(tests: list[Test], quantity: Quantity) -> str:
         rows.append(
             [
                 short(test.name),
-                quantity.text(getattr(MEASURED[test.name], quantity.key)),
+                quantity.text(getattr(TESTS[test.name].measured, quantity.key)),
                 *(quantity.text(test.single[step][quantity.key]) for step in STEPS),
                 *(_spread_text(spread[step], quantity) for step in STEPS),
                 _chance(spread["auto"], spread["fine"]),
@@ -235,6 +244,21 @@ def _raw(tests: list[Test]) -> dict[str, dict[str, dict[str, list[float | None]]
     }
 
 
+def smoke() -> None:
+    """A coarse, short impact, 1e-6 s for the fine step, and its tables: whether it all still works.
+
+    Raises AssertionError or whatever goes wrong; writes nothing.
+    """
+    coarse = (*COARSE, "numerics.end=8e-3")
+    test = Test("paper/wedge-2.86", fine=1e-6, settings=coarse, scouted_every=4e-5)
+    counts = dict.fromkeys(STEPS, 2)
+    before_failure(test)
+    impacts(test, counts, Bars())
+    text = page([test], counts)
+    assert all(title in text for title in ("## Steps", "## Figures", "## Before anything breaks"))
+    json.dumps(_raw([test]))
+
+
 def main(
     cases: Annotated[
         str | None, typer.Option(help="Tests, as in wedge-2.86,cylinder-3.32.")
@@ -243,8 +267,12 @@ def main(
     fine: Annotated[int, typer.Option(min=0, help="The same with 1e-7 s.")] = 8,
     impacts_too: Annotated[bool, typer.Option("--impacts/--no-impacts")] = True,
     out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "step_size.md",
+    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
 ) -> None:
     """Compare both steps and write the tables."""
+    if smoke_test:
+        smoke()
+        return
     bars = Bars(Console(highlight=False))
     counts = {"auto": velocities, "fine": fine}
     tests = [Test(name) for name in full_names(cases)]

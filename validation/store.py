@@ -10,6 +10,8 @@ from typing import Any
 
 import typer
 
+SMOKE_HELP = "Only see whether everything still works, in seconds; write nothing."
+
 
 @dataclass
 class Store:
@@ -50,7 +52,7 @@ class Store:
 
 
 def chosen(parts: str | None, known: Sequence[str]) -> list[str]:
-    """Parts of a benchmark given as "shock,waves", or all that it knows.
+    """Parts of a study given as "shock,waves", or all that it knows.
 
     Raises:
         typer.BadParameter: a part that it does not know.

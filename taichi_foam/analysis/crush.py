@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,18 +14,17 @@ CRUSHED_FRACTION = 0.5
 """A cell counts as crushed this share of the way from yield to densification (here: halfway)."""
 
 
+def over_bonds(join: np.ufunc, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
+    """What `join` makes of zero and the values of each node's bonds A and B, (columns, rows)."""
+    found = np.zeros((b.shape[0], a.shape[1]))
+    for part, values in ((found[:-1], a), (found[1:], a), (found[:, :-1], b), (found[:, 1:], b)):
+        join(part, values, out=part)
+    return found
+
+
 def worst_strain(e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Worst compressive strain (<= 0) over the bonds of each node, (columns, rows)."""
-    columns, rows = e_min_b.shape[0], e_min_a.shape[1]
-    worst = np.zeros((columns, rows))
-    for part, strain in (
-        (worst[:-1], e_min_a),
-        (worst[1:], e_min_a),
-        (worst[:, :-1], e_min_b),
-        (worst[:, 1:], e_min_b),
-    ):
-        np.minimum(part, strain, out=part)
-    return worst
+    return over_bonds(np.minimum, e_min_a, e_min_b)
 
 
 def crushed_cells(snapshot: Snapshot, foam: BondFoam) -> NDArray[np.bool_]:

@@ -218,7 +218,7 @@ def _run(
         from taichi_foam.cli import tables
 
         cut = _save(result, folder, overwrite, bars, with_films=failure is None)
-        console.print(tables.key_figures(result.summary))
+        console.print(tables.key_figures(scene, result.summary))
         say_where(console, folder)
         if failure is None:
             warn_of_residual(errors, result.summary["energy_residual"])
@@ -232,6 +232,7 @@ def _run(
 def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: bool) -> bool:
     """Write the result's folder; return whether Ctrl-C came, in the run or since."""
     from taichi_foam.picture import films
+    from taichi_foam.shim2000 import tests
 
     with output_folder(folder, overwrite) as staging:
         with held_interrupts() as pressed:
@@ -243,7 +244,7 @@ def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: 
             return False
         try:
             with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
-                films.write(result, staging, on_frame)
+                films.write(result, staging, on_frame, title=tests.title(result.scene))
         except KeyboardInterrupt:
             return True
     return False

@@ -16,6 +16,7 @@ from taichi_foam.picture import films
 from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import tests
 from taichi_foam.simulation.progress import Bars
 
 
@@ -50,12 +51,12 @@ def run_live(
     whole = kept[:-1] if stage.was_cut else kept
     has_films = bool(stage.failures) or _draw_films(whole, bars)
     if kept:
-        figures = Result.load(kept[-1]).summary
-        console.print(tables.key_figures(figures))
+        last = Result.load(kept[-1])
+        console.print(tables.key_figures(last.scene, last.summary))
         for path in kept:
             say_where(console, str(path))
         if not stage.failures:
-            warn_of_residual(errors, figures["energy_residual"])
+            warn_of_residual(errors, last.summary["energy_residual"])
     if stage.problem:
         raise RunError(f"{stage.unkept[0].scene.name}: {stage.problem}")
     if stage.failures:
@@ -83,7 +84,7 @@ def _draw_films(folders: list[Path], bars: Bars) -> bool:
             frames = films.frames_to_draw(result)
             if frames:
                 with bars.counting("films", f"films of {folder}", frames, "frames") as on_frame:
-                    films.write(result, folder, on_frame)
+                    films.write(result, folder, on_frame, title=tests.title(result.scene))
     except KeyboardInterrupt:
         return False
     return True

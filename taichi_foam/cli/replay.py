@@ -73,7 +73,9 @@ def render_command(
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Taichi and Matplotlib
         from taichi_foam.picture import films, montage, printed
+        from taichi_foam.shim2000 import tests
 
+        title = tests.title(result.scene)
         shown, jobs = result.scene.output.mode, []
         moving = [
             films.Names(
@@ -87,12 +89,14 @@ def render_command(
             written += [f"{names.frames}/"] if names.frames else []
             if written:
                 pieces = films.frames_to_draw(result, names)
-                write = partial(films.write, result, names=names, overwrite=overwrite)
+                write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
                 jobs.append(Job(tuple(written), pieces, write))
         if png:
             width = result.scene.output.width if size else montage.WIDTH
             montage.check_width(width)
-            draw = partial(montage.montage, result.snapshots, result.scene, width=width)
+            draw = partial(
+                montage.montage, result.snapshots, result.scene, width=width, title=title
+            )
             jobs.append(_still(f"montage-{shown}.png", draw))
         if pdf or svg:
             instants = partial(printed.montage, result.snapshots, result.scene)
@@ -130,8 +134,10 @@ def compare_command(
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
         from taichi_foam.picture import comparison, films, montage
+        from taichi_foam.shim2000 import tests
 
-        lineup = comparison.Lineup.of(results, _folder_names(runs))
+        captions = [tests.caption(result.scene) for result in results]
+        lineup = comparison.Lineup.of(results, _folder_names(runs), captions)
         output = results[0].scene.output
         name = f"comparison-{output.mode}"
         jobs = []

@@ -10,18 +10,21 @@ from rich.text import Text
 
 from taichi_foam.analysis import quantities as q
 from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
+from taichi_foam.shim2000.tests import test_of, title
 
 _MORE = (
     q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
 )  # fmt: skip
 
 
-def key_figures(summary: Mapping[str, Any]) -> Table:
+def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
     """The main figures of one run, beside the measured ones where it is one of the tests."""
-    case = comparison(summary["scene"], summary)
-    known = any(value is not None for value in case["measured"].values())
-    table = _table(summary["scene"])
+    test = test_of(scene)
+    case = comparison(scene.name, test, summary)
+    known = test is not None
+    table = _table(title(scene))
     table.add_column("", no_wrap=True)
     table.add_column("simulated", justify="right", no_wrap=True)
     if known:
@@ -56,12 +59,14 @@ def study(content: Mapping[str, Any]) -> Table:
         table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
-        table.add_row(case["name"].removeprefix("paper/"), *cells)
+        changed = "" if case["test"] else ", changed"
+        table.add_row(case["name"].removeprefix("paper/") + changed, *cells)
         if ensemble is not None:
             bands = [one.span(case["low"][one.key], case["high"][one.key]) for one in JUDGED]
             measured = [one.text(case["measured"][one.key]) for one in JUDGED]
             table.add_row("  5 to 95 %", *(f"{text} " for text in bands), style="dim")
-            table.add_row("  measured", *(f"{text} " for text in measured), style="dim")
+            if case["test"]:
+                table.add_row("  measured", *(f"{text} " for text in measured), style="dim")
     hits = [content["within_tolerance"][quantity.key] for quantity in JUDGED]
     table.add_section()
     table.add_row(f"within {tolerance}", *(f"{hit['within']} of {hit['of']} " for hit in hits))
@@ -75,12 +80,12 @@ def scores(content: Mapping[str, Any]) -> Table:
     table.add_column("", no_wrap=True)
     table.add_column(f"within {tolerance}", justify="right", no_wrap=True)
     table.add_column("median absolute error", justify="right", no_wrap=True)
-    for key, title in (("all", "all tests"), ("fitted", "fitted"), ("held_out", "held out")):
+    for key, words in (("all", "all tests"), ("fitted", "fitted"), ("held_out", "held out")):
         found = ensemble[key]
         error = found["median_absolute_error"]
         shown = "no answer" if error is None else f"{100 * error:.1f} %"
         if found["of"]:
-            table.add_row(title, f"{found['within']} of {found['of']}", shown)
+            table.add_row(words, f"{found['within']} of {found['of']}", shown)
     if ensemble["criteria"]:
         met = sum(criterion["holds"] for criterion in ensemble["criteria"])
         table.add_row("criteria of pictures met", f"{met} of {len(ensemble['criteria'])}", "")
@@ -95,16 +100,18 @@ def _runs(cases: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _judged(case: Mapping[str, Any], quantity: Quantity, tolerance: float) -> Text:
-    """A figure and its error; a miss has an asterisk."""
+    """A figure and, where it was measured, its error; a miss has an asterisk."""
     error = case["error"][quantity.key]
+    if case["measured"][quantity.key] is None:
+        return Text(quantity.text(case["simulated"][quantity.key]))
     shown = "no answer" if error is None else f"{100 * error:+4.0f} %"
     miss = is_miss(case, quantity.key, tolerance)
     shown, style = (shown + "*", "bold") if miss else (shown + " ", "")
     return Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style)
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+def _table(words: str) -> Table:
+    return Table(title=words, title_justify="left", title_style="bold", box=None, pad_edge=False)
 
 
 def _error(case: Mapping[str, Any], key: str) -> Text:

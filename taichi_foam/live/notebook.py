@@ -9,6 +9,7 @@ import base64
 import html
 import io
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,13 +43,16 @@ def install() -> None:
 def result_html(result: Result) -> str:
     """A run as HTML that needs nothing else: instants, key figures, and the film."""
     from taichi_foam.picture.montage import montage
+    from taichi_foam.shim2000 import tests
 
     figures = _figures(result.scene, result.summary)
     if result.ending is Ending.INTERRUPTED:
         figures = "<p>interrupted: this is what there was until then</p>" + figures
     if not result.snapshots:
         return figures
-    picture = _picture(montage(result.snapshots, result.scene, width=MONTAGE))
+    picture = _picture(
+        montage(result.snapshots, result.scene, width=MONTAGE, title=tests.title(result.scene))
+    )
     return picture + _side_by_side(f"<div>{figures}</div>", _film(result))
 
 
@@ -56,8 +60,11 @@ def scene_html(scene: Scene) -> str:
     """A scene as HTML: how it starts, its impactor, and what differs from the defaults."""
     from taichi_foam.engine.state import initial_state
     from taichi_foam.picture import raster
+    from taichi_foam.shim2000 import tests
 
-    picture = raster.frame(initial_state(scene).snapshot(), scene, (FILM, FILM * 9 // 16))
+    size = (FILM, FILM * 9 // 16)
+    start = initial_state(scene).snapshot()
+    picture = raster.frame(start, scene, size, title=tests.title(scene))
     return _side_by_side(_picture(picture), _table(("", "value", ""), _given(scene)))
 
 
@@ -85,20 +92,18 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     """The key figures, beside the measured ones where there are any."""
-    from taichi_foam.shim2000.compare import COMPARED, comparison
+    from taichi_foam.shim2000 import tests
+    from taichi_foam.shim2000.compare import COMPARED, measured_figures
 
-    measured = comparison(scene.name, summary)["measured"]
-    known = any(value is not None for value in measured.values())
+    known = measured_figures(tests.test_of(scene))
     rows = []
     for quantity in COMPARED:
-        value = summary[quantity.key]
-        if value is None and measured[quantity.key] is None:
+        value, measured = summary[quantity.key], known.get(quantity.key)
+        if value is None and measured is None:
             continue
         row = [f"{quantity.label} ({quantity.unit})", quantity.text(value)]
         if known:
-            row.append(
-                "" if measured[quantity.key] is None else quantity.text(measured[quantity.key])
-            )
+            row.append("" if measured is None else quantity.text(measured))
         rows.append(tuple(row))
     return _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
 
@@ -131,16 +136,24 @@ def _picture(image: NDArray) -> str:
 
 def _film(result: Result) -> str:
     """The run as a film that plays in the page; the last picture stays."""
-    from taichi_foam.picture import films, movie
+    from taichi_foam.picture import films
+    from taichi_foam.shim2000 import tests
 
-    output = result.scene.output
+    scene = result.scene
     every = -(-len(result.snapshots) // MOST_FRAMES)
-    size = films.scaled(output.width, output.height, FILM)
+    width, height = films.scaled(scene.output.width, scene.output.height, FILM)
+    asked = {"width": width, "height": height, "curve": False}
+    output = scene.output.model_copy(update=asked)
+    small = replace(
+        result,
+        scene=scene.model_copy(update={"output": output}),
+        snapshots=result.snapshots[::every],
+    )
+    names, title = films.Names(mp4="film.mp4"), tests.title(scene)
     with tempfile.TemporaryDirectory() as folder:
-        pictures = movie.frames(result.snapshots[::every], result.scene, size)
-        path = movie.save_mp4(pictures, Path(folder) / "film.mp4", output.fps)
+        (path,) = films.write(small, Path(folder), names=names, title=title)
         data = _data("video/mp4", path.read_bytes())
-    return f'<video controls muted loop autoplay width="{size[0]}" src="{data}"></video>'
+    return f'<video controls muted loop autoplay width="{width}" src="{data}"></video>'
 
 
 def _data(kind: str, content: bytes) -> str:

@@ -25,6 +25,7 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import tests
 from taichi_foam.simulation.interrupts import held_interrupts
 
 Image8 = NDArray[np.uint8]
@@ -188,8 +189,9 @@ class Stage:
         snapshot = initial_state(self.scene).snapshot() if last is None else last.snapshot
         curve = self._curve(snapshot.time) if self.curve else None
         image = raster.frame(
-            snapshot, self.scene, size, look=self.look, note=note, curve=curve, threads=1
-        )
+            snapshot, self.scene, size, look=self.look, title=tests.title(self.scene), note=note,
+            curve=curve, threads=1,
+        )  # fmt: skip
         if self.message:
             overlay.strip(image, self.message, self.look.theme)
         return image

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import worst_strain
+from taichi_foam.analysis.crush import over_bonds, worst_strain
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -70,7 +70,7 @@ def corners(
     points[..., 3] = shared[:-1, 1:]
     joints = _Joints(e_min_a, e_min_b, broken_a, broken_b)
     _mend(points, z, joints, dx, dy)
-    torn_and_crushed = _torn(broken_a, broken_b)
+    torn_and_crushed = over_bonds(np.add, broken_a, broken_b) > 0
     torn_and_crushed &= worst_strain(e_min_a, e_min_b) < FOLDING_STRAIN
     _unfold(points, torn_and_crushed, z, joints, dx, dy)
     return points.view(np.float64).reshape(columns, rows, 4, 2)
@@ -89,16 +89,6 @@ def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
     sides[:, 1:] |= broken_b * np.int32(BOTTOM)
     sides[:, :-1] |= broken_b * np.int32(TOP)
     return sides
-
-
-def _torn(broken_a: Bools, broken_b: Bools) -> Bools:
-    """Which nodes have a broken bond, (columns, rows)."""
-    torn = np.zeros((broken_b.shape[0], broken_a.shape[1]), dtype=bool)
-    torn[:-1] |= broken_a
-    torn[1:] |= broken_a
-    torn[:, :-1] |= broken_b
-    torn[:, 1:] |= broken_b
-    return torn
 
 
 class _Joints:

@@ -16,6 +16,7 @@ from taichi_foam.picture import annotate, inset, montage, naming, raster
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
+from taichi_foam.picture.naming import Caption
 from taichi_foam.picture.view import Box, Window, fit, window
 
 if TYPE_CHECKING:
@@ -59,10 +60,18 @@ class Lineup:
                 raise UserError(f"{name}: the run has no snapshots to show; run it again")
 
     @classmethod
-    def of(cls, runs: Sequence[Result], folders: Sequence[str] = ()) -> Lineup:
-        """Runs under names that tell them apart: their titles, what differs, or `folders`."""
+    def of(
+        cls,
+        runs: Sequence[Result],
+        folders: Sequence[str] = (),
+        captions: Sequence[Caption] | None = None,
+    ) -> Lineup:
+        """Runs under names that tell them apart: their titles, what differs, or `folders`.
+
+        `captions`, in the order of the runs, are what they are called; default their scenes' names.
+        """
         folders = folders or [f"run {k + 1}" for k in range(len(runs))]
-        found = naming.names([run.scene for run in runs], folders)
+        found = naming.names([run.scene for run in runs], folders, captions)
         return cls(
             tuple(runs), tuple(name for name, _ in found), tuple(aside for _, aside in found)
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil, prod, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,6 @@ from PIL import Image
 from taichi_foam.picture import comparison, movie, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import output_folder
 from taichi_foam.results.result import Result
@@ -63,10 +64,72 @@ class Names:
 LINEUP_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
 
 
+@dataclass(frozen=True)
+class _Reel:
+    """What a film shows: its instants in order, and how one is drawn at a size [pixels].
+
+    gif_width  of its GIF [pixels]
+    """
+
+    output: Output
+    instants: Sequence[Any]
+    draw: Callable[[Any, tuple[int, int]], Image8]
+    gif_width: int = movie.GIF_WIDTH
+
+    @property
+    def stride(self) -> int:
+        """Of how many instants a GIF shows one."""
+        return ceil(self.output.fps / GIF_FPS)
+
+    def frames_to_draw(self, names: Names) -> int:
+        """Those of MP4 and GIF are drawn apart, so that both are sharp."""
+        full = len(self.instants) if names.mp4 or names.frames else 0
+        return full + (len(self.instants[:: self.stride]) if names.gif else 0)
+
+    def frames(
+        self, every: int, size: tuple[int, int], on_frame: Callable[[], object]
+    ) -> Iterator[Image8]:
+        """Every so many instants, drawn as they are asked for."""
+        for instant in self.instants[::every]:
+            picture = self.draw(instant, size)
+            on_frame()
+            yield picture
+
+    def write(
+        self, folder: Path, names: Names, on_frame: Callable[[], object], overwrite: bool
+    ) -> list[Path]:
+        """Write all that has a name; each appears when it is complete or not at all."""
+        if not self.instants:
+            return []
+        output, written = self.output, []
+        if names.mp4 or names.frames:
+            pictures = self.frames(1, (output.width, output.height), on_frame)
+            with ExitStack() as open_:
+                if names.frames:
+                    written.append(folder / names.frames)
+                    pictures = open_.enter_context(
+                        closing(_stored(pictures, written[0], overwrite))
+                    )
+                if names.mp4:
+                    written.append(movie.save_mp4(pictures, folder / names.mp4, output.fps))
+                else:
+                    for _ in pictures:
+                        pass
+        if names.gif:
+            written.append(self.write_gif(folder / names.gif, 1, on_frame))
+        return written
+
+    def write_gif(self, path: Path, every: int, on_frame: Callable[[], object]) -> Path:
+        """Write a GIF of every so many of its frames."""
+        output, stride = self.output, self.stride * every
+        fps = max(1, round(output.fps / stride))  # the pace stays that of the film
+        size = scaled(output.width, output.height, self.gif_width)
+        return movie.save_gif(self.frames(stride, size, on_frame), path, fps, self.gif_width)
+
+
 def frames_to_draw(result: Result, names: Names | None = None) -> int:
-    """How many frames `write` draws: those of MP4 and GIF apart, so that both are sharp."""
-    output = result.scene.output
-    return _count(names or Names.of(output), result.snapshots, output.fps)
+    """How many frames `write` draws."""
+    return _reel(result).frames_to_draw(names or Names.of(result.scene.output))
 
 
 def write(
@@ -75,6 +138,7 @@ def write(
     on_frame: Callable[[], object] = lambda: None,
     names: Names | None = None,
     overwrite: bool = False,
+    title: str | None = None,
 ) -> list[Path]:
     """Draw a run into an existing folder; return the paths.
 
@@ -85,52 +149,24 @@ def write(
         on_frame: called after each frame drawn, `frames_to_draw` times.
         names: what to draw; default what `result.scene.output` asks for.
         overwrite: replace a folder of frames that has content; older films are always replaced.
+        title: text above each picture; default the name of the scene.
 
     Raises:
         UserError: a film that cannot be written, a folder of frames that may not be replaced.
         OSError: a frame that cannot be written.
     """
-    output = result.scene.output
-    names = names or Names.of(output)
-    if not result.snapshots:
-        return []
-    written: list[Path] = []
-    if names.mp4 or names.frames:
-        pictures = _drawn(result, result.snapshots, (output.width, output.height), on_frame)
-        with ExitStack() as open_:
-            if names.frames:
-                written.append(folder / names.frames)
-                stored = _stored(pictures, written[0], overwrite)
-                pictures = open_.enter_context(closing(stored))
-            if names.mp4:
-                written.append(movie.save_mp4(pictures, folder / names.mp4, output.fps))
-            else:
-                for _ in pictures:
-                    pass
-    if names.gif:
-        written.append(write_gif(result, folder / names.gif, on_frame=on_frame))
-    return written
+    names = names or Names.of(result.scene.output)
+    return _reel(result, title).write(folder, names, on_frame, overwrite)
 
 
-def write_gif(
-    result: Result,
-    path: Path,
-    width: int = movie.GIF_WIDTH,
-    every: int = 1,
-    on_frame: Callable[[], object] = lambda: None,
-) -> Path:
+def write_gif(result: Result, path: Path, width: int, every: int, title: str | None = None) -> Path:
     """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
-    output = result.scene.output
-    stride = _stride(output.fps) * every
-    fps = max(1, round(output.fps / stride))  # the pace stays that of the film
-    size = scaled(output.width, output.height, width)
-    pictures = _drawn(result, result.snapshots[::stride], size, on_frame)
-    return movie.save_gif(pictures, path, fps, width)
+    return replace(_reel(result, title), gif_width=width).write_gif(path, every, lambda: None)
 
 
 def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
     """How many frames `write_lineup` draws."""
-    return _count(names, lineup.times, lineup.runs[0].scene.output.fps)
+    return _lineup_reel(lineup).frames_to_draw(names)
 
 
 def write_lineup(
@@ -139,68 +175,36 @@ def write_lineup(
     on_frame: Callable[[], object] = lambda: None,
     names: Names = LINEUP_NAMES,
 ) -> list[Path]:
-    """Draw runs side by side as an MP4 and a GIF into an existing folder; return the paths.
+    """Draw runs side by side into an existing folder, as `write` does one; return the paths.
 
-    Size, pace, mode and theme are those of the first run's scene. Older films are replaced.
-
-    Args:
-        on_frame: called after each frame drawn, `lineup_frames_to_draw` times.
-        names: of the films; frames are not written.
-
-    Raises:
-        UserError: a film that cannot be written.
+    Size, pace, mode and theme are those of the first run's scene.
     """
-    first = lineup.runs[0].scene
-    output, look = first.output, Look.of(first)
-
-    def drawn(times: Sequence[float], size: tuple[int, int]) -> Iterator[Image8]:
-        for time in times:
-            picture = comparison.frame(lineup, time, size, look=look)
-            on_frame()
-            yield picture
-
-    written: list[Path] = []
-    size, stride = (output.width, output.height), _stride(output.fps)
-    if names.mp4:
-        frames = drawn(lineup.times, size)
-        written.append(movie.save_mp4(frames, folder / names.mp4, output.fps))
-    if names.gif:
-        share = sqrt(prod(LINEUP_GIF) / prod(size))
-        small = scaled(*size, round(share * size[0]))
-        frames = drawn(lineup.times[::stride], small)
-        fps = max(1, round(output.fps / stride))
-        written.append(movie.save_gif(frames, folder / names.gif, fps, small[0]))
-    return written
+    return _lineup_reel(lineup).write(folder, names, on_frame, overwrite=False)
 
 
-def _count(names: Names, instants: Sequence[object], fps: int) -> int:
-    full = len(instants) if names.mp4 or names.frames else 0
-    return full + (len(instants[:: _stride(fps)]) if names.gif else 0)
+def _reel(result: Result, title: str | None = None) -> _Reel:
+    scene = result.scene
+    with_curve = scene.output.curve and scene.impactor is not None
+    curve = Curve.of(result.history) if with_curve else None
+
+    def draw(snapshot: Snapshot, size: tuple[int, int]) -> Image8:
+        so_far = curve and curve.until(snapshot.time)
+        return raster.frame(snapshot, scene, size, title=title, curve=so_far)
+
+    return _Reel(scene.output, result.snapshots, draw)
 
 
-def _stride(fps: int) -> int:
-    return ceil(fps / GIF_FPS)
+def _lineup_reel(lineup: Lineup) -> _Reel:
+    output = lineup.runs[0].scene.output
+    share = sqrt(prod(LINEUP_GIF) / (output.width * output.height))
+    width = scaled(output.width, output.height, round(share * output.width))[0]
+    return _Reel(output, lineup.times, partial(comparison.frame, lineup), width)
 
 
 def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
     """A size of the same shape, at most `wanted` wide, even, and not too small to draw."""
     share, (narrowest, lowest) = min(1.0, wanted / width), raster.SMALLEST
     return max(narrowest, 2 * round(share * width / 2)), max(lowest, 2 * round(share * height / 2))
-
-
-def _drawn(
-    result: Result,
-    snapshots: Iterable[Snapshot],
-    size: tuple[int, int],
-    on_frame: Callable[[], object],
-) -> Iterator[Image8]:
-    scene = result.scene
-    curve = None
-    if scene.output.curve and scene.impactor is not None:
-        curve = Curve.of(result.history)
-    for picture in movie.frames(snapshots, scene, size, curve=curve):
-        on_frame()
-        yield picture
 
 
 def _stored(

@@ -14,24 +14,13 @@ if TYPE_CHECKING:
 
 def spread(wanted: Sequence[float], apart: float) -> list[float]:
     """Positions as near as possible to `wanted` (any order), at least `apart` from one another."""
+    from scipy.optimize import isotonic_regression
+
     order = np.argsort(wanted, kind="stable")
-    # Clusters [sum of (wanted - offset), count] are merged while they would overlap.
-    clusters: list[list[float]] = []
-    for k in order:
-        clusters.append([float(wanted[k]), 1.0])
-        while len(clusters) > 1:
-            (a, n), (b, m) = clusters[-2], clusters[-1]
-            if b / m - (m - 1) * apart / 2 >= a / n + (n - 1) * apart / 2 + apart:
-                break
-            clusters[-2:] = [[a + b, n + m]]
-    ends: list[float] = []
-    for total, count in clusters:
-        start = total / count - (count - 1) * apart / 2
-        ends.extend(start + apart * k for k in range(int(count)))
-    placed = [0.0] * len(wanted)
-    for k, end in zip(order, ends, strict=True):
-        placed[k] = end
-    return placed
+    steps = apart * np.arange(len(order))
+    placed = np.empty(len(order))
+    placed[order] = isotonic_regression(np.asarray(wanted)[order] - steps).x + steps
+    return placed.tolist()
 
 
 def beside(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import worst_strain
+from taichi_foam.analysis.crush import over_bonds, worst_strain
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -148,13 +148,7 @@ def _broken_key(scene: Scene) -> Key:
 
 def _broken(snapshot: Snapshot, scene: Scene) -> Array:
     """How many of each node's bonds are broken."""
-    count = np.zeros(snapshot.position.shape[:2])
-    a, b = snapshot.broken_a, snapshot.broken_b
-    count[:-1] += a
-    count[1:] += a
-    count[:, :-1] += b
-    count[:, 1:] += b
-    return count
+    return over_bonds(np.add, snapshot.broken_a, snapshot.broken_b)
 
 
 def _energy_key(scene: Scene) -> Key:
@@ -171,14 +165,8 @@ def _energy(snapshot: Snapshot, scene: Scene) -> Array:
     What a rate adds is left out. A node's cell holds half of each of its bonds.
     """
     foam = scene.foam
-    taken = np.zeros(snapshot.position.shape[:2])
-    a = -0.5 * foam.landmarks.plateau_stress * foam.permanent_strain(snapshot.e_min_a)
-    b = -0.5 * foam.landmarks.plateau_stress * foam.permanent_strain(snapshot.e_min_b)
-    taken[:-1] += a
-    taken[1:] += a
-    taken[:, :-1] += b
-    taken[:, 1:] += b
-    return taken
+    strain = (foam.permanent_strain(worst) for worst in (snapshot.e_min_a, snapshot.e_min_b))
+    return -0.5 * foam.landmarks.plateau_stress * over_bonds(np.add, *strain)
 
 
 MODES: dict[str, Mode] = {

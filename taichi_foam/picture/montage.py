@@ -15,7 +15,6 @@ from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, Window, fit, window
-from taichi_foam.shim2000 import tests
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
@@ -53,7 +52,7 @@ def montage(
             evenly from the first snapshot to the last.
         columns: panels in a row; default one row up to four panels, else three or four
             in a row.
-        title: text above the panels; default `tests.title` of the scene.
+        title: text above the panels; default the name of the scene.
         note: lines of text below them; what is too long for the width is cut.
         width: of the picture [pixels].
         look: mode, theme and grid; default those of the scene.
@@ -83,7 +82,7 @@ def montage(
     above = head + down * (panel_height + gap) + foot
     height = above + len(note) * line + (round(0.5 * line) if note else 0)
     image = annotate.blank(width, height + height % 2, tones.page)
-    name = tests.title(scene) if title is None else title
+    name = scene.name if title is None else title
     bold = annotate.font(1.15 * text, bold=True)
     name = annotate.shortened(name, bold, width - 2 * gap)
     annotate.write(image, (gap + 2, 1.45 * text), name, bold, colour=tones.ink)

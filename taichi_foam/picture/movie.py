@@ -8,20 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.picture import raster
-from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
 from taichi_foam.results.folders import whole_file
-
-if TYPE_CHECKING:
-    from taichi_foam.records.snapshot import Snapshot
-    from taichi_foam.scene import Scene
 
 Image8 = NDArray[np.uint8]
 
@@ -32,24 +25,6 @@ GIF_PAUSE = 1.0
 # The options alone decide on the quality, and ffmpeg keeps the size as it is.
 _PLAIN: dict[str, Any] = {"quality": None, "macro_block_size": 1, "ffmpeg_log_level": "error"}
 _MP4 = ("-preset", "veryfast", "-crf", "20", "-movflags", "+faststart")
-
-
-def frames(
-    snapshots: Iterable[Snapshot],
-    scene: Scene,
-    size: tuple[int, int] = (1280, 720),
-    *,
-    title: str | None = None,
-    look: Look | None = None,
-    curve: Curve | None = None,
-) -> Iterator[Image8]:
-    """The frames (h, w, 3) of a run, drawn as they are asked for.
-
-    `curve` is that of the whole run: each frame shows it until then.
-    """
-    for snapshot in snapshots:
-        so_far = curve and curve.until(snapshot.time)
-        yield raster.frame(snapshot, scene, size, title=title, look=look, curve=so_far)
 
 
 def save_mp4(pictures: Iterable[Image8], path: str | Path, fps: int = 25) -> Path:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from taichi_foam.parts import unit_of
-from taichi_foam.scene import CHOICE_SETS, Cylinder, Scene, Wedge
-from taichi_foam.shim2000 import tests
+from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
 from taichi_foam.units import si_scale
 
 #: A name holds so many keys at most, of values that are no longer than so many letters.
@@ -15,33 +15,52 @@ MOST_KEYS, LONGEST = 2, 40
 #: Last parts of keys that say too little alone: width of what? kind of what?
 _VAGUE = frozenset({"width", "height", "kind", "x", "rate", "friction"})
 #: Keys that every impactor has. The others are the sizes of its shape, and go with it.
-_OF_ALL_SHAPES = Cylinder.model_fields.keys() & Wedge.model_fields.keys()
-#: What titles of the paper's tests say.
-_IN_TITLES = frozenset({"impactor.shape", "impactor.velocity"})
+_OF_ALL_SHAPES = Impactor.model_fields.keys()
 #: What runs of different titles need no words for: the draw of chance, and the end, which shows.
 _BY_THE_WAY = frozenset({"foam.strength_seed", "numerics.end"})
 #: Units that take a prefix.
 _SCALED = frozenset({"Pa", "s", "m", "J", "N", "W"})
 
 
-def names(scenes: Sequence[Scene], folders: Sequence[str]) -> list[tuple[str, str]]:
+@dataclass(frozen=True)
+class Caption:
+    """What a scene is called for people.
+
+    title  in one line
+    says   dotted keys of the scene whose values the title tells
+    """
+
+    title: str
+    says: frozenset[str] = frozenset()
+
+
+def names(
+    scenes: Sequence[Scene], folders: Sequence[str], captions: Sequence[Caption] | None = None
+) -> list[tuple[str, str]]:
     """For each scene a name that tells it apart, and what may follow where there is room.
 
     Scenes of one title are called by what differs, or by `folders`, and their title follows.
     A title that is the only one of its kind is a name; what else differs follows.
+
+    Args:
+        captions: what the scenes are called; default their names.
     """
-    titles = [tests.title(scene) for scene in scenes]
+    if not scenes:
+        return []
+    captions = captions or [Caption(scene.name) for scene in scenes]
+    titles = [caption.title for caption in captions]
     if len(set(titles)) == 1:
         words = told_apart(scenes) or tuple(folders)
         return [(word, titles[0]) for word in words]
-    measured = [scene.name in tests.MEASURED for scene in scenes]
-    beyond = _differences(scenes, _BY_THE_WAY | (_IN_TITLES if all(measured) else frozenset()))
+    said = frozenset.intersection(*(caption.says for caption in captions))
+    beyond = _differences(scenes, _BY_THE_WAY | said)
     found = []
     for k, title in enumerate(titles):
         alike = [place for place, other in enumerate(titles) if other == title]
         if len(alike) == 1:
-            # a name that somebody chose speaks for itself; a test's title says two keys only
-            found.append((title, beyond[k] if beyond else folders[k] if measured[k] else ""))
+            # a name that somebody chose speaks for itself; other titles say a few keys only
+            rest = "" if title == scenes[k].name else folders[k]
+            found.append((title, beyond[k] if beyond else rest))
             continue
         words = beyond and tuple(beyond[place] for place in alike)
         if not words or len(set(words)) < len(words):

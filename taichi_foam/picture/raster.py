@@ -19,9 +19,8 @@ from taichi_foam.picture import annotate, cells, colours, inset
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
-from taichi_foam.picture.paint import FINE, GRID_BITS, paint
+from taichi_foam.picture.polygons import FINE, GRID_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
-from taichi_foam.shim2000 import tests
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
@@ -63,7 +62,7 @@ def frame(
         scene: what was run; block, impactor and start fix the window over a whole run.
         size: width and height [pixels].
         look: mode, theme and grid; default those of the scene.
-        title: text above the picture; default `tests.title` of the scene.
+        title: text above the picture; default the name of the scene.
         note: a few words at the right of the title.
         displacement: of the impactor from its start, downwards [m]; default from the snapshot.
         world: the part of the world to show; default `view.window(scene)`.
@@ -80,7 +79,7 @@ def frame(
     look = look or Look.of(scene)
     layout = Layout(size, look.words)
     key = look.shown.key(scene)
-    name = tests.title(scene) if title is None else title
+    name = scene.name if title is None else title
     world, falls = world or window(scene), scene.impactor is not None
     page, view = _page(layout.size, world, name, look, key, bool(note), falls)
     image, unit = page.copy(), layout.unit

@@ -11,7 +11,7 @@ from typing import Any
 
 from taichi_foam.analysis import quantities as q
 from taichi_foam.shim2000.bands import Band
-from taichi_foam.shim2000.tests import MEASURED, SIMULATED_DURATION
+from taichi_foam.shim2000.tests import TESTS, PaperTest
 
 TOLERANCE = 0.12
 """A simulated figure further than this from the measured one, relatively, is a miss ..."""
@@ -27,27 +27,36 @@ COMPARED = (*JUDGED, q.SLOPE, q.PEAK, q.PEAK_TIME)
 """All that the paper gives. Both energies stand beside Table 5, whose figures are slopes."""
 
 
-def measured_figures(name: str) -> dict[str, float | None]:
+def measured_figures(test: PaperTest | None) -> dict[str, float]:
     """What the paper measured in a test, by the keys of a run's summary; {} for other scenes."""
-    found = MEASURED.get(name)
-    if found is None:
+    if test is None:
         return {}
-    figures = dataclasses.asdict(found)
-    return {**figures, q.SLOPE.key: found.energy_per_volume_J_m3}
+    figures = dataclasses.asdict(test.measured)
+    figures[q.SLOPE.key] = test.measured.energy_per_volume_J_m3
+    return {key: value for key, value in figures.items() if value is not None}
 
 
-def comparison(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """One entry of `cases`: name, and measured, simulated and error with the same keys.
+def comparison(name: str, test: PaperTest | None, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """One entry of `cases`: name, test, and measured, simulated and error with the same keys.
 
-    error is simulated / measured - 1; measured and error are None where nothing was measured.
+    error is simulated / measured - 1; measured and error are None where nothing was measured, test
+    (its name) for a scene that is none.
     """
-    known = measured_figures(name)
+    known = measured_figures(test)
     measured = {key: known.get(key) for key in summary}
     error = {key: relative_error(value, measured[key]) for key, value in summary.items()}
-    return {"name": name, "measured": measured, "simulated": dict(summary), "error": error}
+    return {
+        "name": name,
+        "test": test and test.name,
+        "measured": measured,
+        "simulated": dict(summary),
+        "error": error,
+    }
 
 
-def comparison_of_medians(name: str, found: Mapping[str, Band], runs: int) -> dict[str, Any]:
+def comparison_of_medians(
+    name: str, test: PaperTest | None, found: Mapping[str, Band], runs: int
+) -> dict[str, Any]:
     """The same for an ensemble: simulated and error are those of the medians.
 
     low and high, with the same keys, are the ends of the bands; None where the band reaches to
@@ -58,7 +67,7 @@ def comparison_of_medians(name: str, found: Mapping[str, Band], runs: int) -> di
         "low": {key: _known(one.low) for key, one in found.items()},
         "high": {key: _known(one.high) for key, one in found.items()},
     }
-    return {**comparison(name, medians), **ends, "runs": runs}
+    return {**comparison(name, test, medians), **ends, "runs": runs}
 
 
 def relative_error(simulated: Any, measured: float | None) -> float | None:
@@ -75,14 +84,21 @@ def is_miss(case: Mapping[str, Any], key: str, tolerance: float = TOLERANCE) -> 
 def hits(
     cases: Sequence[Mapping[str, Any]], tolerance: float = TOLERANCE
 ) -> dict[str, dict[str, int]]:
-    """For each judged figure, in how many cases it is no miss, and of how many."""
+    """For each judged figure, in how many tests it is no miss, and of how many."""
+    tests = [case for case in cases if case["test"]]
     return {
         quantity.key: {
-            "within": sum(not is_miss(case, quantity.key, tolerance) for case in cases),
-            "of": len(cases),
+            "within": sum(not is_miss(case, quantity.key, tolerance) for case in tests),
+            "of": len(tests),
         }
         for quantity in JUDGED
     }
+
+
+def theirs(quantity: q.Quantity, case: Mapping[str, Any]) -> float | None:
+    """What the paper's own simulation gave for a figure of an entry of `cases`, if anything."""
+    known = quantity is q.DURATION and case["test"]
+    return TESTS[case["test"]].simulated_duration if known else None
 
 
 def write_tables(
@@ -102,9 +118,8 @@ def write_tables(
                 key = quantity.key
                 if case["measured"][key] is None:
                     continue
-                theirs = SIMULATED_DURATION.get(case["name"]) if quantity is q.DURATION else None
                 found = [case[part][key] for part in ("simulated", *ends, "error")]
-                values = [case["measured"][key], theirs, *found]
+                values = [case["measured"][key], theirs(quantity, case), *found]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]
                 writer.writerow([case["name"], key, *texts, int(is_miss(case, key, tolerance))])
 

@@ -10,6 +10,7 @@ last instant), by the snapshot nearest to that time, unless the statement is abo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,7 @@ from taichi_foam.analysis.measures import Impact, impact
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Impactor, Scene
+from taichi_foam.shim2000.tests import PaperTest, test_of
 
 
 @dataclass(frozen=True)
@@ -45,16 +47,19 @@ class Criterion:
     holds: bool
 
 
-def criteria(result: Result) -> list[Criterion]:
+def criteria(result: Result, test: PaperTest | None = None) -> list[Criterion]:
     """The criteria of a test that has a picture, in the order of the paper's words.
 
-    [] for any other scene, and for a result without snapshots. A scene counts as a test by its
-    name, also when its velocity is not quite the test's.
+    [] for any other scene, and for a result without snapshots.
+
+    Args:
+        test: judge the run as this test; default what `test_of` says. For studies that change
+            what makes a test on purpose, to see what it does.
     """
-    if result.scene.name not in _PICTURES or not result.snapshots or not result.scene.impactor:
+    test = test or test_of(result.scene)
+    if test is None or not test.picture or not result.snapshots or not result.scene.impactor:
         return []
-    figure, judge = _PICTURES[result.scene.name]
-    return judge(_Run(result, result.scene.impactor, figure))
+    return _JUDGES[test.kind](_Run(result, result.scene.impactor, f"Fig. {test.picture}"))
 
 
 @dataclass(frozen=True)
@@ -98,23 +103,23 @@ class _Run:
         """The crack below the impactor, up to the stop."""
         return crack_over_time(self.until_stop, self.scene)
 
-    def between(
-        self, key: str, text: str, value: float | None, limits: tuple[float, float], unit: str = "-"
+    def judged(
+        self,
+        key: str,
+        text: str,
+        value: float | None,
+        *,
+        low: float = -math.inf,
+        high: float = math.inf,
+        unit: str = "-",
     ) -> Criterion:
-        low, high = limits
+        """The criterion that the value lies between two limits, or on one side of one."""
         holds = value is not None and low - _ROUNDING <= value <= high + _ROUNDING
-        allowed = f"{low:.3g} to {high:.3g}"
+        if math.isinf(low):
+            allowed = f"at most {high:.3g}"
+        else:
+            allowed = f"at least {low:.3g}" if math.isinf(high) else f"{low:.3g} to {high:.3g}"
         return Criterion(key, text, self.figure, value, unit, allowed, holds)
-
-    def at_most(
-        self, key: str, text: str, value: float | None, limit: float, unit: str = "-"
-    ) -> Criterion:
-        holds = value is not None and value <= limit + _ROUNDING
-        return Criterion(key, text, self.figure, value, unit, f"at most {limit:.3g}", holds)
-
-    def at_least(self, key: str, text: str, value: float | None, limit: float) -> Criterion:
-        holds = value is not None and value >= limit - _ROUNDING
-        return Criterion(key, text, self.figure, value, "-", f"at least {limit:.3g}", holds)
 
 
 # --- limits -------------------------------------------------------------------------------------
@@ -186,58 +191,42 @@ def _flat(run: _Run) -> list[Criterion]:
     scene, stop = run.scene, run.stop
     region = pattern.crushed_region(stop, scene)
     beside, below = pattern.boundary_cells(stop, scene) or (None, None)
-    cell = 1e3 * run.cell
-    width = 1e3 * run.impactor.extent
+    # A crushed bond across the path's edge widens the region by a cell.
+    cell, width = 1e3 * run.cell, 1e3 * run.impactor.extent
     return [
         _confined("flat-confined", "Gross crushing only under the impactor", run),
-        run.between(
-            "flat-width",
-            "The crushed region is as wide as the impactor",
+        run.judged(
+            "flat-width", "The crushed region is as wide as the impactor",
             1e3 * region.width if region else None,
-            # A crushed bond across the path's edge widens the region by a cell.
-            (width - 2 * cell, width + 2 * cell),
-            "mm",
+            low=width - 2 * cell, high=width + 2 * cell, unit="mm",
         ),
-        run.at_least(
-            "flat-rectangle",
-            "The crushed region is a rectangle (share of its box)",
-            region.fill if region else None,
-            RECTANGLE_FILL,
+        run.judged(
+            "flat-rectangle", "The crushed region is a rectangle (share of its box)",
+            region.fill if region else None, low=RECTANGLE_FILL,
         ),
-        run.at_most(
-            "flat-sharp-sides",
-            "Its sides are sharp (cells between crushed and elastic)",
-            beside,
-            SHARP_CELLS,
-            "cells",
+        run.judged(
+            "flat-sharp-sides", "Its sides are sharp (cells between crushed and elastic)",
+            beside, high=SHARP_CELLS, unit="cells",
         ),
-        run.at_most(
-            "flat-sharp-front",
-            "Its lower side is sharp (cells between crushed and elastic)",
-            below,
-            SHARP_CELLS,
-            "cells",
+        run.judged(
+            "flat-sharp-front", "Its lower side is sharp (cells between crushed and elastic)",
+            below, high=SHARP_CELLS, unit="cells",
         ),
-        run.at_least(
+        run.judged(
             "flat-severity",
             "Severity falls with distance from the impactor (share of pairs of rows)",
-            pattern.severity_falls(stop, scene),
-            FALLS,
+            pattern.severity_falls(stop, scene), low=FALLS,
         ),
-        run.between(
-            "flat-height",
-            "Crushed height is about one third of the displacement",
-            _height_ratio(run),
-            THIRD,
+        run.judged(
+            "flat-height", "Crushed height is about one third of the displacement",
+            _height_ratio(run), low=THIRD[0], high=THIRD[1],
         ),
         _no_crack_through(run),
-        run.at_most(
-            "flat-whole",
-            "The block is not split (share of its second largest part)",
-            pattern.second_part(stop, run.block),
-            QUARTER,
+        run.judged(
+            "flat-whole", "The block is not split (share of its second largest part)",
+            pattern.second_part(stop, run.block), high=QUARTER,
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _height_ratio(run: _Run) -> float | None:
@@ -267,70 +256,57 @@ def _cylinder(run: _Run) -> list[Criterion]:
     offset = run.crack and 1e3 * abs(run.crack.start_x - run.impactor.x)
     return [
         _confined("cylinder-confined", "Crushing is confined to the impactor's path", run),
-        run.at_least(
+        run.judged(
             "cylinder-worst",
             "The worst crushing is beneath the impactor (share of the worst cells)",
-            pattern.worst_beneath(run.stop, run.scene),
-            MAJORITY,
+            pattern.worst_beneath(run.stop, run.scene), low=MAJORITY,
         ),
-        run.at_most(
-            "cylinder-crack-start",
-            "A crack starts below the impactor (distance from its axis)",
-            offset,
-            # Section 3.3: it extends from the tip, which on a circle is the middle half at most.
-            1e3 * run.impactor.extent / 4,
-            "mm",
+        # Section 3.3: it extends from the tip, which on a circle is the middle half at most.
+        run.judged(
+            "cylinder-crack-start", "A crack starts below the impactor (distance from its axis)",
+            offset, high=1e3 * run.impactor.extent / 4, unit="mm",
         ),
         _vertical("cylinder-crack-vertical", run),
         *_split("cylinder", run),
-    ]
+    ]  # fmt: skip
 
 
 def _wedge(run: _Run) -> list[Criterion]:
     scene, stop = run.scene, run.stop
     reach = pattern.reach_ahead(stop, scene)
     return [
-        run.at_least(
-            "wedge-faces",
-            "Crushing follows the wedge's faces (share of the crushed cells)",
+        run.judged(
+            "wedge-faces", "Crushing follows the wedge's faces (share of the crushed cells)",
             pattern.crushed_along_faces(stop, scene, ALONG_FACES_CELLS * run.cell),
-            ALONG_FACES,
+            low=ALONG_FACES,
         ),
-        run.between(
-            "wedge-both-faces",
-            "It follows both faces (share of the left one)",
-            pattern.crushed_left(stop, scene),
-            BOTH_FACES,
+        run.judged(
+            "wedge-both-faces", "It follows both faces (share of the left one)",
+            pattern.crushed_left(stop, scene), low=BOTH_FACES[0], high=BOTH_FACES[1],
         ),
-        run.at_most(
-            "wedge-ahead",
-            "Almost no crushing ahead of the tip (share of the crushed cells)",
-            pattern.crushed_ahead(stop, scene),
-            HARDLY_ANY,
+        run.judged(
+            "wedge-ahead", "Almost no crushing ahead of the tip (share of the crushed cells)",
+            pattern.crushed_ahead(stop, scene), high=HARDLY_ANY,
         ),
-        run.at_most(
+        run.judged(
             "wedge-reach-ahead",
             "Almost no lasting deformation ahead of the tip (its depth over the displacement)",
             reach / run.impact.depth if reach is not None and run.impact else None,
-            REACH_AHEAD,
+            high=REACH_AHEAD,
         ),
-        run.at_most(
-            "wedge-crack-start",
-            "A crack starts at the tip (distance from it)",
-            _crack_from_tip(run),
-            1e3 * NEAR_TIP_CELLS * run.cell,
-            "mm",
+        run.judged(
+            "wedge-crack-start", "A crack starts at the tip (distance from it)",
+            _crack_from_tip(run), high=1e3 * NEAR_TIP_CELLS * run.cell, unit="mm",
         ),
-        run.at_most(
+        run.judged(
             "wedge-crack-time",
             "The crack is there while the wedge sinks (start over the impact's duration)",
-            _crack_time(run),
-            EARLY,
+            _crack_time(run), high=EARLY,
         ),
         _vertical("wedge-crack-vertical", run),
         *_split("wedge", run),
         _small_top_cracks(run),
-    ]
+    ]  # fmt: skip
 
 
 def _crack_from_tip(run: _Run) -> float | None:
@@ -361,12 +337,8 @@ def _small_top_cracks(run: _Run) -> Criterion:
     )
 
 
-_PICTURES: Mapping[str, tuple[str, Callable[[_Run], list[Criterion]]]] = MappingProxyType(
-    {
-        "paper/rectangular-3.03": ("Fig. 22", _flat),
-        "paper/cylinder-3.32": ("Fig. 24", _cylinder),
-        "paper/wedge-2.86": ("Fig. 26", _wedge),
-    }
+_JUDGES: Mapping[str, Callable[[_Run], list[Criterion]]] = MappingProxyType(
+    {"rectangular": _flat, "cylinder": _cylinder, "wedge": _wedge}
 )
 
 
@@ -375,27 +347,23 @@ _PICTURES: Mapping[str, tuple[str, Callable[[_Run], list[Criterion]]]] = Mapping
 
 def _confined(key: str, text: str, run: _Run) -> Criterion:
     outside = pattern.crushed_outside(run.stop, run.scene, margin=run.block.dx)
-    return run.at_most(key, f"{text} (share of crushed cells outside)", outside, CONFINED)
+    return run.judged(key, f"{text} (share of crushed cells outside)", outside, high=CONFINED)
 
 
 def _vertical(key: str, run: _Run) -> Criterion:
     lean = run.crack and abs(run.crack.direction_deg)
-    return run.at_most(key, "The crack is vertical (its lean)", lean, VERTICAL_DEG, "deg")
+    return run.judged(key, "The crack is vertical (its lean)", lean, high=VERTICAL_DEG, unit="deg")
 
 
 def _split(shape: str, run: _Run) -> list[Criterion]:
     """The crack runs through the block, and what is left are two halves."""
+    reach, half = (
+        pattern.crack_reach(run.crack, run.block),
+        pattern.second_half(run.stop, run.block),
+    )
+    through = "The crack runs through the block (share of its height)"
+    halves = "It splits the block into halves (share of the smaller one)"
     return [
-        run.at_least(
-            f"{shape}-crack-through",
-            "The crack runs through the block (share of its height)",
-            pattern.crack_reach(run.crack, run.block),
-            1 - pattern.SPLIT_FRACTION,
-        ),
-        run.at_least(
-            f"{shape}-halves",
-            "It splits the block into halves (share of the smaller one)",
-            pattern.second_half(run.stop, run.block),
-            QUARTER,
-        ),
+        run.judged(f"{shape}-crack-through", through, reach, low=1 - pattern.SPLIT_FRACTION),
+        run.judged(f"{shape}-halves", halves, half, low=QUARTER),
     ]

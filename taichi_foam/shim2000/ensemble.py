@@ -20,9 +20,9 @@ from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import nearest
-from taichi_foam.shim2000.case import Case, Computed, Member, from_contact, has_failed
 from taichi_foam.shim2000.compare import JUDGED
 from taichi_foam.shim2000.criteria import criteria
+from taichi_foam.shim2000.study import Case, Computed, Member, from_contact, has_failed
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
 

@@ -14,11 +14,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from taichi_foam.analysis.measures import PLATEAU_END_FRACTION
 from taichi_foam.analysis.quantities import PEAK, PEAK_TIME, SLOPE
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000 import ensemble_rows, plates, rows
-from taichi_foam.shim2000.case import Case
+from taichi_foam.shim2000 import report_ensembles, report_pictures, report_tables
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, is_miss
 from taichi_foam.shim2000.ensemble import WITHIN
+from taichi_foam.shim2000.report_pictures import short
 from taichi_foam.shim2000.scores import SHARE
+from taichi_foam.shim2000.study import Case
 from taichi_foam.simulation.progress import Bars
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
@@ -36,41 +37,43 @@ def write(
         bars: shows progress, and knows how long the stages before took.
         begun: when the study began, by `time.perf_counter`.
     """
-    pictures = folder / "figures"
-    pictures.mkdir()
-    groups = plates.grouped(cases)
-    jobs = plates.jobs(pictures, groups)
-    if content["ensemble"] and cases:
-        panels = ensemble_rows.whiskers(content)
-        jobs["errors"] = partial(plates.errors_at_a_glance, pictures, panels, content["tolerance"])
-    with bars.counting("report", "writing the report", len(jobs), "figures") as on_plate:
+    figures = folder / "figures"
+    figures.mkdir()
+    groups = report_pictures.grouped(cases)
+    jobs = report_pictures.jobs(figures, groups)
+    panels = report_ensembles.whiskers(content) if content["ensemble"] else {}
+    if panels:
+        draw_errors = report_pictures.errors_at_a_glance
+        jobs["errors"] = partial(draw_errors, figures, panels, content["tolerance"])
+    with bars.counting("report", "writing the report", len(jobs), "figures") as on_picture:
         drawn = {}
         for name, draw in jobs.items():
             drawn[name] = draw()
-            on_plate()
+            on_picture()
         page = _template().render(
             content=content,
             tests=_tests(len(cases)),
             created=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-            judged=[rows.table(quantity, content) for quantity in JUDGED],
-            slope=rows.table(SLOPE, content),
-            peaks=[rows.table(quantity, content) for quantity in (PEAK, PEAK_TIME)],
+            judged=[report_tables.table(quantity, content) for quantity in JUDGED],
+            slope=report_tables.table(SLOPE, content),
+            peaks=[report_tables.table(quantity, content) for quantity in (PEAK, PEAK_TIME)],
             tolerance=f"{100 * content['tolerance']:.0f} %",
             plateau_end=f"{100 * PLATEAU_END_FRACTION:.0f} %",
-            hits=ensemble_rows.headline(content) if content["ensemble"] else rows.hits(content),
+            hits=(report_ensembles if content["ensemble"] else report_tables).headline(content),
             misses=_misses(content),
-            groups=ensemble_rows.groups(content) if content["ensemble"] else [],
-            criteria=ensemble_rows.criteria(content) if content["ensemble"] else [],
-            kinds=[rows.kind(key, group) for key, group in groups.items()],
-            plates=drawn,
-            ledger=rows.ledger(cases),
-            choices=rows.choices(cases),
-            runs=[rows.run(case) for case in cases],
+            changed=[short(case.name) for case in cases if case.test is None],
+            groups=report_ensembles.groups(content) if content["ensemble"] else [],
+            criteria=report_ensembles.criteria(content) if content["ensemble"] else [],
+            kinds=[report_tables.kind(key, group) for key, group in groups.items()],
+            pictures=drawn,
+            ledger=report_tables.ledger(cases),
+            choices=report_tables.choices(cases),
+            runs=[report_tables.run(case) for case in cases],
             batch=cases[0].result.run if cases else None,
             seconds={_STAGES.get(stage, stage): took for stage, took in bars.seconds.items()}
             | {"in all, up to this report": time.perf_counter() - begun},
             bonds=_bonds(cases[0].scene) if cases else 0,
-            short=plates.short,
+            short=short,
             within=f"{100 * WITHIN:g} %",
             share=f"{100 * SHARE:.0f} %",
             scatters=any(case.scene.foam.strength_scatter > 0.0 for case in cases),

@@ -28,10 +28,10 @@ from taichi_foam.scene.values import settings
 from taichi_foam.shim2000 import compare, report
 from taichi_foam.shim2000 import ensemble as ensembles
 from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.case import Case, Computed, has_failed
 from taichi_foam.shim2000.machine import machine, versions
 from taichi_foam.shim2000.scores import scores
-from taichi_foam.shim2000.tests import NAMES, paper_scene
+from taichi_foam.shim2000.study import Case, Computed, has_failed
+from taichi_foam.shim2000.tests import NAMES, paper_scene, title
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
@@ -158,9 +158,9 @@ def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
 
 def _entry(case: Case) -> dict[str, Any]:
     if not case.members:
-        return compare.comparison(case.name, case.figures)
+        return compare.comparison(case.name, case.test, case.figures)
     found = bands([member.figures for member in case.members])
-    return compare.comparison_of_medians(case.name, found, len(case.members))
+    return compare.comparison_of_medians(case.name, case.test, found, len(case.members))
 
 
 def case_folder(name: str) -> str:
@@ -206,7 +206,8 @@ def _write_runs(staging: Path, computed: Computed, bars: Bars) -> bool:
     try:
         with bars.counting("films", "drawing films", frames, "frames") as on_frame:
             for result in finished:
-                film_files.write(result, staging / case_folder(result.scene.name), on_frame)
+                folder, words = staging / case_folder(result.scene.name), title(result.scene)
+                film_files.write(result, folder, on_frame, title=words)
     except KeyboardInterrupt:
         return True
     return False

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.shim2000.bands import ENDS, quantile
-from taichi_foam.shim2000.case import Case
 from taichi_foam.shim2000.compare import is_miss
 from taichi_foam.shim2000.ensemble import WITHIN
+from taichi_foam.shim2000.study import Case
 
 if TYPE_CHECKING:
     from taichi_foam.shim2000.criteria import Criterion
@@ -31,8 +31,9 @@ def score(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, A
     The median is that of the absolute relative errors; a figure without an answer counts as inf,
     and the median is None when it is that.
     """
-    errors = [entry["error"][quantity.key] for entry in entries for quantity in SCORED]
-    misses = sum(is_miss(entry, q.key, tolerance) for entry in entries for q in SCORED)
+    judged = [entry for entry in entries if entry["test"]]
+    errors = [entry["error"][quantity.key] for entry in judged for quantity in SCORED]
+    misses = sum(is_miss(entry, q.key, tolerance) for entry in judged for q in SCORED)
     median = quantile([None if e is None else abs(e) for e in errors], 0.5) if errors else math.inf
     return {
         "within": len(errors) - misses,
@@ -52,8 +53,8 @@ def scores(
         runs: how many of each test were asked for.
         tolerance: errors up to this, relatively, are hits.
     """
-    fitted = [entry for entry in entries if entry["name"] not in HELD_OUT]
-    held_out = [entry for entry in entries if entry["name"] in HELD_OUT]
+    held_out = [entry for entry in entries if entry["test"] in HELD_OUT]
+    fitted = [entry for entry in entries if entry["test"] and entry not in held_out]
     return {
         "runs": runs,
         "velocities_within": WITHIN,

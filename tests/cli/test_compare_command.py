@@ -165,7 +165,7 @@ def test_runs_are_called_by_their_folders_wherever_one_stands(
 ) -> None:
     seen: list[str] = []
 
-    def see(cls: type, results: list, folders: list[str]) -> None:
+    def see(cls: type, results: list, folders: list[str], captions: list) -> None:
         seen.extend(folders)
         raise UserError("seen")
 

@@ -77,7 +77,8 @@ def test_size_pace_mode_and_theme_are_as_asked(invoke: Callable, folder: Path) -
         assert gif.info["duration"] == 40
     frames = sorted((out / "frames-speed").iterdir())
     assert len(frames) == len(stored.snapshots)
-    wanted = raster.frame(stored.snapshots[5], stored.scene, (512, 288), look=Look("speed", "dark"))
+    look, title = Look("speed", "dark"), "wedge, 2.86 m/s"
+    wanted = raster.frame(stored.snapshots[5], stored.scene, (512, 288), look=look, title=title)
     np.testing.assert_array_equal(np.asarray(Image.open(frames[5])), wanted)
 
 

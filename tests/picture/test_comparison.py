@@ -16,10 +16,12 @@ from taichi_foam.picture import annotate, comparison, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
+from taichi_foam.picture.naming import Caption
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Output, Scene, Wedge
+from taichi_foam.shim2000 import tests
 
 SIZE = (1280, 720)
 
@@ -275,7 +277,8 @@ def test_a_name_is_followed_by_what_else_there_is_to_say(written: list) -> None:
     runs = [of_paper("wedge-2.86", f"impactor.gap={gap}") for gap in (0.01, 0.02, 0.03, 0.04)]
     for count, size, titles in ((2, SIZE, 2), (4, (1600, 500), 0)):
         written.clear()
-        lineup = Lineup.of(runs[:count])
+        captions = [Caption("wedge, 2.86 m/s")] * count
+        lineup = Lineup.of(runs[:count], captions=captions)
         comparison.frame(lineup, 0.0, size)
         said = [text for _, text, _ in written]
         assert {f"gap = 0.0{k + 1} m" for k in range(count)} <= set(said)
@@ -287,7 +290,9 @@ def test_the_titles_of_the_papers_tests_are_whole_at_the_usual_size(written: lis
     names = ("wedge-2.86", "cylinder-3.32", "rectangular-3.03", "wedge-3.60")
     for count in (2, 3, 4):
         written.clear()
-        lineup = Lineup.of([of_paper(name) for name in names[:count]])
+        runs = [of_paper(name) for name in names[:count]]
+        lineup = Lineup.of(runs, captions=[tests.caption(run.scene) for run in runs])
+        assert lineup.names[0] == "wedge, 2.86 m/s"
         comparison.frame(lineup, 0.0, SIZE)
         assert set(lineup.names) <= {text for _, text, _ in written}
 

@@ -19,11 +19,11 @@ from matplotlib.text import Text
 from PIL import Image
 
 from taichi_foam.errors import UserError
-from taichi_foam.picture import figures, overview, style
+from taichi_foam.picture import figures, style
 from taichi_foam.picture.labels import spread
-from taichi_foam.picture.overview import Whisker
-from taichi_foam.shim2000.decelerations import Deceleration, decelerations
-from taichi_foam.shim2000.tests import MEASURED
+from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
+from taichi_foam.shim2000.error_figure import Whisker, errors
+from taichi_foam.shim2000.tests import TESTS
 
 VELOCITIES = (2.46, 3.03, 3.60)
 
@@ -59,7 +59,7 @@ def deceleration_of(velocity: float) -> Deceleration:
         velocity,
         history["time_s"],
         history["deceleration_m_s2"],
-        MEASURED[f"paper/rectangular-{velocity:.2f}"],
+        TESTS[f"paper/rectangular-{velocity:.2f}"].measured,
     )
 
 
@@ -107,7 +107,7 @@ def all_figures() -> dict[str, Figure]:
         "decelerations": decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
         "one deceleration": decelerations([deceleration_of(3.03)], "Flat block"),
         "bands": decelerations([ensemble_of(v) for v in VELOCITIES], "Flat block"),
-        "errors": overview.errors(panels(), 0.10),
+        "errors": errors(panels(), 0.10),
         "energy": figures.energy_against_volume(groups, slopes),
         "law": figures.stress_strain(branches),
         "ledger": figures.energy_ledger(history_of(3.03)),
@@ -185,7 +185,7 @@ def test_a_band_encloses_its_median() -> None:
 
 
 def test_misses_have_diamonds_and_their_errors_and_held_out_tests_open_marks() -> None:
-    axis = overview.errors(panels(), 0.10).axes[0]
+    axis = errors(panels(), 0.10).axes[0]
     marks = [line for line in axis.lines if str(line.get_marker()) in "oD"]
     order = np.argsort([np.ravel(line.get_ydata())[0] for line in marks])
     drawn = [marks[k] for k in order]

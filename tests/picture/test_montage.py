@@ -84,15 +84,15 @@ def test_a_montage_of_nothing_is_refused(scene: Scene) -> None:
         montage(run_of(scene), scene, times=[])
 
 
-def test_a_test_of_the_paper_is_called_by_its_title() -> None:
+def test_a_montage_is_called_by_its_scene_or_by_the_title_given() -> None:
     scene = load_scene("paper/wedge-2.86", overrides=["block.columns=20", "block.rows=10"])
     runs = run_of(scene_of(20, 10), 2)
     default, given, name = (
         montage(runs, scene, n=2, width=900, title=title)
         for title in (None, "wedge, 2.86 m/s", scene.name)
     )
-    np.testing.assert_array_equal(default, given)
-    assert np.any(default != name)
+    np.testing.assert_array_equal(default, name)
+    assert np.any(default != given)
 
 
 CORNERED = {

@@ -57,7 +57,8 @@ def test_a_gif_is_scaled_down_to_its_width(tmp_path: Path) -> None:
 def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
     scene = scene_of()
     run = [dented(scene, 0.0012 * k, time=0.001 * k) for k in range(50)]
-    path = movie.save_gif(movie.frames(run, scene, (640, 360)), tmp_path / "film.gif")
+    pictures = (raster.frame(snapshot, scene, (640, 360)) for snapshot in run)
+    path = movie.save_gif(pictures, tmp_path / "film.gif")
     assert path.stat().st_size < 1.5e6
     with GifImageFile(path) as film:
         assert film.n_frames == 50

@@ -7,6 +7,7 @@ import pytest
 from taichi_foam import load_scene
 from taichi_foam.picture.naming import names, told_apart
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000 import tests
 
 FOLDERS = ("a", "b", "c", "d")
 
@@ -17,7 +18,7 @@ def paper(name: str, *settings: str) -> Scene:
 
 
 def called(*scenes: Scene) -> list[tuple[str, str]]:
-    return names(scenes, FOLDERS[: len(scenes)])
+    return names(scenes, FOLDERS[: len(scenes)], [tests.caption(scene) for scene in scenes])
 
 
 def renamed(name: str, *settings: str) -> Scene:
@@ -33,16 +34,39 @@ def test_names_are_the_titles_of_the_papers_tests() -> None:
     scenes = [paper("wedge-2.86"), paper("rectangular-3.03"), paper("cylinder-3.32")]
     titles = ["wedge, 2.86 m/s", "flat block, 3.03 m/s", "cylinder, 3.32 m/s"]
     assert called(*scenes) == [(title, "") for title in titles]
+
+
+def test_a_test_that_was_changed_has_not_the_title_of_the_test() -> None:
     velocities = (2.5, 2.86, 4.0)
     scenes = [paper("wedge-2.86", f"impactor.velocity={v}") for v in velocities]
-    assert called(*scenes) == [(f"wedge, {v:.2f} m/s", "") for v in velocities]
+    changed = "paper/wedge-2.86, changed"
+    assert called(*scenes) == [
+        ("velocity = 2.5 m/s", changed),
+        ("wedge, 2.86 m/s", "velocity = 2.86 m/s"),
+        ("velocity = 4 m/s", changed),
+    ]
+    many = ["impactor.velocity=4", "impactor.mass=5", "block.rows=40"]
+    assert called(paper("wedge-2.86"), paper("wedge-2.86", *many)) == [
+        ("wedge, 2.86 m/s", "a"), (changed, "b"),
+    ]  # fmt: skip
+
+
+def test_without_captions_scenes_have_their_names() -> None:
+    scenes = [paper("wedge-2.86"), paper("rectangular-3.03", "foam.rate=none")]
+    found = names(scenes, FOLDERS[:2])
+    assert [name for name, _ in found] == ["paper/wedge-2.86", "paper/rectangular-3.03"]
 
 
 def test_what_differs_besides_follows_a_title() -> None:
     soft, stiff = "foam.youngs_modulus=2.5e6", "foam.youngs_modulus=50e6"
     words = ["youngs_modulus = 2.5 MPa", "youngs_modulus = 50 MPa"]
     pair = called(paper("wedge-2.86", soft), paper("cylinder-3.32", stiff))
-    assert pair == [("wedge, 2.86 m/s", words[0]), ("cylinder, 3.32 m/s", words[1])]
+    titles = ["paper/wedge-2.86, changed", "paper/cylinder-3.32, changed"]
+    assert pair == list(zip(titles, words, strict=True))
+    readings = [paper("wedge-2.86", "foam.rate=none"), paper("cylinder-3.32")]
+    assert called(*readings) == [
+        ("wedge, 2.86 m/s", "foam.rate = none"), ("cylinder, 3.32 m/s", "foam.rate = 3000 1/s"),
+    ]  # fmt: skip
     assert called(renamed("one", soft), renamed("two", stiff)) == [
         ("one", words[0]), ("two", words[1]),
     ]  # fmt: skip
@@ -64,7 +88,8 @@ def test_the_draw_of_an_ensemble_is_no_difference_between_tests() -> None:
 
 def test_what_differs_stands_before_the_title_that_all_share() -> None:
     pair = called(*(paper("wedge-2.86", f"impactor.gap={gap}") for gap in (0.01, 0.05)))
-    assert pair == [("gap = 0.01 m", "wedge, 2.86 m/s"), ("gap = 0.05 m", "wedge, 2.86 m/s")]
+    title = "paper/wedge-2.86, changed"
+    assert pair == [("gap = 0.01 m", title), ("gap = 0.05 m", title)]
     rows = [paper("wedge-2.86", f"block.rows={n}") for n in (20, 40)]
     found = called(rows[0], renamed("other"), rows[1])
     title = "wedge, 2.86 m/s"

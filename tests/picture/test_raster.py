@@ -16,7 +16,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset, raster
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.picture.paint import paint
+from taichi_foam.picture.polygons import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
 from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Output, Start, Wedge
 

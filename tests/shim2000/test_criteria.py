@@ -11,11 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taichi_foam import load_scene
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block
 from taichi_foam.shim2000.criteria import Criterion, criteria
-from taichi_foam.shim2000.tests import NAMES, paper_scene
+from taichi_foam.shim2000.tests import NAMES, TESTS, paper_scene
 
 FLAT, CYLINDER, WEDGE = "paper/rectangular-3.03", "paper/cylinder-3.32", "paper/wedge-2.86"
 BLOCK = Block()  # 40 x 20 cells of 5 mm
@@ -330,7 +331,7 @@ def test_every_statement_can_be_read(judged, stopped, name) -> None:
     assert unmeasured <= missed(found)
 
 
-def test_a_scene_counts_by_its_name(make_result, flat) -> None:
+def test_a_scene_counts_by_what_it_is(make_result, flat) -> None:
     def keys(result: Result) -> list[str]:
         return [criterion.key for criterion in criteria(result)]
 
@@ -341,6 +342,14 @@ def test_a_scene_counts_by_its_name(make_result, flat) -> None:
     assert keys(make_result(scene=faster, snapshots=[flat])) == keys(
         make_result(scene=scene, snapshots=[flat])
     )
+    renamed = scene.model_copy(update={"name": "mine"})
+    assert keys(make_result(scene=renamed, snapshots=[flat])) == keys(
+        make_result(scene=scene, snapshots=[flat])
+    )
+    heavy = load_scene(FLAT, overrides=["impactor.mass=7"])
+    assert keys(make_result(scene=heavy, snapshots=[flat])) == []
+    asked = criteria(make_result(scene=heavy, snapshots=[flat]), TESTS[FLAT])
+    assert [criterion.source for criterion in asked] == ["Fig. 22"] * len(asked) != []
     assert keys(make_result(scene=scene)) == []
     others = [name for name in NAMES if name not in (FLAT, CYLINDER, WEDGE)]
     for other in others:

@@ -50,7 +50,7 @@ def test_a_number_that_makes_no_ensemble_is_refused(count: int) -> None:
 
 def entry(name: str, **errors: float | None) -> dict:
     keys = ("impact_duration_s", "max_displacement_m", "plateau_deceleration_m_s2")
-    return {"name": name, "measured": dict.fromkeys(keys, 1.0), "error": errors}
+    return {"name": name, "test": name, "measured": dict.fromkeys(keys, 1.0), "error": errors}
 
 
 def errors(duration: float | None, depth: float | None, plateau: float | None) -> dict:

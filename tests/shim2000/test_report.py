@@ -10,6 +10,7 @@ from page import Page
 from PIL import Image
 
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, hits, is_miss
+from taichi_foam.shim2000.tests import TESTS
 
 
 @pytest.fixture(scope="module")
@@ -82,9 +83,9 @@ def summary_with(**figures: float | None) -> dict[str, float | None]:
 def test_hits_count_what_lies_within_twelve_per_cent() -> None:
     """Measured in wedge 2.86: 7.5 cm. 8.4 cm is 12 % more; no answer is a miss."""
     name, key = "paper/wedge-2.86", "max_displacement_m"
-    within = comparison(name, summary_with(max_displacement_m=0.0839))
-    beyond = comparison(name, summary_with(max_displacement_m=0.0841))
-    without = comparison(name, summary_with())
+    within = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0839))
+    beyond = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0841))
+    without = comparison(name, TESTS[name], summary_with())
     assert within["error"][key] == pytest.approx(0.0839 / 0.075 - 1)
     assert [is_miss(case, key) for case in (within, beyond, without)] == [False, True, True]
     assert not is_miss(without, "initial_peak_m_s2")  # a wedge has none to miss
@@ -92,6 +93,7 @@ def test_hits_count_what_lies_within_twelve_per_cent() -> None:
 
 
 def test_other_scenes_have_nothing_measured() -> None:
-    case = comparison("my own", summary_with(max_displacement_m=0.05))
+    case = comparison("my own", None, summary_with(max_displacement_m=0.05))
+    assert hits([case])["max_displacement_m"] == {"within": 0, "of": 0}
     assert set(case["measured"].values()) == {None}
     assert set(case["error"].values()) == {None}

@@ -136,7 +136,7 @@ def test_ctrl_c_before_any_case_has_finished_writes_nothing(
 def test_ctrl_c_among_the_films_keeps_the_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def pressed(*arguments: object) -> None:
+    def pressed(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(films, "write", pressed)

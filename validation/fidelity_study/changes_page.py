@@ -28,7 +28,7 @@ def section(velocities: int, kept: Kept) -> list[str]:
         "printed, and a cylinder of 5 cm is section 3.1's.\n",
         f"Figures are durations, displacements and plateaus, 27 in all, and *median error* is "
         f"that of their absolute errors. A criterion of the paper's pictures is met if at least "
-        f"{100 * SHARE:.0f} % of the runs meet it; `taichi_foam/study/criteria.py` has each in "
+        f"{100 * SHARE:.0f} % of the runs meet it; `taichi_foam/shim2000/criteria.py` has each in "
         f"words.\n",
         _summary_table(found),
         "![fidelity-choices]\n",

@@ -18,10 +18,11 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.case import has_failed
 from taichi_foam.shim2000.compare import comparison_of_medians, measured_figures
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.ensemble import members_of
+from taichi_foam.shim2000.study import has_failed
+from taichi_foam.shim2000.tests import TESTS, PaperTest
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
 
@@ -60,14 +61,14 @@ class Ensemble:
 
 def compute(part: str, ensembles: Sequence[Ensemble], store: Store, bars: Bars) -> None:
     """Run what is not kept yet, all side by side; each run is kept as it ends."""
-    asked = {name: scene for each in ensembles for name, scene in each.members.items()}
-    missing = {name: scene for name, scene in asked.items() if name not in store.part(part)}
+    asked = {name: (each.test, scene) for each in ensembles for name, scene in each.members.items()}
+    missing = [(name, *rest) for name, rest in asked.items() if name not in store.part(part)]
     if not missing:
         return
-    names = list(missing)
-    with bars.computing(f"{part}: {len(names)} impacts") as on_progress:
-        for place, result in simulate_many(list(missing.values()), on_progress):
-            store.keep(part, names[place], _figures(result))
+    with bars.computing(f"{part}: {len(missing)} impacts") as on_progress:
+        for place, result in simulate_many([scene for *_, scene in missing], on_progress):
+            name, test, _ = missing[place]
+            store.keep(part, name, figures_of(result, TESTS[test]))
 
 
 def entry(ensemble: Ensemble, kept: Kept) -> Entry | None:
@@ -76,7 +77,10 @@ def entry(ensemble: Ensemble, kept: Kept) -> Entry | None:
     if not runs:
         return None
     return comparison_of_medians(
-        ensemble.test, bands([run["figures"] for run in runs]), runs=len(runs)
+        ensemble.test,
+        TESTS[ensemble.test],
+        bands([run["figures"] for run in runs]),
+        runs=len(runs),
     )
 
 
@@ -94,16 +98,20 @@ def _run_name(scene: Scene) -> str:
     return f"{short(scene.name)} at {scene.impactor.velocity:.4f} m/s, {digest}"
 
 
-def _figures(result: Result) -> dict[str, Any]:
-    """What is kept of a run. One that failed has no answers."""
-    measured = measured_figures(result.scene.name)
-    keys = [quantity.key for quantity in JUDGED if measured[quantity.key] is not None]
+def figures_of(result: Result, test: PaperTest) -> dict[str, Any]:
+    """What is kept of a run. One that failed has no answers.
+
+    It is judged as `test` even if its settings make it another impact: that is what a study of
+    readings such as another yield strain is for.
+    """
+    measured = measured_figures(test)
+    keys = [quantity.key for quantity in JUDGED if quantity.key in measured]
     if has_failed(result):
         return {"figures": dict.fromkeys(keys), "criteria": {}, "failed": result.run["ended_by"]}
     found = summary(result)
     return {
         "figures": {key: _rounded(found[key]) for key in keys},
-        "criteria": {each.key: bool(each.holds) for each in criteria(result)},
+        "criteria": {each.key: bool(each.holds) for each in criteria(result, test)},
     }
 
 

@@ -8,7 +8,7 @@ a bad picture of the paper's foam: 20 % too high, since it densifies to 0.92 and
 since v is counted from rest and not from 16.5 m/s. Below 16.5 m/s it has no front at all. At 20
 m/s the front would be 0.9 m thick, and the bar is too short to settle: strain and speed miss,
 stress does not. The automatic step does not foresee how densification stiffens: from 100 m/s on
-these runs take `numerics.safety = 20 / v`; with 0.8, locking foam at 200 m/s goes astray.
+these runs take `numerics.safety = 20 / v`; with 0.8, the run of locking foam at 200 m/s diverges.
 """
 
 LATTICES = """Harrigan, Reid and Yaghoubi argue that mass-spring models cannot have the

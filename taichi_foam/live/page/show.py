@@ -20,6 +20,7 @@ from taichi_foam.live.stage import PACE
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.shim2000 import tests
+from taichi_foam.shim2000.compare import measured_figures
 from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
@@ -315,17 +316,18 @@ class Show:
         self.board.post("numbers", told)
 
     def _post_scene(self) -> None:
-        scene = self._scene
-        block = scene.block
+        scene, given = self._scene, self.controls.given
+        block, test = scene.block, tests.test_of(scene)
         self.board.post(
             "scene",
             {
                 "drop": self._number,
-                "name": tests.title(self.controls.given),
+                # the changes stand beside it: those that make it another impact take the title away
+                "name": tests.title(given) if test == tests.test_of(given) else given.name,
                 "changes": self.controls.changes(scene),
                 "size": painter.size_of(scene),
                 "key": painter.key_of(scene, self._look.mode),
-                "measured": figures.measured(scene),
+                "measured": {"test": test.name, **measured_figures(test)} if test else None,
                 "latest_end": scene.numerics.latest_end,
                 "nodes": [block.columns, block.rows],
                 "falls": scene.impactor is not None,

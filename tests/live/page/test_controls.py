@@ -13,8 +13,8 @@ from taichi_foam.errors import UserError
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.controls import KNOBS, Controls
 from taichi_foam.live.page.curve import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
-from taichi_foam.live.page.figures import measured
-from taichi_foam.shim2000.tests import MEASURED, NAMES, paper_scene
+from taichi_foam.shim2000 import tests
+from taichi_foam.shim2000.tests import NAMES, paper_scene
 
 WEDGE = paper_scene("paper/wedge-2.86")
 
@@ -111,12 +111,9 @@ def test_what_cannot_be_is_said_in_the_house_s_words(
 def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
     scene = paper_scene(name)
     finer = load_scene(scene, overrides=["block.columns=80", "foam.rate=none", "name=mine"])
-    found = measured(finer)
-    assert found is not None
-    assert found["test"] == name
-    assert found["plateau_deceleration_m_s2"] == MEASURED[name].plateau_deceleration_m_s2
+    assert tests.test_of(finer) is tests.TESTS[name]
     for change in ("impactor.velocity=2.0", "impactor.mass=5.9", "block.thickness=0.05"):
-        assert measured(load_scene(scene, overrides=[change])) is None
+        assert tests.test_of(load_scene(scene, overrides=[change])) is None
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -142,3 +143,20 @@ def test_little_of_each_viewer_waits() -> None:
         moved(velocity=1),
     ]
     assert [whose for _, whose in inbox.take()] == [other.append]
+
+
+def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> None:
+    show = Show(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
+
+    def told(scene: Any) -> dict[str, Any]:
+        show._scene = scene
+        show._post_scene()
+        return json.loads(show.board.notes["scene"][1])
+
+    given = show.controls.given
+    assert told(given)["name"] == "wedge, 2.86 m/s"
+    assert told(given)["measured"]["max_displacement_m"] == 0.075
+    finer = show.controls.scene_of("wedge", {"block.rows": 30})
+    assert (told(finer)["name"], told(finer)["measured"]["test"]) == ("wedge, 2.86 m/s", given.name)
+    heavier = show.controls.scene_of("wedge", {"impactor.mass": 7.0})
+    assert (told(heavier)["name"], told(heavier)["measured"]) == (given.name, None)

@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from taichi_foam.analysis.measures import NOSE_RISE_LIMIT_M, absorption_curve, impact
-from taichi_foam.picture import figures, films, overview, style
+from taichi_foam.picture import figures, films, style
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
-from taichi_foam.picture.overview import Whisker
 from taichi_foam.shim2000 import law_curve
 from taichi_foam.shim2000.bands import band_of_curves
-from taichi_foam.shim2000.case import Case, from_contact
-from taichi_foam.shim2000.decelerations import Deceleration, decelerations
-from taichi_foam.shim2000.tests import MEASURED, title
+from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
+from taichi_foam.shim2000.error_figure import Whisker, errors
+from taichi_foam.shim2000.study import Case, from_contact
+from taichi_foam.shim2000.tests import TESTS, title
 
 #: Width of the report's GIFs [pixels]; they show every second frame.
 GIF_WIDTH, GIF_EVERY = 480, 2
@@ -30,15 +30,14 @@ _MONTAGE_COLOURS = 192
 
 @dataclass(frozen=True)
 class Kind:
-    """An impactor's shape: its name, the paper's figures of it, the test they show, and its end.
+    """An impactor's shape: its name, and the paper's figures of its curves and of one of its tests.
 
-    `reported` is what the paper reports of that test's end, in lines for below the pictures.
+    `reported` is what the paper reports of the end of that test, in lines for below the pictures.
     """
 
     name: str
     curves_figure: int
     montage_figure: int
-    shown_case: str
     reported: tuple[str, ...]
 
 
@@ -47,7 +46,6 @@ KINDS: Mapping[str, Kind] = {
         "Flat block",
         21,
         22,
-        "paper/rectangular-3.03",
         (
             "Measured: at rest after 42 ms, 6.5 cm deep (the paper's own simulation: 40.2 ms).",
             "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a "
@@ -58,7 +56,6 @@ KINDS: Mapping[str, Kind] = {
         "Cylinder",
         23,
         24,
-        "paper/cylinder-3.32",
         (
             "Measured: at rest after 53 ms, 9.0 cm deep.",
             "Specimens (section 3.3): crushed in a thin layer around the path, most of it beneath; "
@@ -69,7 +66,6 @@ KINDS: Mapping[str, Kind] = {
         "Wedge",
         25,
         26,
-        "paper/wedge-2.86",
         (
             "Measured: at rest after 49 ms, 7.5 cm deep (the paper's own simulation: 48.3 ms).",
             "Specimens (section 3.4): crushed along the sides of the cavity, hardly ahead of the "
@@ -80,7 +76,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 @dataclass(frozen=True)
-class Plate:
+class Picture:
     """A picture in figures/.
 
     source   data URI of the whole file
@@ -96,36 +92,36 @@ class Plate:
     still: str | None = None
 
 
-def short(name: str) -> str:
-    """ "paper/wedge-2.86" as people read it."""
-    kind, _, velocity = name.removeprefix("paper/").partition("-")
-    return f"{KINDS[kind].name} {velocity}"
+def short(name: str, is_test: bool = True) -> str:
+    """ "paper/wedge-2.86" as people read it; of a case that settings have changed, it says so."""
+    test = TESTS[name]
+    return f"{KINDS[test.kind].name} {test.velocity:.2f}{'' if is_test else ', changed'}"
 
 
 def grouped(cases: Sequence[Case]) -> dict[str, list[Case]]:
     """Cases by key of `KINDS`, in its order, each group by rising velocity."""
     groups: dict[str, list[Case]] = {}
     for key in KINDS:
-        group = [case for case in cases if case.name.startswith(f"paper/{key}-")]
+        group = [case for case in cases if TESTS[case.name].kind == key]
         if group:
             groups[key] = sorted(group, key=lambda case: case.velocity)
     return groups
 
 
-def shown(key: str, group: Sequence[Case]) -> Case:
+def shown(group: Sequence[Case]) -> Case:
     """The case of a group that its montage and film show: the paper's, or else the fastest."""
-    return next((case for case in group if case.name == KINDS[key].shown_case), group[-1])
+    return next((case for case in group if TESTS[case.name].picture), group[-1])
 
 
-def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Plate]]:
-    """What draws each plate into `folder`, by the plate's name.
+def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Picture]]:
+    """What draws each picture into `folder`, by the picture's name.
 
     For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
     (flat block), "energy" (impacts that came to rest) and "law".
     """
-    found: dict[str, Callable[[], Plate]] = {}
+    found: dict[str, Callable[[], Picture]] = {}
     for key, group in groups.items():
-        one = shown(key, group)
+        one = shown(group)
         found[f"{key}-curves"] = partial(_curves, folder, key, group)
         found[f"{key}-montage"] = partial(_montage, folder, key, one)
         found[f"{key}-film"] = partial(_film, folder, key, one)
@@ -145,11 +141,11 @@ def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callab
 
 def errors_at_a_glance(
     folder: Path, panels: Mapping[str, Sequence[Whisker]], tolerance: float
-) -> Plate:
+) -> Picture:
     """All errors of an ensemble's medians with their bands, a panel for each figure."""
     span = f"±{100 * tolerance:.0f} %"
     return _saved(
-        overview.errors(panels, tolerance),
+        errors(panels, tolerance),
         folder / "errors.png",
         f"Error of each median, and of 5 and 95 % of the runs; shaded: {span}. Medians beyond it "
         "are diamonds with their error. Tests with open marks were left out of the score of "
@@ -158,7 +154,7 @@ def errors_at_a_glance(
     )
 
 
-def _curves(folder: Path, key: str, group: Sequence[Case]) -> Plate:
+def _curves(folder: Path, key: str, group: Sequence[Case]) -> Picture:
     kind = KINDS[key]
     what = "Median and 5–95 % band of the decelerations" if group[0].members else "Deceleration"
     return _saved(
@@ -171,15 +167,16 @@ def _curves(folder: Path, key: str, group: Sequence[Case]) -> Plate:
     )
 
 
-def _montage(folder: Path, key: str, case: Case) -> Plate:
+def _montage(folder: Path, key: str, case: Case) -> Picture:
     kind, head = KINDS[key], _title(case)
     path = folder / f"montage-{key}.png"
     scene, snapshots = case.result.scene, case.result.snapshots
-    picture = Image.fromarray(montage(snapshots, scene, title=head, note=kind.reported))
+    note = kind.reported if case.test and case.test.picture else ()
+    picture = Image.fromarray(montage(snapshots, scene, title=head, note=note))
     # Flat colours: a palette takes a third of the bytes and no eye sees it.
     picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
-    return _plate(
+    return _picture(
         path,
         f"{head}{_which(case)}, as in Fig. {kind.montage_figure}. Each cell has the colour of the "
         "worst compressive strain that it has met; gaps are cracks.",
@@ -188,9 +185,10 @@ def _montage(folder: Path, key: str, case: Case) -> Plate:
     )
 
 
-def _film(folder: Path, key: str, case: Case) -> Plate:
+def _film(folder: Path, key: str, case: Case) -> Picture:
     output = case.result.scene.output
-    path = films.write_gif(case.result, folder / f"film-{key}.gif", GIF_WIDTH, GIF_EVERY)
+    path = folder / f"film-{key}.gif"
+    films.write_gif(case.result, path, GIF_WIDTH, GIF_EVERY, title=title(case.scene))
     still = path.with_suffix(".png")
     with Image.open(path) as film:
         film.seek(getattr(film, "n_frames", 1) - 1)
@@ -198,12 +196,12 @@ def _film(folder: Path, key: str, case: Case) -> Plate:
     slower = 1 / (output.fps * output.snapshot_interval)
     caption = f"{_title(case)}{_which(case)}, slowed down {slower:.0f} times."
     alt = f"Animation of the {KINDS[key].name.lower()} sinking into the foam."
-    plate = _plate(path, caption, alt, still=_uri(still))
+    picture = _picture(path, caption, alt, still=_uri(still))
     still.unlink()
-    return plate
+    return picture
 
 
-def _ledger(folder: Path, key: str, case: Case) -> Plate:
+def _ledger(folder: Path, key: str, case: Case) -> Picture:
     head = _title(case)
     return _saved(
         figures.energy_ledger(case.result.history),
@@ -214,7 +212,7 @@ def _ledger(folder: Path, key: str, case: Case) -> Plate:
     )
 
 
-def _histories(folder: Path, group: Sequence[Case]) -> Plate:
+def _histories(folder: Path, group: Sequence[Case]) -> Picture:
     histories = {case.velocity: from_contact(case.result) for case in group}
     of_which = " of the runs nearest to the medians" if group[0].members else ""
     return _saved(
@@ -226,12 +224,14 @@ def _histories(folder: Path, group: Sequence[Case]) -> Plate:
     )
 
 
-def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Plate:
+def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Picture:
     absorptions, slopes = {}, {}
     for key, group in groups.items():
         name = KINDS[key].name.lower()
         absorptions[name] = [_absorption(case) for case in group]
-        slopes[name] = [MEASURED[case.name].energy_per_volume_J_m3 for case in group]
+        tests = [case.test for case in group if case.test]
+        if tests:
+            slopes[name] = [test.measured.energy_per_volume_J_m3 for test in tests]
     return _saved(
         figures.energy_against_volume(absorptions, slopes),
         folder / "energy-volume.png",
@@ -241,7 +241,7 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Plate:
     )
 
 
-def _law(folder: Path, case: Case) -> Plate:
+def _law(folder: Path, case: Case) -> Picture:
     return _saved(
         figures.stress_strain(law_curve.branches(case.scene)),
         folder / "foam-law.png",
@@ -263,7 +263,8 @@ def _deceleration(case: Case) -> Deceleration:
     if case.members:
         found = band_of_curves([(member.time, member.deceleration) for member in case.members])
         time, deceleration, band = found.time, found.median, (found.low, found.high)
-    return Deceleration(case.velocity, time, deceleration, MEASURED.get(case.name), start, band)
+    measured = case.test and case.test.measured
+    return Deceleration(case.velocity, time, deceleration, measured, start, band)
 
 
 def _absorption(case: Case) -> Absorption:
@@ -274,7 +275,8 @@ def _absorption(case: Case) -> Absorption:
 
 def _title(case: Case) -> str:
     """What a test is called at the head of a picture or a sentence."""
-    return title(case.scene).capitalize()
+    words = title(case.scene)
+    return words.capitalize() if case.test else words
 
 
 def _which(case: Case) -> str:
@@ -287,14 +289,14 @@ def _velocities(group: Sequence[Case]) -> str:
     return f"{', '.join(head)} and {last} m/s" if head else f"{last} m/s"
 
 
-def _saved(figure: Figure, path: Path, caption: str, alt: str) -> Plate:
-    return _plate(style.save(figure, path)[0], caption, alt)
+def _saved(figure: Figure, path: Path, caption: str, alt: str) -> Picture:
+    return _picture(style.save(figure, path)[0], caption, alt)
 
 
-def _plate(path: Path, caption: str, alt: str, still: str | None = None) -> Plate:
+def _picture(path: Path, caption: str, alt: str, still: str | None = None) -> Picture:
     with Image.open(path) as picture:
         size = picture.size
-    return Plate(f"{path.parent.name}/{path.name}", caption, alt, _uri(path), size, still)
+    return Picture(f"{path.parent.name}/{path.name}", caption, alt, _uri(path), size, still)
 
 
 def _uri(path: Path) -> str:

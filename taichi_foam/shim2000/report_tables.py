@@ -10,10 +10,9 @@ from taichi_foam.analysis.quantities import DURATION, Quantity
 from taichi_foam.parts import described
 from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene
-from taichi_foam.shim2000 import plates
-from taichi_foam.shim2000.case import Case
-from taichi_foam.shim2000.compare import JUDGED, is_miss
-from taichi_foam.shim2000.tests import SIMULATED_DURATION
+from taichi_foam.shim2000.compare import JUDGED, is_miss, theirs
+from taichi_foam.shim2000.report_pictures import KINDS, short
+from taichi_foam.shim2000.study import Case
 
 #: Error at the ends of the small error scale.
 SCALE = 0.30
@@ -36,11 +35,10 @@ def table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
 def _compared(quantity: Quantity, case: Mapping[str, Any], tolerance: float) -> Row:
     """One figure of one case beside the measured one; of an ensemble its median and band."""
     measured, error = case["measured"][quantity.key], case["error"][quantity.key]
-    theirs = SIMULATED_DURATION.get(case["name"]) if quantity is DURATION else None
     row = {
-        "case": plates.short(case["name"]),
+        "case": short(case["name"]),
         "measured": quantity.text(measured),
-        "theirs": quantity.text(theirs),
+        "theirs": quantity.text(theirs(quantity, case)),
         "simulated": quantity.text(case["simulated"][quantity.key]),
         "error": "no answer" if error is None else _percent(error),
         "at": None if error is None else _place(error),
@@ -62,9 +60,10 @@ def _place(error: float) -> float:
     return 50 + 50 * max(-1.0, min(1.0, error / SCALE))
 
 
-def hits(content: Mapping[str, Any]) -> list[Row]:
-    """The score of single runs: in how many cases each judged figure lies within the tolerance."""
-    return [hit(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
+def headline(content: Mapping[str, Any]) -> list[Row]:
+    """The score of single runs: in how many tests each judged figure lies within the tolerance."""
+    found = [(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
+    return [hit(label, count) for label, count in found if count["of"]]
 
 
 def hit(label: str, found: Mapping[str, Any]) -> Row:
@@ -76,7 +75,7 @@ def kind(key: str, group: Sequence[Case]) -> Row:
     """What a section about one impactor shows."""
     return {
         "key": key,
-        "name": plates.KINDS[key].name,
+        "name": KINDS[key].name,
         "rows": [_damage(case) for case in group],
     }
 
@@ -91,7 +90,7 @@ def _damage(case: Case) -> Row:
 
     has_crack, width = found[q.CRACK.key] is not None, found[q.WIDTH.key]
     return {
-        "case": plates.short(case.name),
+        "case": short(case.name, case.test is not None),
         "pieces": found["pieces"],
         "region": "none" if width is None else f"{q.WIDTH.text(width)} × {text(q.HEIGHT)}",
         "crack": f"at {text(q.CRACK_START)}, {text(q.CRACK_TIME)}" if has_crack else "none",
@@ -109,7 +108,7 @@ def ledger(cases: Sequence[Case]) -> Row:
         parts = [sum(float(h[name][-1]) for name in layer.columns) for layer in LEDGER]
         rows.append(
             {
-                "case": plates.short(case.name),
+                "case": short(case.name, case.test is not None),
                 "impact": f"{h['impactor_kinetic_J'][0]:.2f}",
                 # Adding 0 turns -0.00 into 0.00.
                 "parts": [f"{round(part, 2) + 0.0:.2f}".replace("-", "−") for part in parts],
@@ -154,7 +153,7 @@ def run(case: Case) -> Row:
     overlap = run["max_overlap_m"] / min(block.dx, block.dy)
     low, high = 1e6 * run["dt_min_s"], 1e6 * run["dt_max_s"]
     return {
-        "case": plates.short(case.name),
+        "case": short(case.name, case.test is not None),
         "steps": f"{run['steps']:,}",
         "dt": f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}",
         "overlap": f"{100 * overlap:.2f} %",

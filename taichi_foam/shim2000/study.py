@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.measures import impact
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import PaperTest, test_of
 
 if TYPE_CHECKING:
     from taichi_foam.shim2000.criteria import Criterion
@@ -53,8 +54,13 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Name of the test, as in `paper.NAMES`."""
+        """Name of the test, as in `tests.NAMES`."""
         return self.scene.name
+
+    @cached_property
+    def test(self) -> PaperTest | None:
+        """Which test it is; None if settings have made it another impact."""
+        return test_of(self.scene)
 
     @property
     def velocity(self) -> float:

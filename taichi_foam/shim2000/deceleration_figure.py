@@ -93,7 +93,7 @@ def _top(impacts: Sequence[Deceleration]) -> float:
     tallest = max(float(np.nanmax(impact.deceleration)) for impact in impacts)
     measured = [impact.measured for impact in impacts if impact.measured]
     if not measured:
-        return 1.25 * tallest
+        return 1.25 * tallest or 1.0
     known = max(max(m.initial_peak_m_s2 or 0.0, m.plateau_deceleration_m_s2) for m in measured)
     return 1.25 * min(max(tallest, known), 2.0 * known)
 

@@ -7,15 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME, Quantity
-from taichi_foam.picture.overview import Whisker
-from taichi_foam.shim2000.plates import short
-from taichi_foam.shim2000.rows import Row, hit
+from taichi_foam.shim2000.error_figure import Whisker
+from taichi_foam.shim2000.report_pictures import short
+from taichi_foam.shim2000.report_tables import Row, hit
 from taichi_foam.shim2000.scores import HELD_OUT, SCORED, SHARE
 
 
 def headline(content: Mapping[str, Any]) -> list[Row]:
-    """The score of ensembles, as cards."""
+    """The score of ensembles, as cards; none where settings have changed every test."""
     ensemble = content["ensemble"]
+    if not ensemble["all"]["of"]:
+        return []
     cards = [
         hit("figures: durations, displacements and plateaus", ensemble["all"]),
         {
@@ -65,15 +67,16 @@ def criteria(content: Mapping[str, Any]) -> list[Row]:
 
 
 def whiskers(content: Mapping[str, Any]) -> dict[str, Sequence[Whisker]]:
-    """Errors of the medians and of the ends of their bands, by figure."""
-    return {q.label: [_whisker(q, case) for case in content["cases"]] for q in SCORED}
+    """Errors of the medians and of the ends of their bands, by figure; {} without a test."""
+    tests = [case for case in content["cases"] if case["test"]]
+    return {q.label: [_whisker(q, case) for case in tests] for q in SCORED} if tests else {}
 
 
 def _whisker(quantity: Quantity, case: Mapping[str, Any]) -> Whisker:
     measured = case["measured"][quantity.key]
     found = [case[part][quantity.key] for part in ("low", "simulated", "high")]
     errors = [math.inf if value is None else value / measured - 1.0 for value in found]
-    return Whisker(short(case["name"]), *errors, held_out=case["name"] in HELD_OUT)
+    return Whisker(short(case["name"]), *errors, held_out=case["test"] in HELD_OUT)
 
 
 def _error(value: float | None) -> str:
