@@ -1,6 +1,5 @@
 """Compile the C++ peers with whatever compiler there is, and keep what came out."""
 
-import contextlib
 import ctypes
 import hashlib
 import os
@@ -17,7 +16,7 @@ FLAGS = "-O3 -march=native -std=c++17 -shared -fPIC -fno-math-errno -fno-trappin
 ABSENT = "no C++ compiler: none of $CXX, g++ and clang++ is on the PATH"
 
 
-class CompileError(Exception):
+class CompileError(RuntimeError):
     """There is a compiler, but it cannot compile a peer."""
 
 
@@ -57,23 +56,27 @@ def load(source: str, macros: Mapping[str, int]) -> ctypes.CDLL:
     key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
     library = folder / f"{Path(source).stem}-{key}.so"
     if not library.exists():
-        with contextlib.suppress(CompileError):
-            _compile([*command, *flags, "-fopenmp"], source, library)
-    if not library.exists():
-        _compile([*command, *flags], source, library)
+        build([*command, *flags], SOURCES / source, library)
     return ctypes.CDLL(str(library))
 
 
-def _compile(call: list[str], source: str, library: Path) -> None:
+def build(call: list[str], source: Path, target: Path) -> None:
+    """Compile `source` with the command `call`, with OpenMP if it can be had.
+
+    Raises:
+        CompileError: the compiler cannot compile it.
+    """
     # renamed when done, so that another process never loads half a library
-    staging = library.with_suffix(f".{os.getpid()}")
-    answer = subprocess.run(
-        [*call, str(SOURCES / source), "-o", str(staging)],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    if answer.returncode != 0:
-        raise CompileError(f"{call[0]} cannot compile {source}: {_first_line(answer.stderr)}")
-    staging.replace(library)
+    staging = target.with_suffix(f".{os.getpid()}")
+    for openmp in (["-fopenmp"], []):
+        answer = subprocess.run(
+            [*call, *openmp, str(source), "-o", str(staging)],
+            capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        if answer.returncode == 0:
+            staging.replace(target)
+            return
+    raise CompileError(f"{call[0]} cannot compile {source.name}: {_first_line(answer.stderr)}")
 
 
 def _folder() -> Path:
