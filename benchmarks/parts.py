@@ -1,31 +1,44 @@
-"""What each part of a step costs, on one core: `python benchmarks/parts.py`.
+"""What each part of a step costs, on one core: `python benchmarks/parts.py [--smoke]`.
 
 The parts are timed one by one on the lattice of a paper test in full impact, then whole runs
 without and with contact of pieces, of which the parts should be the sum. Processor time, the least
-of several repetitions, in ns per node and Runge-Kutta stage.
+of several repetitions, in ns per node and Runge-Kutta stage. `--smoke` does a few steps of each:
+whether they run, not how fast.
 """
 
+import argparse
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import taichi as ti
+from peers import CASE, scene_with, updated
 from rich.console import Console
-from rich.table import Table
+from timing.table import Table
 
 from taichi_foam.engine import bonds, clock, contact, ledger, loading, nodes, runtime, stepper
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
-from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run
 
-CASE = "paper/rectangular-3.03"
-IMPACT_TIME = 0.015  # s: the foam below the impactor is crushed
-REPEATS = 200
-ROUNDS = 9
 STEPS_PER_ROW = 30  # about, at the default interval
-WATCHED = 500  # steps in which new neighbour lists are counted
-WATCHED_TIME = 2e-3  # s, somewhat more than these take
 NEIGHBOURS = "pieces: neighbour lists, as often as needed"
+
+
+@dataclass(frozen=True)
+class Mode:
+    """How much is measured."""
+
+    impact_time: float = 0.015  # s: the foam below the impactor is crushed
+    repeats: int = 200
+    rounds: int = 9
+    runs: int = 3
+    run_end: float | str = "rebound"
+    watched: int = 500  # steps in which new neighbour lists are counted
+    watched_time: float = 2e-3  # s, somewhat more than these take
+
+
+SMOKE = Mode(2e-4, repeats=1, rounds=1, runs=1, run_end=2e-4, watched=3, watched_time=1e-4)
 
 
 @ti.func
@@ -47,6 +60,12 @@ def middle_faces(lattice: ti.template(), p: ti.template()):
 
 
 @ti.func
+def flow(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        bonds.flow_column(lattice, 0, i, p)
+
+
+@ti.func
 def densify(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
         if lattice.tally[0, i].least.min() < p.foam.densification_strain:
@@ -57,7 +76,7 @@ def densify(lattice: ti.template(), p: ti.template()):
 @ti.func
 def node_stage(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, p)
+        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, (i + 1) % 3, p)
 
 
 @ti.func
@@ -95,6 +114,7 @@ def row(lattice: ti.template(), p: ti.template()):
 # Name, part, how many times a stage, and whether it counts in the sum: not if it lies within
 # another part.
 PARTS = (
+    ("flow of the worst strain, once a step", flow, 0.25, True),
     ("faces with history, first stage", first_faces, 0.25, True),
     ("faces, two middle stages", middle_faces, 0.5, True),
     ("faces with failure, last stage", last_faces, 0.25, True),
@@ -121,27 +141,29 @@ def repeated(part: Callable) -> Callable:
     return repeat
 
 
-def cost(kernel: Callable, lattice: Lattice) -> float:
+def cost(kernel: Callable, lattice: Lattice, mode: Mode) -> float:
     """Processor time of one pass over the lattice [ns per node]."""
     kernel(lattice, 1)
     times = []
-    for _ in range(ROUNDS):
+    for _ in range(mode.rounds):
         start = time.process_time()
-        kernel(lattice, REPEATS)
+        kernel(lattice, mode.repeats)
         times.append(time.process_time() - start)
-    return 1e9 * min(times) / REPEATS / lattice.nodes
+    return 1e9 * min(times) / mode.repeats / lattice.nodes
 
 
-def part_costs() -> dict[str, float]:
+def part_costs(mode: Mode) -> dict[str, float]:
     """ns per node-stage of each part."""
-    scene = paper_scene(CASE)
+    scene = scene_with("calibrated", contact=True)
     with borrowed(1, scene.block.columns, scene.block.rows) as lattice:
         loading.load(lattice, 0, scene)
         stepper.prepare(lattice, 0)
-        run_to(lattice, IMPACT_TIME - WATCHED_TIME)
-        builds = builds_per_step(lattice)
-        run_to(lattice, IMPACT_TIME)
-        costs = {name: often * cost(repeated(part), lattice) for name, part, often, _ in PARTS}
+        run_to(lattice, mode.impact_time - mode.watched_time)
+        builds = builds_per_step(lattice, mode.watched)
+        run_to(lattice, mode.impact_time)
+        costs = {
+            name: often * cost(repeated(part), lattice, mode) for name, part, often, _ in PARTS
+        }
     costs[NEIGHBOURS] *= builds
     return costs
 
@@ -152,11 +174,11 @@ def run_to(lattice: Lattice, moment: float) -> None:
     stepper.advance_fused(lattice, 1_000_000)
 
 
-def builds_per_step(lattice: Lattice) -> float:
+def builds_per_step(lattice: Lattice, watched: int) -> float:
     """How often neighbours are listed anew: what has drifted since then has become less."""
     loading.set_pause(lattice, np.array([1.0]))
     drifts = []
-    for _ in range(WATCHED):
+    for _ in range(watched):
         stepper.advance_fused(lattice, 1)
         drifts.append(lattice.clock[0].drift)
     return float(np.mean(np.diff(drifts) < 0.0))
@@ -164,21 +186,26 @@ def builds_per_step(lattice: Lattice) -> float:
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--smoke", action="store_true")
+    mode = SMOKE if parser.parse_args().smoke else Mode()
     runtime.start(threads=1)
-    console, scene = Console(highlight=False), paper_scene(CASE)
-    costs = part_costs()
+    costs = part_costs(mode)
     counted = {name for name, _, _, counts in PARTS if counts}
     total = sum(costs[name] for name in counted)
-    table = Table("part", "ns", "share", title=f"{CASE} at {1e3 * IMPACT_TIME:g} ms, one core")
+    table = Table(("part", "ns", "share"))
     for name, ns in costs.items():
-        table.add_row(name, f"{ns:.2f}", f"{100 * ns / total:.0f} %" if name in counted else "")
-    table.add_row("sum", f"{total:.2f}", "100 %", end_section=True)
+        share = f"{100 * ns / total:.0f} %" if name in counted else ""
+        table.rows.append((name, f"{ns:.2f}", share))
+    table.rows.append(("sum", f"{total:.2f}", "100 %"))
     for self_contact in (False, True):
-        model = scene.model.model_copy(update={"self_contact": self_contact})
-        case = scene.model_copy(update={"model": model})
-        rates = [run(case).run["node_stages_per_s"] for _ in range(3)]
+        case = scene_with("calibrated", contact=self_contact)
+        case = updated(case, {"numerics": {"end": mode.run_end}})
+        rates = [run(case).run["node_stages_per_s"] for _ in range(mode.runs)]
         name = f"a whole run {'with' if self_contact else 'without'} contact of pieces, wall time"
-        table.add_row(name, f"{1e9 / max(rates):.2f}", "")
+        table.rows.append((name, f"{1e9 / max(rates):.2f}", ""))
+    console = Console(highlight=False)
+    console.print(f"{CASE} at {1e3 * mode.impact_time:g} ms, one core")
     console.print(table)
 
 

@@ -57,11 +57,11 @@ def _first_step(cache: str, arguments: tuple[str, ...]) -> float:
 
 def memory(mode: Mode, threads: int) -> float:
     """Bytes per node of a big lattice that has stepped, beyond what a small one's process takes."""
-    small, large = (
-        _number([sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)])
-        for counts in (SMALL, mode.large)
-    )
-    return (large - small) / (mode.large[0] * mode.large[1])
+    found = {
+        counts: _number([sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)])
+        for counts in {SMALL, mode.large}
+    }
+    return (found[mode.large] - found[SMALL]) / (mode.large[0] * mode.large[1])
 
 
 def _number(call: list[str], folder: str | None = None, **variables: str) -> float:
