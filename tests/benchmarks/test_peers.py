@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import get_args
 
+import numpy as np
 import pytest
-from peers import Choices, Numba, Plain, Skipped, Vectors, scene_with, updated
-from peers.check import CASES, compare
+from peers import Choices, Plain, Skipped, Vectors, scene_with, updated
+from peers.check import CASES, PEERS, compare
 from peers.compile import CompileError
 from peers.constants import case_of
 
-TWO_THREADS = {Plain: 1, Vectors: 2, Numba: 1}  # one of the peers on two is enough
-
 
 @pytest.mark.parametrize("choices", get_args(Choices))
-@pytest.mark.parametrize("kind", TWO_THREADS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", PEERS)
 @pytest.mark.parametrize("name", CASES)
 def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     name: str, kind: type, choices: Choices
@@ -22,12 +21,26 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     peer = kind.load()
     if isinstance(peer, Skipped):
         pytest.skip(peer.reason)
-    outcome = compare(peer, name, choices, TWO_THREADS[kind])
+    outcome = compare(peer, name, choices, threads=1)
     assert outcome.passed, outcome
     assert outcome.intact > 1, "bonds broke at once: nothing was compared before that"
     assert outcome.broken > 10, "too few bonds have broken to see what follows"
     # without a rate the worst strain is behind by the last step at most
     assert (outcome.lagging > 6e-3) == (choices == "calibrated")
+
+
+@pytest.mark.parametrize("kind", [Plain, Vectors])
+def test_two_threads_give_the_numbers_of_one(kind: type) -> None:
+    peer = kind.load()
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    states = []
+    for threads in (1, 2):
+        peer.prepare(scene_with("calibrated"))
+        peer.advance(200, threads)
+        states.append(peer.state())
+    np.testing.assert_array_equal(states[0].position, states[1].position)
+    assert states[0].impactor_y == states[1].impactor_y
 
 
 @pytest.mark.parametrize(
