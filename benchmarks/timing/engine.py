@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,34 +18,12 @@ from taichi_foam.engine.lattice import RUNNING, borrowed
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
+from .measurement import LEAST_STEPS, Measurement, better_steps
 from .subjects import Subject, scene_with, updated
 
-LEAST_STEPS = 3
 ALL = 1_000_000  # steps: as far as the lattice's pause
 
 start_taichi, settings = runtime.start, runtime.settings
-
-
-@dataclass
-class Measurement:
-    """What one measurement gave; two add up."""
-
-    wall: float  # s
-    cpu: float | None  # s, of all threads of the process
-    node_stages: float
-    simulated: float  # s, of one lattice; lattices of a batch add up
-
-    def __add__(self, other: Measurement) -> Measurement:
-        cpu = None if self.cpu is None or other.cpu is None else self.cpu + other.cpu
-        return Measurement(
-            self.wall + other.wall, cpu, self.node_stages + other.node_stages,
-            self.simulated + other.simulated,
-        )  # fmt: skip
-
-
-def better_steps(steps: int, took: float, seconds: float) -> int:
-    """Steps of the next measurement, that it takes about `seconds`."""
-    return max(LEAST_STEPS, round(steps * seconds / took))
 
 
 class Loaded:

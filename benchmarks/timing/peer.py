@@ -9,7 +9,7 @@ from typing import Any
 from peers import PLASTIC, ROTATIONAL, Lammps, Numba, Plain, Skipped, Vectors
 from peers.lammps_peer import TIME_STEP
 
-from .engine import Measurement, better_steps
+from .measurement import Measurement, better_steps
 from .subjects import Subject
 from .workers import AbsentError
 
