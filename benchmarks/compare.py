@@ -78,8 +78,8 @@ def main(
         ending = "-interrupted" if interrupted else "" if kind == "full" else f"-{kind}"
         page = tables.save(record, threads, folder, (name or tables.machine_name()) + ending)
         console.print(f"written to {page} and .json", soft_wrap=True)
-    for key, reason in record.failed.items():
-        typer.echo(f"error: {key} could not be measured: {reason}", err=True)
+    for reason, keys in tables.by_reason(record.failed).items():
+        typer.echo(f"error: {keys} could not be measured: {reason}", err=True)
     raise typer.Exit(130 if interrupted else 1 if record.failed else 0)
 
 

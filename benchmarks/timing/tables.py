@@ -79,10 +79,16 @@ def notes(record: Record) -> list[str]:
     ]
     lines = [f"contact of pieces, by test: {', '.join(costs)}"] if costs else []
     for what, missing in (("skipped", record.skipped), ("FAILED", record.failed)):
-        for reason in dict.fromkeys(missing.values()):
-            keys = [key for key, why in missing.items() if why == reason]
-            lines.append(f"{what} ({', '.join(keys)}): {reason}")
+        lines += [f"{what} ({keys}): {reason}" for reason, keys in by_reason(missing).items()]
     return lines
+
+
+def by_reason(missing: dict[str, str]) -> dict[str, str]:
+    """Each reason once, with the subjects that it keeps away."""
+    found: dict[str, list[str]] = {}
+    for key, reason in missing.items():
+        found.setdefault(reason, []).append(key)
+    return {reason: ", ".join(keys) for reason, keys in found.items()}
 
 
 def markdown(record: Record, threads: int) -> str:
