@@ -1,6 +1,7 @@
-"""This engine against others, on this machine: `python benchmarks/compare.py [--quick]`.
+"""This engine against others, on this machine: `python benchmarks/compare.py [--quick | --smoke]`.
 
-README.md beside it says what is compared, and how.
+README.md beside it says what is compared, and how. Exit code 1: something failed that is not merely
+absent; the last lines say what.
 """
 
 from __future__ import annotations
@@ -10,8 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from peers import Skipped
-from peers.check import bare
+from peers import Skipped, scene_with
 from peers.flops import flops
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,15 +19,10 @@ from timing import tables
 from timing.limits import Limits
 from timing.rounds import Record, measure, prepare
 from timing.starts import memory, starts
-from timing.subjects import CASE, subjects
-from timing.workers import WorkerError, Workers
-
-from taichi_foam.shim2000.tests import MEASURED, paper_scene
+from timing.subjects import MODES, Mode, subjects
+from timing.workers import Workers
 
 RESULTS = Path(__file__).parent / "results"
-ROUNDS = {"full": 9, "quick": 3}
-TESTS = {"full": tuple(MEASURED), "quick": ("paper/rectangular-3.03", "paper/wedge-2.86")}
-TEST_ROUNDS = {"full": 3, "quick": 1}
 
 
 class Bar:
@@ -46,25 +41,30 @@ class Bar:
 
 
 def main(
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A minute and a half, fewer of all.")
+    quick: Annotated[bool, typer.Option("--quick", help="Two minutes, fewer of all.")] = False,
+    smoke: Annotated[
+        bool,
+        typer.Option("--smoke", help="A few steps of everything: whether it runs, not how fast."),
     ] = False,
     rounds: Annotated[int | None, typer.Option(min=1, help="Rounds of measurements.")] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of what has many.")] = 2,
     name: Annotated[
         str | None, typer.Option(help="Name of the results; default: the machine's.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = RESULTS,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; default: results, smoke: none.")
+    ] = None,
 ) -> None:
     """Time the engine and its peers side by side, and write the tables to a folder."""
-    mode = "quick" if quick else "full"
+    kind = "smoke" if smoke else "quick" if quick else "full"
+    mode = MODES[kind]
     terminal = Console(highlight=False)
     console = terminal if terminal.is_terminal else Console(highlight=False, width=120)
-    record = Record(subjects(quick, threads))
-    rounds = rounds or ROUNDS[mode]
+    record = Record(subjects(mode, threads))
+    rounds = rounds or mode.rounds
     start = time.perf_counter()
     interrupted = False
-    total = len(record.subjects) * (rounds + 1) + len(TESTS[mode]) * TEST_ROUNDS[mode] + 10
+    total = len(record.subjects) * (rounds + 1) + len(mode.tests) * mode.test_rounds + 10
     bar = Bar(console, total)
     try:
         with bar.progress:
@@ -73,71 +73,67 @@ def main(
         interrupted = True
     tables.show(console, record, threads)
     console.print(f"{time.perf_counter() - start:.0f} s" + ", interrupted" * interrupted)
-    if record.rounds:
-        ending = "-interrupted" if interrupted else "-quick" if quick else ""
-        page = tables.save(record, threads, out, (name or tables.machine_name()) + ending)
+    folder = out or (None if smoke else RESULTS)
+    if record.rounds and folder:
+        ending = "-interrupted" if interrupted else "" if kind == "full" else f"-{kind}"
+        page = tables.save(record, threads, folder, (name or tables.machine_name()) + ending)
         console.print(f"written to {page} and .json", soft_wrap=True)
-    raise typer.Exit(130 if interrupted else 0)
+    for reason, keys in tables.by_reason(record.failed).items():
+        typer.echo(f"error: {keys} could not be measured: {reason}", err=True)
+    raise typer.Exit(130 if interrupted else 1 if record.failed else 0)
 
 
-def _everything(record: Record, mode: str, rounds: int, threads: int, bar: Bar) -> None:
-    quick = mode == "quick"
-    counted = flops(bare(paper_scene(CASE)))
-    if isinstance(counted, Skipped):
-        record.skipped["operations"] = counted.reason
-    else:
-        record.found["flops"] = sum(counted.values())
+def _everything(record: Record, mode: Mode, rounds: int, threads: int, bar: Bar) -> None:
+    limits = None
+    with record.attempt("operations"):
+        counted = flops(scene_with("calibrated"), *mode.counted_steps)
+        if isinstance(counted, Skipped):
+            record.skipped["operations"] = counted.reason
+        else:
+            record.found["flops"] = sum(counted.values())
+    with record.attempt("the machine's limits"):
+        limits = Limits(threads)
     with Workers() as workers:
         prepare(workers, record, lambda done: bar.step("preparing: kernels compile", done))
-        measure(workers, record, Limits(threads), rounds, bar.step)
+        measure(workers, record, limits, rounds, bar.step)
         _tests(workers, record, mode, bar)
         _big(workers, record, threads, bar)
-    try:
-        record.found["starts"] = starts(quick, bar.step)
-        bar.step("memory per node")
-        record.found["memory"] = memory(threads)
-    except RuntimeError as error:
-        record.skipped["starts and memory"] = str(error)
+    with record.attempt("starts"):
+        record.found["starts"] = starts(mode, bar.step)
+    bar.step("memory per node")
+    with record.attempt("memory"):
+        record.found["memory"] = memory(mode, threads)
 
 
-def _tests(workers: Workers, record: Record, mode: str, bar: Bar) -> None:
+def _tests(workers: Workers, record: Record, mode: Mode, bar: Bar) -> None:
     """The paper's tests, whole runs without contact of pieces and with it, side by side."""
     found: dict[str, list] = record.found.setdefault("tests", {})
-    for _ in range(TEST_ROUNDS[mode]):
-        for case in TESTS[mode]:
+    for _ in range(mode.test_rounds):
+        for case in mode.tests:
             bar.step(case)
-            try:
+            with record.attempt(case):
                 pair = [
-                    workers["engine-1"].ask("whole", case=case, contact=contact)
+                    workers["engine-1"].ask("whole", case=case, contact=contact, end=mode.test_end)
                     for contact in (False, True)
                 ]
-            except WorkerError as failure:
-                record.skipped[case] = str(failure)
-                continue
-            found.setdefault(case, []).append(pair)
+                found.setdefault(case, []).append(pair)
 
 
 def _big(workers: Workers, record: Record, threads: int, bar: Bar) -> None:
     """Snapshots of the big lattices, and what a stage of theirs moves."""
+    shares = record.found.setdefault("snapshots", {})
     for subject in record.subjects:
-        if subject.key not in (f"middle on {threads}", f"large on {threads}"):
+        walls = record.values(subject.key, lambda each: each["wall"] / each["node_stages"])
+        if subject.key not in (f"middle on {threads}", f"large on {threads}") or not walls:
             continue
-        if subject.key in record.skipped:
-            continue
-        bar.step(f"snapshots of {subject.nodes:,} nodes")
+        what = f"{subject.nodes:,} nodes"
+        bar.step(f"snapshots of {what}")
         worker = workers[subject.worker]
-        try:
+        with record.attempt(f"snapshots of {what}"):
             snapshot = worker.ask("snapshot", subject)
             record.found["traffic"] = worker.ask("traffic", subject)
-        except WorkerError as failure:
-            record.skipped[f"snapshots of {subject.nodes:,} nodes"] = str(failure)
-            continue
-        walls = record.values(
-            subject.key, lambda measured: measured["wall"] / measured["node_stages"]
-        )
-        between = sorted(walls)[len(walls) // 2] * 4 * subject.nodes * snapshot["steps"]
-        shares = record.found.setdefault("snapshots", {})
-        shares[f"{subject.nodes:,} nodes"] = snapshot["wall"] / (snapshot["wall"] + between)
+            between = sorted(walls)[len(walls) // 2] * 4 * subject.nodes * snapshot["steps"]
+            shares[what] = snapshot["wall"] / (snapshot["wall"] + between)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@ Frames are those of the wedge at 2.86 m/s after 20 ms, on its own 800 cells and 
 many smaller ones, so that all show the same picture. Beside them stands Matplotlib, which fills
 the same cells as polygons at 720p. The view's cost is that of a whole run in the live view's
 process as fast as it goes, watched at 30 frames a second over unwatched; rounds alternate.
-`--quick` takes fewer of all. The tables go to standard output and to results/frames.md.
+The tables go to standard output and to results/frames.md. `--quick` takes fewer of all, `--smoke`
+a few of each, to see whether they run, not how fast; both write nothing.
 """
 
 import argparse
@@ -12,6 +13,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -20,43 +22,51 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from peers import scene_with, updated
+from timing.engine import settings, start_taichi
+from timing.table import Table, write
 
-from taichi_foam.catalogue import load_scene
-from taichi_foam.engine import runtime
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.session import Session
 from taichi_foam.live.stage import FPS, Stage
 from taichi_foam.picture import cells, raster
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.folders import whole_file
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import simulate
 
 CASE = "paper/wedge-2.86"
-TIME = 0.020  # s: crushed along the faces, a crack below the tip
-FINER = (1, 10, 50)  # cells on a side of one of the 800: 800, 80,000 and 2,000,000 cells
 SIZES = {"720p": (1280, 720), "1080p": (1920, 1080)}
-ROUNDS = 15
-VIEW_ROUNDS = 7
 RESULTS = Path(__file__).parent / "results" / "frames.md"
+
+
+@dataclass(frozen=True)
+class Mode:
+    """How much is measured."""
+
+    time: float = 0.020  # s: crushed along the faces, a crack below the tip
+    finer: tuple[int, ...] = (1, 10, 50)  # cells on a side of one of the 800: to 2,000,000 cells
+    rounds: int = 15
+    view_rounds: int = 7
+    end: float | str = "rebound"  # of the run that is watched
+
+
+MODES = {
+    "full": Mode(),
+    "quick": Mode(rounds=3, view_rounds=2),
+    "smoke": Mode(time=1e-3, finer=(1, 2), rounds=1, view_rounds=1, end=2e-3),
+}
 
 
 def finer(snapshot: Snapshot, scene: Scene, times: int) -> tuple[Snapshot, Scene]:
     """The same picture with each cell cut into `times` by `times`; cracks stay where they are."""
     block = scene.block
     counts = {"columns": times * block.columns, "rows": times * block.rows}
-    fine = scene.model_copy(update={"block": block.model_copy(update=counts)})
-
-    def reference(columns: int, rows: int) -> np.ndarray:
-        x = (np.arange(columns) - (columns - 1) / 2) * block.width / columns
-        y = (np.arange(rows) + 0.5) * block.height / rows
-        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    fine = updated(scene, {"block": counts})
 
     def cut(values: np.ndarray) -> np.ndarray:
         return np.repeat(np.repeat(values, times, axis=0), times, axis=1)
 
-    shift = snapshot.position - reference(block.columns, block.rows)
+    shift = snapshot.position - block.positions
     broken_a, broken_b = (
         np.full(shape, math.nan)
         for shape in ((counts["columns"] - 1, counts["rows"]),
@@ -67,7 +77,7 @@ def finer(snapshot: Snapshot, scene: Scene, times: int) -> tuple[Snapshot, Scene
     return Snapshot(
         time=snapshot.time,
         impactor_y=snapshot.impactor_y,
-        position=reference(counts["columns"], counts["rows"]) + cut(shift),
+        position=fine.block.positions + cut(shift),
         velocity=cut(snapshot.velocity),
         e_min_a=cut(np.pad(snapshot.e_min_a, ((0, 1), (0, 0)), mode="edge"))[:-1],
         e_min_b=cut(np.pad(snapshot.e_min_b, ((0, 0), (0, 1)), mode="edge"))[:, :-1],
@@ -105,24 +115,27 @@ def timed(work: Callable[[], object], rounds: int) -> list[float]:
     return found
 
 
-def frame_rows(rounds: int) -> list[str]:
-    coarse = load_scene(paper_scene(CASE))
-    state = next(s for s in simulate(coarse) if s.time >= TIME)
-    rows = []
-    for times in FINER:
+def frames(mode: Mode) -> Table:
+    many = f"{settings()['threads']} threads"
+    table = Table(
+        ("cells", "720p, 1 thread, ms", f"720p, {many}", "1080p, 1 thread", f"1080p, {many}",
+         "Matplotlib's polygons at 720p, over 1 thread")
+    )  # fmt: skip
+    coarse = scene_with("calibrated", CASE, contact=True)
+    state = next(s for s in simulate(coarse) if s.time >= mode.time)
+    for times in mode.finer:
         snapshot, scene = finer(state, coarse, times)
         found = []
         for size in SIZES.values():
             for threads in (1, None):
                 draw = partial(raster.frame, snapshot, scene, size, threads=threads)
-                found.append(statistics.median(timed(draw, rounds)))
+                found.append(statistics.median(timed(draw, mode.rounds)))
         ours = found[0]
-        theirs = statistics.median(timed(partial(by_matplotlib, snapshot, scene), 3))
-        shown = " | ".join(f"{1e3 * each:.1f}" for each in found)
-        rows.append(
-            f"| {scene.block.columns * scene.block.rows:,} | {shown} | {theirs / ours:.1f} |"
-        )
-    return rows
+        others = timed(partial(by_matplotlib, snapshot, scene), min(3, mode.rounds))
+        shown = [f"{1e3 * each:.1f}" for each in found]
+        cells_drawn = scene.block.columns * scene.block.rows
+        table.rows.append((f"{cells_drawn:,}", *shown, f"{statistics.median(others) / ours:.1f}"))
+    return table
 
 
 def run_seconds(session: Session, scene: Scene, watch: Callable[[], object] | None) -> float:
@@ -141,9 +154,9 @@ def run_seconds(session: Session, scene: Scene, watch: Callable[[], object] | No
     return session.last.wall
 
 
-def view_rows(rounds: int) -> list[str]:
+def view(mode: Mode) -> Table:
     """A run alone, one whose frames are only taken, and one whose pictures are drawn, too."""
-    scene = paper_scene(CASE)
+    scene = updated(scene_with("calibrated", CASE, contact=True), {"numerics": {"end": mode.end}})
     ratios: dict[str, list[float]] = {"frames taken": [], "frames drawn": []}
     counts: dict[str, list[float]] = {name: [] for name in ratios}
     with Stage(scene, pace=None) as stage:
@@ -151,7 +164,7 @@ def view_rows(rounds: int) -> list[str]:
         while not session.ended:  # compile
             stage.update(0.1)
             stage.picture(SIZES["720p"])
-        for _ in range(rounds):
+        for _ in range(mode.view_rounds):
             alone = run_seconds(session, scene, None)
             for name, ratio in ratios.items():
                 seen: list[Frame] = []
@@ -167,35 +180,27 @@ def view_rows(rounds: int) -> list[str]:
                 taken = run_seconds(session, scene, watch)
                 ratio.append(taken / alone)
                 counts[name].append(len(seen) / taken)
-    return [
-        f"| {name} | {statistics.median(counts[name]):.0f} | "
-        f"{statistics.median(ratio):.2f} ({min(ratio):.2f} to {max(ratio):.2f}) |"
-        for name, ratio in ratios.items()
-    ]
+    table = Table(
+        ("800 nodes, as fast as they go", "frames a second of the run",
+         "time of the run over that unwatched")
+    )  # fmt: skip
+    for name, ratio in ratios.items():
+        spread = f"{statistics.median(ratio):.2f} ({min(ratio):.2f} to {max(ratio):.2f})"
+        table.rows.append((name, f"{statistics.median(counts[name]):.0f}", spread))
+    return table
 
 
 def main() -> None:
+    """Print the tables, and write those of a full measurement."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true")
-    quick = parser.parse_args().quick
-    runtime.start()
-    threads = runtime.settings()["threads"]
-    lines = [
-        f"| cells | 720p, 1 thread, ms | 720p, {threads} threads | 1080p, 1 thread "
-        f"| 1080p, {threads} threads | Matplotlib's polygons at 720p, over 1 thread |",
-        "|---|---|---|---|---|---|",
-        *frame_rows(3 if quick else ROUNDS),
-        "",
-        "| 800 nodes, as fast as they go | frames a second of the run "
-        "| time of the run over that unwatched |",
-        "|---|---|---|",
-        *view_rows(2 if quick else VIEW_ROUNDS),
-    ]
-    text = "\n".join(lines) + "\n"
+    for name in ("quick", "smoke"):
+        parser.add_argument(f"--{name}", dest="mode", action="store_const", const=name)
+    mode = parser.parse_args().mode or "full"
+    start_taichi()
+    text = f"{frames(MODES[mode]).markdown()}\n\n{view(MODES[mode]).markdown()}\n"
     print(text)
-    if not quick:
-        with whole_file(RESULTS) as file:
-            file.write_text(text, encoding="utf-8")
+    if mode == "full":
+        write(RESULTS, text)
 
 
 if __name__ == "__main__":

@@ -11,20 +11,18 @@ import argparse
 import json
 import subprocess
 import sys
-import time
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-import taichi as ti
+from peers import lattice_of, scene_with
+from timing.engine import Loaded, settings, start_taichi
+from timing.table import Table, write
 
-from taichi_foam.engine import loading, runtime, stepper
-from taichi_foam.engine.lattice import borrowed
+from taichi_foam.engine.features import features_of
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
 
-CASE = "paper/rectangular-3.03"  # 20 x 40 nodes
 RESULTS = Path(__file__).parent / "results"
 
 # What a node and stage reads and writes on a GPU [bytes], its neighbours' numbers being in a cache:
@@ -56,46 +54,29 @@ class Rate:
 
 
 def scene_of(nodes: int | None) -> Scene:
-    """The paper's test, or as many nodes of the same cells below the same impactor."""
-    scene = paper_scene(CASE)
+    """The paper's test, or as many nodes of the same cells."""
+    scene = scene_with("calibrated", contact=True)
     if nodes is None:
         return scene
-    block = scene.block
     columns = max(2, round((nodes / 2) ** 0.5))
-    rows = 2 * columns
-    sizes = {
-        "columns": columns,
-        "rows": rows,
-        "width": columns * block.dx,
-        "height": rows * block.dy,
-    }
-    return scene.model_copy(update={"block": block.model_copy(update=sizes)})
+    return lattice_of(scene, columns, 2 * columns)
 
 
 def measure(scene: Scene, lattices: int, seconds: float, most_steps: int) -> Rate:
     """Step `lattices` copies of a scene for some `seconds`, after a first call that compiles."""
-    block = scene.block
-    with borrowed(lattices, block.columns, block.rows) as lattice:
-        for b in range(lattices):
-            loading.load(lattice, b, scene)
-            stepper.prepare(lattice, b)
-        loading.set_pause(lattice, np.full(lattices, 1e30))
-        advance = stepper.advance_of(lattice)
-        advance(lattice, 2)
-        ti.sync()
+    with ExitStack() as stack:
+        counts = (scene.block.columns, scene.block.rows)
+        loaded = Loaded(stack, lattices, counts, features_of(scene))
+        loaded.start(scene)
+        loaded.run_steps(2)
         taken, spent, call = 0, 0.0, 1
         while spent < seconds and taken < most_steps:
-            start = time.perf_counter()
-            advance(lattice, call)
-            ti.sync()
-            took = time.perf_counter() - start
-            taken, spent = taken + call, spent + took
-            call = min(most_steps - taken, 2 * call if took < 0.1 else call)
-        steps = lattice.clock.get_member_field("steps").to_numpy()
-        assert (steps == taken + 2).all(), "a lattice stopped early"
-        for b in range(lattices):
-            loading.unload(lattice, b)
-    return Rate(lattices, lattice.nodes, taken, spent)
+            measured = loaded.run_steps(call)
+            wanted = 4.0 * loaded.nodes * lattices * call
+            assert measured.node_stages == wanted, "a lattice stopped early"
+            taken, spent = taken + call, spent + measured.wall
+            call = min(most_steps - taken, 2 * call if measured.wall < 0.1 else call)
+        return Rate(lattices, loaded.nodes, taken, spent)
 
 
 def on_cpu(options: argparse.Namespace) -> dict[tuple[int, int], Rate]:
@@ -113,33 +94,28 @@ def on_cpu(options: argparse.Namespace) -> dict[tuple[int, int], Rate]:
 
 def table(rates: list[Rate], cpu: dict[tuple[int, int], Rate], options: argparse.Namespace) -> str:
     """The measurements in Markdown."""
-    told = runtime.settings()
+    told = settings()
     device = told.get("device", f"CPU with {told['threads']} threads")
-    head = ["lattices", "nodes each", "million node-stages/s", "Gflop/s", "GB/s"]
-    head += ["of peak flops"] * bool(options.peak_gflops) + ["of peak GB/s"] * bool(
-        options.peak_gbps
-    )
-    head += ["times the CPU"] * bool(cpu)
-    lines = [
-        f"{device}, Taichi's {told['arch']}, float64; {FLOPS} flops and {BYTES} bytes "
-        "a node-stage by count.",
-        "",
-        "| " + " | ".join(head) + " |",
-        "|" + "---|" * len(head),
-    ]
+    heads = ["lattices", "nodes each", "million node-stages/s", "Gflop/s", "GB/s"]
+    heads += ["of peak flops"] * bool(options.peak_gflops)
+    heads += ["of peak GB/s"] * bool(options.peak_gbps)
+    found = Table([*heads, *["times the CPU"] * bool(cpu)])
     for rate in rates:
         gflops, gbps = rate.node_stages * FLOPS / 1e9, rate.node_stages * BYTES / 1e9
-        cells = [f"{rate.lattices:,}", f"{rate.nodes:,}", f"{rate.node_stages / 1e6:,.1f}"]
-        cells += [f"{gflops:,.1f}", f"{gbps:,.1f}"]
+        row = [f"{rate.lattices:,}", f"{rate.nodes:,}", f"{rate.node_stages / 1e6:,.1f}"]
+        row += [f"{gflops:,.1f}", f"{gbps:,.1f}"]
         if options.peak_gflops:
-            cells.append(f"{gflops / options.peak_gflops:.1%}")
+            row.append(f"{gflops / options.peak_gflops:.1%}")
         if options.peak_gbps:
-            cells.append(f"{gbps / options.peak_gbps:.1%}")
+            row.append(f"{gbps / options.peak_gbps:.1%}")
         if cpu:
             same = cpu.get((rate.lattices, rate.nodes))
-            cells.append(f"{rate.node_stages / same.node_stages:.2f}" if same else "")
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+            row.append(f"{rate.node_stages / same.node_stages:.2f}" if same else "")
+        found.rows.append(row)
+    return (
+        f"{device}, Taichi's {told['arch']}, float64; {FLOPS} flops and {BYTES} bytes "
+        f"a node-stage by count.\n\n{found.markdown()}\n"
+    )
 
 
 def numbers(text: str) -> list[int]:
@@ -151,7 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--arch", required=True, choices=runtime.ARCHES)
+    parser.add_argument("--arch", required=True, help="cpu, cuda, vulkan or metal")
     parser.add_argument("--lattices", type=numbers, default=[1, 64, 1024, 16384])
     parser.add_argument("--nodes", type=numbers, default=[2_000_000, 32_000_000])
     parser.add_argument("--seconds", type=float, default=2.0, help="for each measurement")
@@ -159,9 +135,14 @@ def main() -> None:
     parser.add_argument("--peak-gflops", type=float, help="the device's limit in float64")
     parser.add_argument("--peak-gbps", type=float, help="its memory's limit")
     parser.add_argument("--json", action="store_true", help="print numbers only, write nothing")
+    parser.add_argument(
+        "--smoke", action="store_true", help="a few steps of two lattices, write nothing"
+    )
     options = parser.parse_args()
+    if options.smoke:
+        options.lattices, options.nodes, options.seconds, options.steps = [2], [], 1e-9, 1
     try:
-        runtime.start(options.arch)
+        start_taichi(options.arch)
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
@@ -170,10 +151,8 @@ def main() -> None:
     rates = []
     for nodes, lattices in wanted:
         scene = scene_of(nodes)
-        if (
-            options.arch == "cpu"
-            and lattices * scene.block.columns * scene.block.rows > MOST_CPU_NODES
-        ):
+        total = lattices * scene.block.columns * scene.block.rows
+        if options.arch == "cpu" and total > MOST_CPU_NODES:
             continue
         rates.append(measure(scene, lattices, options.seconds, options.steps))
         if not options.json:
@@ -186,16 +165,17 @@ def main() -> None:
     cpu = {} if options.arch == "cpu" else on_cpu(options)
     text = table(rates, cpu, options)
     print("\n" + text)
-    RESULTS.mkdir(exist_ok=True)
+    if options.smoke:
+        return
     record = {
-        **runtime.settings(),
+        **settings(),
         "flops_per_node_stage": FLOPS,
         "bytes_per_node_stage": BYTES,
         "rates": records,
         "cpu": [asdict(rate) for rate in cpu.values()],
     }
-    (RESULTS / f"gpu-{options.arch}.json").write_text(json.dumps(record, indent=1) + "\n")
-    (RESULTS / f"gpu-{options.arch}.md").write_text(text)
+    write(RESULTS / f"gpu-{options.arch}.json", json.dumps(record, indent=1) + "\n")
+    write(RESULTS / f"gpu-{options.arch}.md", text)
 
 
 if __name__ == "__main__":

@@ -1,70 +1,90 @@
-"""What each part of a step costs, on one core: `python benchmarks/parts.py`.
+"""What each part of a step costs, on one core: `python benchmarks/parts.py [--smoke]`.
 
 The parts are timed one by one on the lattice of a paper test in full impact, then whole runs
 without and with contact of pieces, of which the parts should be the sum. Processor time, the least
-of several repetitions, in ns per node and Runge-Kutta stage.
+of several repetitions, in ns per node and Runge-Kutta stage. `--smoke` does a few steps of each:
+whether they run, not how fast.
 """
 
+import argparse
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import taichi as ti
+from peers import CASE, scene_with, updated
 from rich.console import Console
-from rich.table import Table
+from timing.table import Table
 
-from taichi_foam.engine import bonds, clock, contact, ledger, loading, nodes, runtime, stepper
+from taichi_foam.engine import bonds, clock, contact, cpu, ledger, nodes, runtime, transfer
+from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
-from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run
 
-CASE = "paper/rectangular-3.03"
-IMPACT_TIME = 0.015  # s: the foam below the impactor is crushed
-REPEATS = 200
-ROUNDS = 9
 STEPS_PER_ROW = 30  # about, at the default interval
-WATCHED = 500  # steps in which new neighbour lists are counted
-WATCHED_TIME = 2e-3  # s, somewhat more than these take
 NEIGHBOURS = "pieces: neighbour lists, as often as needed"
 
 
-@ti.func
-def first_faces(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
-        bonds.face_column(lattice, 0, 0, i, i, 0, i % 3, p)
+@dataclass(frozen=True)
+class Mode:
+    """How much is measured."""
+
+    impact_time: float = 0.015  # s: the foam below the impactor is crushed
+    repeats: int = 200
+    rounds: int = 9
+    runs: int = 3
+    run_end: float | str = "rebound"
+    watched: int = 500  # steps in which new neighbour lists are counted
+    watched_time: float = 2e-3  # s, somewhat more than these take
+
+
+SMOKE = Mode(2e-4, repeats=1, rounds=1, runs=1, run_end=2e-4, watched=3, watched_time=1e-4)
 
 
 @ti.func
-def last_faces(lattice: ti.template(), p: ti.template()):
+def first_bonds(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        bonds.face_column(lattice, LAST_STAGE, 0, i, i, 0, i % 3, p)
+        bonds.bond_column(lattice, 0, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
-def middle_faces(lattice: ti.template(), p: ti.template()):
+def last_bonds(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        bonds.face_column(lattice, 1, 0, i, i, 0, i % 3, p)
+        bonds.bond_column(lattice, LAST_STAGE, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
-def densify(lattice: ti.template(), p: ti.template()):
+def middle_bonds(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        if lattice.tally[0, i].least.min() < p.foam.densification_strain:
+        bonds.bond_column(lattice, 1, 0, i, i, 0, i % 3, p)
+
+
+@ti.func
+def flow(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        bonds.flow_column(lattice, 0, i, p)
+
+
+@ti.func
+def stiffen(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        if lattice.scratch.tally[0, i].least.min() < lattice.law.stiffens_below(p.bond):
             for k in range(lattice.packs):
-                bonds.densify_pack(lattice, 0, i, k, 0, i % 3, p)
+                bonds.stiffen_pack(lattice, 0, i, k, 0, i % 3, p)
 
 
 @ti.func
 def node_stage(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, p)
+        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, (i + 1) % 3, p)
 
 
 @ti.func
 def bodies(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
         for k in range(lattice.packs):
-            now = lattice.trial[0, i, k]
+            now = lattice.scratch.trial[0, i, k]
             if contact.may_touch_bodies(lattice, 0, now.x, now.y, p):
                 for lane in range(lattice.lanes):
                     j = k * lattice.lanes + lane
@@ -95,10 +115,11 @@ def row(lattice: ti.template(), p: ti.template()):
 # Name, part, how many times a stage, and whether it counts in the sum: not if it lies within
 # another part.
 PARTS = (
-    ("faces with history, first stage", first_faces, 0.25, True),
-    ("faces, two middle stages", middle_faces, 0.5, True),
-    ("faces with failure, last stage", last_faces, 0.25, True),
-    ("  of these: densification, four times a step", densify, 1.0, False),
+    ("flow of the worst strain, once a step", flow, 0.25, True),
+    ("bonds with history, first stage", first_bonds, 0.25, True),
+    ("bonds, two middle stages", middle_bonds, 0.5, True),
+    ("bonds with failure, last stage", last_bonds, 0.25, True),
+    ("  of these: stiffening, four times a step", stiffen, 1.0, False),
     ("nodes, four times a step", node_stage, 1.0, True),
     ("  of these: contact with impactor and floor", bodies, 1.0, False),
     ("pieces: push, four times a step", push, 1.0, True),
@@ -114,71 +135,77 @@ def repeated(part: Callable) -> Callable:
     @ti.kernel
     def repeat(lattice: ti.template(), times: ti.i32):
         for _ in range(1):
-            p = lattice.parameters[0]
+            p = lattice.model.parameters[0]
             for _repeat in range(times):
                 part(lattice, p)
 
     return repeat
 
 
-def cost(kernel: Callable, lattice: Lattice) -> float:
+def cost(kernel: Callable, lattice: Lattice, mode: Mode) -> float:
     """Processor time of one pass over the lattice [ns per node]."""
     kernel(lattice, 1)
     times = []
-    for _ in range(ROUNDS):
+    for _ in range(mode.rounds):
         start = time.process_time()
-        kernel(lattice, REPEATS)
+        kernel(lattice, mode.repeats)
         times.append(time.process_time() - start)
-    return 1e9 * min(times) / REPEATS / lattice.nodes
+    return 1e9 * min(times) / mode.repeats / lattice.nodes
 
 
-def part_costs() -> dict[str, float]:
+def part_costs(mode: Mode) -> dict[str, float]:
     """ns per node-stage of each part."""
-    scene = paper_scene(CASE)
-    with borrowed(1, scene.block.columns, scene.block.rows) as lattice:
-        loading.load(lattice, 0, scene)
-        stepper.prepare(lattice, 0)
-        run_to(lattice, IMPACT_TIME - WATCHED_TIME)
-        builds = builds_per_step(lattice)
-        run_to(lattice, IMPACT_TIME)
-        costs = {name: often * cost(repeated(part), lattice) for name, part, often, _ in PARTS}
+    scene = scene_with("calibrated", contact=True)
+    with borrowed(1, scene.block.columns, scene.block.rows, features_of(scene)) as lattice:
+        transfer.load(lattice, 0, scene)
+        run_to(lattice, mode.impact_time - mode.watched_time)
+        builds = builds_per_step(lattice, mode.watched)
+        run_to(lattice, mode.impact_time)
+        costs = {
+            name: often * cost(repeated(part), lattice, mode) for name, part, often, _ in PARTS
+        }
     costs[NEIGHBOURS] *= builds
     return costs
 
 
 def run_to(lattice: Lattice, moment: float) -> None:
     """Step to a simulated time [s]."""
-    loading.set_pause(lattice, np.array([moment]))
-    stepper.advance_fused(lattice, 1_000_000)
+    transfer.set_pause(lattice, np.array([moment]))
+    cpu.advance_fused(lattice, 1_000_000)
 
 
-def builds_per_step(lattice: Lattice) -> float:
+def builds_per_step(lattice: Lattice, watched: int) -> float:
     """How often neighbours are listed anew: what has drifted since then has become less."""
-    loading.set_pause(lattice, np.array([1.0]))
+    transfer.set_pause(lattice, np.array([1.0]))
     drifts = []
-    for _ in range(WATCHED):
-        stepper.advance_fused(lattice, 1)
-        drifts.append(lattice.clock[0].drift)
+    for _ in range(watched):
+        cpu.advance_fused(lattice, 1)
+        drifts.append(lattice.state.clock[0].drift)
     return float(np.mean(np.diff(drifts) < 0.0))
 
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--smoke", action="store_true")
+    mode = SMOKE if parser.parse_args().smoke else Mode()
     runtime.start(threads=1)
-    console, scene = Console(highlight=False), paper_scene(CASE)
-    costs = part_costs()
+    costs = part_costs(mode)
     counted = {name for name, _, _, counts in PARTS if counts}
     total = sum(costs[name] for name in counted)
-    table = Table("part", "ns", "share", title=f"{CASE} at {1e3 * IMPACT_TIME:g} ms, one core")
+    table = Table(("part", "ns", "share"))
     for name, ns in costs.items():
-        table.add_row(name, f"{ns:.2f}", f"{100 * ns / total:.0f} %" if name in counted else "")
-    table.add_row("sum", f"{total:.2f}", "100 %", end_section=True)
+        share = f"{100 * ns / total:.0f} %" if name in counted else ""
+        table.rows.append((name, f"{ns:.2f}", share))
+    table.rows.append(("sum", f"{total:.2f}", "100 %"))
     for self_contact in (False, True):
-        model = scene.model.model_copy(update={"self_contact": self_contact})
-        case = scene.model_copy(update={"model": model})
-        rates = [run(case).run["node_stages_per_s"] for _ in range(3)]
+        case = scene_with("calibrated", contact=self_contact)
+        case = updated(case, {"numerics": {"end": mode.run_end}})
+        rates = [run(case).run["node_stages_per_s"] for _ in range(mode.runs)]
         name = f"a whole run {'with' if self_contact else 'without'} contact of pieces, wall time"
-        table.add_row(name, f"{1e9 / max(rates):.2f}", "")
+        table.rows.append((name, f"{1e9 / max(rates):.2f}", ""))
+    console = Console(highlight=False)
+    console.print(f"{CASE} at {1e3 * mode.impact_time:g} ms, one core")
     console.print(table)
 
 

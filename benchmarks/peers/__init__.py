@@ -1,7 +1,7 @@
 """Other programs that take the same Runge-Kutta step, to time the engine against.
 
-    peer = Plain.load()               # or a false `Skipped` with a reason, never an exception
-    peer.prepare(scene)               # or (scene, columns, rows): as many of the scene's cells
+    peer = Plain.load()               # or a false `Skipped` with a reason: not installed
+    peer.prepare(scene)
     peer.advance(steps, threads=1)
     peer.state()                      # positions, velocities, impactor, time, ledger
 
@@ -9,15 +9,18 @@ Plain, Vectors and Numba compute what the engine computes without contact of pie
 Lammps is another model of the same size.
 """
 
-from .constants import Case, Skipped, State, lattice_of
+from .constants import Case, Skipped, State
 from .lammps_peer import PLASTIC, ROTATIONAL, Lammps
 from .native import Plain, Vectors
 from .numba_peer import Numba
+from .scenes import CASE, Choices, lattice_of, scene_with, updated
 
 __all__ = [
+    "CASE",
     "PLASTIC",
     "ROTATIONAL",
     "Case",
+    "Choices",
     "Lammps",
     "Numba",
     "Plain",
@@ -25,4 +28,6 @@ __all__ = [
     "State",
     "Vectors",
     "lattice_of",
+    "scene_with",
+    "updated",
 ]

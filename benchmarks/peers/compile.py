@@ -7,11 +7,17 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 SOURCES = Path(__file__).parent
 # A failing sqrt need not set errno, nor a division trap: no code here asks, and loops vectorise.
 FLAGS = "-O3 -march=native -std=c++17 -shared -fPIC -fno-math-errno -fno-trapping-math"
+ABSENT = "no C++ compiler: none of $CXX, g++ and clang++ is on the PATH"
+
+
+class CompileError(RuntimeError):
+    """There is a compiler, but it cannot compile a peer."""
 
 
 def compiler() -> list[str] | None:
@@ -31,48 +37,46 @@ def compiler_version() -> str:
     return (answer.stdout or answer.stderr).strip().split("\n")[0]
 
 
-def load(source: str) -> tuple[ctypes.CDLL | None, str]:
-    """The shared library made from `source`, with OpenMP if it can be had; or None and a reason.
+def load(source: str, macros: Mapping[str, int]) -> ctypes.CDLL:
+    """The shared library made from `source`, with OpenMP if it can be had.
 
-    It is compiled afresh when a source, the compiler or the processor's name changes.
+    It is compiled afresh when a source, a macro, the compiler or the processor's name changes.
+
+    Raises:
+        CompileError: the compiler cannot compile it.
     """
     command = compiler()
-    if command is None:
-        return None, "no C++ compiler: none of $CXX, g++ and clang++ is on the PATH"
+    assert command is not None, ABSENT
     folder = _folder()
     # `-march=native` code must not be loaded on another machine that shares the folder
     parts = [source.encode()]
     parts += [path.read_bytes() for path in sorted(SOURCES.glob("*.[ch]pp"))]
-    parts += [FLAGS.encode(), compiler_version().encode(), _processor().encode()]
+    flags = [*FLAGS.split(), *(f"-D{name}={value}" for name, value in macros.items())]
+    parts += [" ".join(flags).encode(), compiler_version().encode(), _processor().encode()]
     key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
     library = folder / f"{Path(source).stem}-{key}.so"
-    reason = ""
     if not library.exists():
-        for openmp in (["-fopenmp"], []):
-            reason = _compile(command, source, openmp, library)
-            if not reason:
-                break
-    if reason:
-        return None, reason
-    try:
-        return ctypes.CDLL(str(library)), ""
-    except OSError as error:
-        return None, f"{library.name} does not load: {_first_line(str(error))}"
+        build([*command, *flags], SOURCES / source, library)
+    return ctypes.CDLL(str(library))
 
 
-def _compile(command: list[str], source: str, openmp: list[str], library: Path) -> str:
-    """Compile; an empty string, or the first line of what went wrong."""
+def build(call: list[str], source: Path, target: Path) -> None:
+    """Compile `source` with the command `call`, with OpenMP if it can be had.
+
+    Raises:
+        CompileError: the compiler cannot compile it.
+    """
     # renamed when done, so that another process never loads half a library
-    staging = library.with_suffix(f".{os.getpid()}")
-    call = [*command, *FLAGS.split(), *openmp, str(SOURCES / source), "-o", str(staging)]
-    try:
-        answer = subprocess.run(call, capture_output=True, text=True, timeout=300, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return f"{command[0]}: {_first_line(str(error))}"
-    if answer.returncode != 0:
-        return f"{command[0]} cannot compile {source}: {_first_line(answer.stderr)}"
-    staging.replace(library)
-    return ""
+    staging = target.with_suffix(f".{os.getpid()}")
+    for openmp in (["-fopenmp"], []):
+        answer = subprocess.run(
+            [*call, *openmp, str(source), "-o", str(staging)],
+            capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        if answer.returncode == 0:
+            staging.replace(target)
+            return
+    raise CompileError(f"{call[0]} cannot compile {source.name}: {_first_line(answer.stderr)}")
 
 
 def _folder() -> Path:

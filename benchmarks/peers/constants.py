@@ -1,4 +1,8 @@
-"""A scene's numbers as the peers take them: constants in one flat order, edges, start state."""
+"""A scene's numbers as the peers take them: constants in one flat order, edges, start state.
+
+They are worked out from the scene, not taken from the engine, so that a comparison of both tests
+these formulas too.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from taichi_foam.engine.parameters import impactor_edges, parameters_of
 
-from taichi_foam.scene import Cylinder, Scene
+from taichi_foam.scene import Foam, Impactor, Scene
+
+# The impactor swings on the support so many times as slowly as a node on the impactor.
+SLOWNESS = 20.0
 
 
 class Constants(NamedTuple):
@@ -26,6 +32,9 @@ class Constants(NamedTuple):
     densification_b: float
     crushed_strain: float
     crushed_stress: float
+    crushed_strength: float
+    rate: float
+    half_needs_both: float
     cell_a: float
     cell_b: float
     per_length_a: float
@@ -34,6 +43,8 @@ class Constants(NamedTuple):
     area_b: float
     dashpot_a: float
     dashpot_b: float
+    excess_a: float
+    excess_b: float
     node_mass: float
     gravity: float
     hold_x: float
@@ -50,12 +61,24 @@ class Constants(NamedTuple):
     safety: float
 
 
+class Features(NamedTuple):
+    """What the peers are compiled for: each part of a step that not every scene needs."""
+
+    excess: bool
+    """Dashpots are stronger along a bond than across it."""
+    rate: bool
+    """The plateau's stress grows with the strain rate."""
+    weakened: bool
+    """Crush across a bond takes tensile strength from it."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One scene as the peers take it."""
 
     columns: int
     rows: int
+    features: Features
     constants: Constants
     edges: np.ndarray  # (n, 3): outward normal and offset of each
     start: np.ndarray  # (columns, rows, 4): x, y, v_x, v_y
@@ -81,7 +104,10 @@ WORKS = ("faces", "shear", "dashpots", "impactor", "friction", "base")
 
 @dataclass(frozen=True)
 class Skipped:
-    """Why a peer cannot take part, in one line. It is false, so that `if peer:` reads well."""
+    """Why a peer cannot take part, in one line. It is false, so that `if peer:` reads well.
+
+    Only what is not installed is skipped; anything else that goes wrong is an error.
+    """
 
     reason: str
 
@@ -89,95 +115,118 @@ class Skipped:
         return False
 
 
-def lattice_of(scene: Scene, columns: int, rows: int) -> Scene:
-    """The scene with other counts but the same cells, so that the step size stays the same.
-
-    The impactor grows with the block's width, so that as large a part of it is hit.
-    """
-    block = scene.block
-    size = {"width": columns * block.dx, "height": rows * block.dy}
-    update: dict[str, object] = {
-        "block": block.model_copy(update={"columns": columns, "rows": rows, **size})
-    }
-    impactor = scene.impactor
-    if impactor is not None and hasattr(impactor, "width") and hasattr(impactor, "height"):
-        share = size["width"] / block.width
-        wider = {"mass": impactor.mass * share}
-        if "width" in type(impactor).model_fields:
-            wider["width"] = impactor.width * share
-        update["impactor"] = impactor.model_copy(update=wider)
-    return scene.model_copy(update=update)
-
-
 def case_of(scene: Scene) -> Case:
     """The scene's numbers, without contact of pieces.
 
     Raises:
-        ValueError: the scene asks for a reading of the model that the peers do not have.
+        ValueError: the scene asks for a choice that the peers do not have.
     """
-    p = parameters_of(scene)
-    foam, model = p["foam"], scene.model
+    _check(scene)
+    block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
+    base, impactor = scene.base, scene.impactor
+    assert impactor is not None
+    area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
+    stretch_a, stretch_b = area_a / block.dx, area_b / block.dy  # area over length
+    along = numerics.damping_time * foam.youngs_modulus
+    across = numerics.damping_time * foam.shear_modulus if model.damping == "stiffness" else along
+    crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
+    crushed_stress = foam.crushed_tensile_stress
+    contact = numerics.contact_stiffness * foam.youngs_modulus * block.thickness
+    outline = impactor.outline()
+    constants = Constants(
+        youngs_modulus=foam.youngs_modulus,
+        shear_modulus=foam.shear_modulus,
+        yield_strain=foam.yield_strain,
+        tensile_strain=foam.tensile_strain,
+        shear_strength=foam.shear_modulus * foam.shear_strain,
+        pressure_coefficient=(
+            model.shear_pressure_coefficient if model.shear_failure != "always" else 0.0
+        ),
+        densification_strain=foam.densification_strain,
+        locking_strain=foam.locking_strain,
+        densification_a=foam.densification_a,
+        densification_b=foam.densification_b,
+        crushed_strain=crushed_strain,
+        crushed_stress=(
+            foam.youngs_modulus * crushed_strain if crushed_stress is None else crushed_stress
+        ),
+        crushed_strength=foam.crushed_strength,
+        rate=foam.rate or 0.0,
+        half_needs_both=float(model.broken_halves == "either"),
+        cell_a=block.dx,
+        cell_b=block.dy,
+        per_length_a=1.0 / block.dx,
+        per_length_b=1.0 / block.dy,
+        area_a=area_a,
+        area_b=area_b,
+        dashpot_a=across * stretch_a,
+        dashpot_b=across * stretch_b,
+        excess_a=(along - across) * stretch_a,
+        excess_b=(along - across) * stretch_b,
+        node_mass=block.node_mass,
+        gravity=numerics.gravity,
+        hold_x=float(base.kind == "gripped"),
+        hold_y=float(base.kind != "floor"),
+        floor_friction=base.friction,
+        contact_stiffness=contact,
+        support_stiffness=(
+            contact * impactor.mass / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0
+        ),
+        impactor_x=impactor.x,
+        impactor_half_width=float(np.abs(outline[:, 0]).max()),
+        impactor_mass=impactor.mass,
+        impactor_friction=impactor.friction,
+        step=0.0 if numerics.dt == "auto" else numerics.dt,
+        largest_step=0.5 * scene.output.history_interval,
+        safety=numerics.safety,
+    )
+    features = Features(
+        excess=along != across,
+        rate=foam.rate is not None,
+        weakened=foam.crushed_strength < 1.0,
+    )
+    start = np.zeros((block.columns, block.rows, 4))
+    start[..., :2] = block.positions
+    body = np.array([scene.contact_height + impactor.gap, -impactor.velocity])
+    return Case(block.columns, block.rows, features, constants, _edges(outline), start, body)
+
+
+def _check(scene: Scene) -> None:
+    """Refuse a scene that the peers would compute otherwise than the engine."""
+    foam, model = scene.foam, scene.model
+    if not isinstance(foam, Foam):
+        raise ValueError(f"the peers do not know the bond law {foam.law!r}")
     refused = {
-        "a cylinder": isinstance(scene.impactor, Cylinder),
-        f"damping {model.damping!r}": model.damping != "bond",
+        "a scene without impactor": scene.impactor is None,
+        "an impactor that is no polygon": (
+            scene.impactor is not None and scene.impactor.distance is not Impactor.distance
+        ),
+        f"damping {model.damping!r}": model.damping not in ("bond", "stiffness"),
         f"shear failure {model.shear_failure!r}": (
-            model.shear_failure in ("tension-only", "angle")
+            model.shear_failure not in ("always", "pressure-dependent")
         ),
         f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
-        f"broken halves {model.broken_halves!r}": model.broken_halves != "either",
+        f"broken halves {model.broken_halves!r}": model.broken_halves not in ("either", "both"),
         f"shear {model.shear!r}": model.shear != "face",
-        "foam that heeds the rate": scene.foam.rate is not None,
-        "crushed foam that is weak all round": scene.foam.crushed_strength < 1.0,
-        "strengths that differ": scene.foam.strength_scatter > 0.0 or bool(scene.start.cuts),
+        "contact of pieces": model.self_contact,
+        f"piece size {model.piece_size:g}": model.piece_size != 1.0,
+        f"rate exponent {foam.rate_exponent:g}": (
+            foam.rate is not None and foam.rate_exponent != 1.0
+        ),
+        "crushed foam without tensile stress": foam.crushed_tensile_stress == 0.0,
+        "strengths that differ": foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
     }
     if any(refused.values()):
         names = ", ".join(name for name, is_so in refused.items() if is_so)
         raise ValueError(f"the peers do not know {names}")
-    grows = model.shear_failure == "pressure-dependent"
-    constants = Constants(
-        youngs_modulus=foam["youngs_modulus"],
-        shear_modulus=foam["shear_modulus"],
-        yield_strain=foam["yield_strain"],
-        tensile_strain=foam["tensile_strain"],
-        shear_strength=foam["shear_modulus"] * foam["shear_failure_strain"],
-        pressure_coefficient=foam["shear_pressure_coefficient"] if grows else 0.0,
-        densification_strain=foam["densification_strain"],
-        locking_strain=foam["locking_strain"],
-        densification_a=foam["densification_a"],
-        densification_b=foam["densification_b"],
-        crushed_strain=foam["crushed_tensile_strain"],
-        crushed_stress=foam["crushed_tensile_stress"],
-        cell_a=p["cell"][0],
-        cell_b=p["cell"][1],
-        per_length_a=1.0 / p["cell"][0],
-        per_length_b=1.0 / p["cell"][1],
-        area_a=p["area"][0],
-        area_b=p["area"][1],
-        dashpot_a=p["cross_dashpot"][0],
-        dashpot_b=p["cross_dashpot"][1],
-        node_mass=p["node_mass"],
-        gravity=p["gravity"],
-        hold_x=float(p["hold_x"]),
-        hold_y=float(p["hold_y"]),
-        floor_friction=p["floor_friction"],
-        contact_stiffness=p["contact_stiffness"],
-        support_stiffness=p["support_stiffness"],
-        impactor_x=p["impactor_x"],
-        impactor_half_width=p["impactor_half_width"],
-        impactor_mass=p["impactor_mass"],
-        impactor_friction=p["impactor_friction"],
-        step=p["step"],
-        largest_step=p["largest_step"],
-        safety=p["safety"],
-    )
-    block, impactor = scene.block, scene.impactor
-    x = (np.arange(block.columns) - 0.5 * (block.columns - 1)) * block.dx
-    y = (np.arange(block.rows) + 0.5) * block.dy
-    start = np.zeros((block.columns, block.rows, 4))
-    start[..., 0], start[..., 1] = np.meshgrid(x, y, indexing="ij")
-    body = np.zeros(2)
-    if impactor is not None:
-        body[:] = scene.contact_height + impactor.gap, -impactor.velocity
-    edges = np.ascontiguousarray(impactor_edges(scene)[: p["impactor_edges"]], dtype=np.float64)
-    return Case(block.columns, block.rows, constants, edges, start, body)
+
+
+def _edges(outline: np.ndarray) -> np.ndarray:
+    """Outward half-planes (n, 3) of a convex outline: normal, and offset from its lowest point."""
+    following = np.roll(outline, -1, axis=0)
+    along = following - outline
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    normals /= np.hypot(along[:, 0], along[:, 1])[:, None]
+    offsets = (normals * 0.5 * (outline + following)).sum(axis=1)
+    return np.ascontiguousarray(np.column_stack([normals, offsets]))

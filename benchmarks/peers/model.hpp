@@ -10,6 +10,11 @@
 #define REAL double  // flops.cpp puts a number here that counts its operations
 #endif
 
+// What a scene's choices ask for; native.py compiles a library for each set of them.
+#if !defined(EXCESS) || !defined(RATE) || !defined(WEAKENED)
+#error "native.py defines EXCESS, RATE and WEAKENED as 0 or 1"
+#endif
+
 namespace peer {
 
 using Real = REAL;
@@ -19,6 +24,10 @@ using std::max;
 using std::min;
 using std::pow;
 using std::sqrt;
+
+constexpr bool HAS_EXCESS = EXCESS;      // a bond's dashpot is stronger along it than across it
+constexpr bool HAS_RATE = RATE;          // the plateau's stress grows with the strain rate
+constexpr bool HAS_WEAKENED = WEAKENED;  // crush across a bond takes tensile strength from it
 
 constexpr int A = 0, B = 1, LAST_STAGE = 3;
 constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole bonds, and of none
@@ -41,7 +50,11 @@ struct Constants {
     Real shear_strength, pressure_coefficient;
     Real densification_strain, locking_strain, densification_a, densification_b;
     Real crushed_strain, crushed_stress;  // where crushed foam breaks in tension
-    Real cell[2], per_length[2], area[2], dashpot[2];
+    Real crushed_strength;  // in tension when crushed across, over that of whole foam
+    Real rate;              // at which the plateau's stress has doubled [1/s]
+    Real half_needs_both;   // of its two bonds; else one is enough
+    Real cell[2], per_length[2], area[2];
+    Real dashpot[2], excess[2];  // on the whole relative velocity; besides, on its part along
     Real node_mass, gravity, hold_x, hold_y, floor_friction;
     Real contact_stiffness, support_stiffness;
     Real impactor_x, impactor_half_width, impactor_mass, impactor_friction;
@@ -66,13 +79,28 @@ struct Body {
 
 // ---- the foam ----
 
+// Foam that heeds the rate: its worst strain lags behind the strain, and flows after it at a rate
+// in proportion to how far (Cowper & Symonds with the exponent 1). What is left of the lag after
+// a step is this part of it.
+inline Real lag_left(const Constants& c, Real step) {
+    return exp(c.rate * step / c.yield_strain);
+}
+
+inline Real flowed_strain(const Constants& c, Real e, Real worst, Real left) {
+    const Real start = min(max(e, c.yield_strain), worst);
+    const Real lag = max(start - e, Real(0.0));
+    return start - (lag - lag * left);
+}
+
 inline Real permanent_strain(const Constants& c, Real worst) {
     return clamp(worst, c.densification_strain, c.yield_strain) - c.yield_strain;
 }
 
 inline Real yielding_stress(const Constants& c, Real e, Real worst, bool broken) {
     const Real permanent = permanent_strain(c, worst);
-    const Real stress = c.youngs_modulus * max(e - permanent, c.yield_strain);
+    Real elastic = max(e - permanent, c.yield_strain);
+    if (HAS_RATE) elastic += min(e - min(worst, c.yield_strain), Real(0.0));
+    const Real stress = c.youngs_modulus * elastic;
     if (stress <= 0.0) return stress;
     if (broken) return 0.0;
     if (worst >= c.yield_strain) return stress;
@@ -97,17 +125,32 @@ inline Dense densification(const Constants& c, Real e) {
     return {stress + slope * (e - inside) - plateau, slope};
 }
 
-inline bool fails(const Constants& c, Real e, Real stress, Real tau, Real worst) {
-    const Real limit = worst < c.yield_strain ? c.crushed_strain : c.tensile_strain;
-    Real strength = c.shear_strength;
-    if (e < 0.0) strength += c.pressure_coefficient * abs(stress);
-    return e > limit || abs(tau) > strength;
+// Of foam crushed across to the strain `crossing`, what is left of its tensile strength.
+inline Real strength_left(const Constants& c, Real crossing) {
+    const Real crush = (crossing - c.yield_strain) / (c.densification_strain - c.yield_strain);
+    return 1.0 - (1.0 - c.crushed_strength) * clamp(crush, 0.0, 1.0);
 }
 
-// Of the two halves that are whole, their factors in the mean gradient across a bond.
+inline Real tensile_limit(const Constants& c, Real worst) {
+    return worst < c.yield_strain ? c.crushed_strain : c.tensile_strain;
+}
+
+// The shear strength grows with the stress up to the plateau.
+inline bool fails_in_shear(const Constants& c, Real e, Real stress, Real tau) {
+    Real strength = c.shear_strength;
+    if (e < 0.0) strength += c.pressure_coefficient * abs(stress);
+    return abs(tau) > strength;
+}
+
+// Factors of the two halves in the mean gradient across a bond. A half lies between two
+// crossing bonds, one at each of the bond's nodes, and counts by which of these are whole.
 struct Halves {
     Real ahead, behind;
 };
+
+inline bool half_counts(const Constants& c, bool near, bool far) {
+    return c.half_needs_both != 0.0 ? near && far : near || far;
+}
 
 inline Halves halves(bool ahead, bool behind, Real per_length) {
     const Real each = 0.5 * per_length / (ahead && behind ? 2.0 : 1.0);
@@ -176,9 +219,13 @@ inline Touch floor_contact(const Constants& c, Real y, Real worst_a, Real worst_
 inline Real stable_step(const Constants& c, Real densified) {
     const Real aspect = max(c.area[0] * c.per_length[0], c.area[1] * c.per_length[1]);
     const Real modulus = max(c.youngs_modulus, c.crushed_stress / c.crushed_strain);
-    const Real stiffness = 4.0 * max(modulus * aspect, densified) +
-                           8.0 * c.shear_modulus * aspect + c.contact_stiffness;
-    const Real decay = 4.0 * (c.dashpot[0] + c.dashpot[1]);
+    const Real elastic = modulus * aspect;
+    // with a rate, the overstress comes on top
+    const Real stiffest = HAS_RATE ? elastic + densified : max(elastic, densified);
+    const Real stiffness =
+        4.0 * stiffest + 8.0 * c.shear_modulus * aspect + c.contact_stiffness;
+    const Real decay = 4.0 * (c.dashpot[0] + max(c.excess[0], Real(0.0)) + c.dashpot[1] +
+                              max(c.excess[1], Real(0.0)));
     const Real rate = max(sqrt(stiffness / c.node_mass), decay / c.node_mass);
     return min(c.safety * RK4_RADIUS / rate, c.largest_step);
 }

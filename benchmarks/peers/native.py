@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 from typing import ClassVar
 
 import numpy as np
@@ -10,9 +11,25 @@ import numpy as np
 from taichi_foam.scene import Scene
 
 from . import compile as compiling
-from .constants import WORKS, Constants, Skipped, State, case_of, lattice_of
+from .constants import WORKS, Constants, Features, Skipped, State, case_of
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@functools.cache
+def _library(source: str, features: Features) -> ctypes.CDLL:
+    macros = {name.upper(): int(value) for name, value in features._asdict().items()}
+    library = compiling.load(source, macros)
+    library.create.restype = ctypes.c_void_p
+    library.create.argtypes = [
+        ctypes.c_int, ctypes.c_int, _DOUBLES, ctypes.c_int, _DOUBLES, _DOUBLES, _DOUBLES,
+    ]  # fmt: skip
+    library.advance.restype = ctypes.c_long
+    library.advance.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_int]
+    library.read.argtypes = [ctypes.c_void_p, _DOUBLES, _DOUBLES]
+    library.destroy.argtypes = [ctypes.c_void_p]
+    assert library.constants_count() == len(Constants._fields), "model.hpp and constants.py"
+    return library
 
 
 class _Native:
@@ -21,32 +38,21 @@ class _Native:
     name: ClassVar[str]
     source: ClassVar[str]
 
-    def __init__(self, library: ctypes.CDLL) -> None:
-        self._library = library
+    def __init__(self) -> None:
+        self._library: ctypes.CDLL | None = None
         self._lattice: int | None = None
         self._shape = (0, 0)
-        library.create.restype = ctypes.c_void_p
-        library.create.argtypes = [
-            ctypes.c_int, ctypes.c_int, _DOUBLES, ctypes.c_int, _DOUBLES, _DOUBLES, _DOUBLES,
-        ]  # fmt: skip
-        library.advance.restype = ctypes.c_long
-        library.advance.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_int]
-        library.read.argtypes = [ctypes.c_void_p, _DOUBLES, _DOUBLES]
-        library.destroy.argtypes = [ctypes.c_void_p]
-        assert library.constants_count() == len(Constants._fields), "model.hpp and constants.py"
 
     @classmethod
     def load(cls) -> _Native | Skipped:
-        """The peer, compiled if need be."""
-        library, reason = compiling.load(cls.source)
-        return Skipped(f"{cls.name}: {reason}") if library is None else cls(library)
+        """The peer, if there is a compiler."""
+        return cls() if compiling.compiler() else Skipped(compiling.ABSENT)
 
-    def prepare(self, scene: Scene, columns: int | None = None, rows: int | None = None) -> None:
-        """Stand at the scene's start; with counts given, of as many of its cells."""
-        if columns is not None and rows is not None:
-            scene = lattice_of(scene, columns, rows)
+    def prepare(self, scene: Scene) -> None:
+        """Stand at the scene's start, compiled for its choices."""
         case = case_of(scene)
         self.close()
+        self._library = _library(self.source, case.features)
         constants = np.array(case.constants)
         self._lattice = self._library.create(
             case.columns, case.rows, _pointer(constants), len(case.edges), _pointer(case.edges),

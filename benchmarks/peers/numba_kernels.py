@@ -4,12 +4,13 @@ A node's numbers lie together: nodes (n, 4) x, y, v_x, v_y; bonds (n, 4) ahead, 
 time; faces (n, 4) force of A, force of B; slips (n, 2) impactor, floor. Columns are SUMS wide.
 """
 
+import functools
 import math
 
 import numba
 import numpy as np
 
-from .constants import WORKS
+from .constants import WORKS, Features
 
 A, B = 0, 1
 LAST_STAGE = 3
@@ -24,8 +25,8 @@ FACES, SHEAR, DASHPOTS, IMPACTOR, FRICTION, BASE = range(WORK, SUMS)
 # The impactor's record.
 Y, V, TRIAL_Y, TRIAL_V, RATE_Y, RATE_V = range(6)
 
-# The clock's record.
-TIME, STEP, BROKEN = range(3)
+# The clock's record. KEPT is the part of a bond's lag that is left after the step.
+TIME, STEP, KEPT, BROKEN = range(4)
 
 # A zero divisor gives infinity, as in C. Nothing here allocates: counting references around every
 # call would double the time.
@@ -33,18 +34,33 @@ compiled = numba.njit(error_model="numpy", _nrt=False)
 inlined = numba.njit(error_model="numpy", _nrt=False, inline="always")
 
 
+def stress_function(has_rate: bool):
+    """A function for a bond's stress [Pa] short of densification."""
+
+    @inlined
+    def yielding_stress(c, e, worst, broken):
+        turn = min(max(worst, c.densification_strain), c.yield_strain)
+        permanent = turn - c.yield_strain
+        elastic = max(e - permanent, c.yield_strain)
+        if has_rate:
+            elastic += min(e - min(worst, c.yield_strain), 0.0)
+        stress = c.youngs_modulus * elastic
+        if stress > 0.0:
+            if broken:
+                stress = 0.0
+            elif worst < c.yield_strain:
+                stress = c.crushed_stress / (c.crushed_strain - permanent) * (e - permanent)
+        return stress
+
+    return yielding_stress
+
+
 @inlined
-def yielding_stress(c, e, worst, broken):
-    """Stress [Pa] short of densification."""
-    turn = min(max(worst, c.densification_strain), c.yield_strain)
-    permanent = turn - c.yield_strain
-    stress = c.youngs_modulus * max(e - permanent, c.yield_strain)
-    if stress > 0.0:
-        if broken:
-            stress = 0.0
-        elif worst < c.yield_strain:
-            stress = c.crushed_stress / (c.crushed_strain - permanent) * (e - permanent)
-    return stress
+def flowed_strain(c, e, worst, kept):
+    """The worst strain that lags behind the strain, after a step's flow."""
+    start = min(max(e, c.yield_strain), worst)
+    lag = max(start - e, 0.0)
+    return start - (lag - lag * kept)
 
 
 @compiled
@@ -63,31 +79,57 @@ def densification(c, e):
 
 
 @inlined
-def fails(c, e, stress, tau, worst):
-    """Whether an intact bond breaks in this state."""
-    limit = c.crushed_strain if worst < c.yield_strain else c.tensile_strain
+def fails_in_shear(c, e, stress, tau):
+    """Whether an intact bond breaks in shear."""
     strength = c.shear_strength
     if e < 0.0:
         strength += c.pressure_coefficient * abs(stress)
-    return e > limit or abs(tau) > strength
+    return abs(tau) > strength
 
 
-def face_function(axis: int, stage: int):
-    """A function for the force of one bond, for its axis and its stage."""
+def tension_function(weakened: bool):
+    """A function for whether an intact bond breaks in tension."""
 
     @inlined
-    def face_force(c, trial, bonds, faces, column, k, along, side):
+    def fails_in_tension(c, e, worst, crossing, k, along, side):
+        limit = c.crushed_strain if worst < c.yield_strain else c.tensile_strain
+        if weakened and e > 0.0:
+            # crush across is that of the end which is crushed less
+            near = min(crossing[k, 2], crossing[k - side, 2])
+            far = min(crossing[k + along, 2], crossing[k + along - side, 2])
+            crush = max(near, far) - c.yield_strain
+            crush /= c.densification_strain - c.yield_strain
+            limit *= 1.0 - (1.0 - c.crushed_strength) * min(max(crush, 0.0), 1.0)
+        return e > limit
+
+    return fails_in_tension
+
+
+def face_function(axis: int, stage: int, features: Features):
+    """A function for the force of one bond, for its axis and its stage."""
+    has_excess, has_rate, weakened = features
+    yielding_stress = stress_function(has_rate)
+    fails_in_tension = tension_function(weakened)
+
+    @inlined
+    def face_force(c, trial, bonds, crossing, faces, column, kept, k, along, side):
         if axis == A:
-            per_length, area, dashpot = c.per_length_a, c.area_a, c.dashpot_a
+            per_length, area = c.per_length_a, c.area_a
+            dashpot, excess = c.dashpot_a, c.excess_a
         else:
-            per_length, area, dashpot = c.per_length_b, c.area_b, c.dashpot_b
+            per_length, area = c.per_length_b, c.area_b
+            dashpot, excess = c.dashpot_b, c.excess_b
         end = k + along
-        worst = bonds[k, 2]
         intact = bonds[k, 3] < 0.0
         x, y, x_end, y_end = trial[k, 0], trial[k, 1], trial[end, 0], trial[end, 1]
         reach_x, reach_y = x_end - x, y_end - y
-        length = math.sqrt(reach_x * reach_x + reach_y * reach_y)
+        square = reach_x * reach_x + reach_y * reach_y
+        length = math.sqrt(square)
         e = length * per_length - 1.0
+        worst = bonds[k, 2]
+        if stage == 0 and e < worst:
+            worst = flowed_strain(c, e, worst, kept) if has_rate else e
+            bonds[k, 2] = worst
         yielding = yielding_stress(c, e, worst, not intact)
         stress = yielding
         if e < c.densification_strain:
@@ -96,8 +138,6 @@ def face_function(axis: int, stage: int):
             column[DENSIFIED] = max(column[DENSIFIED], slope * area * per_length)
         pull = area * stress / length
         force_x, force_y = pull * reach_x, pull * reach_y
-        if stage == 0 and e < worst:
-            bonds[k, 2] = e
         if intact:
             ahead, behind = bonds[k, 0], bonds[k, 1]
             ahead_x = trial[k + side, 0] - x + (trial[end + side, 0] - x_end)
@@ -110,26 +150,34 @@ def face_function(axis: int, stage: int):
             shear_x, shear_y = area * tau * across_x, area * tau * across_y
             relative_x, relative_y = trial[end, 2] - trial[k, 2], trial[end, 3] - trial[k, 3]
             drag_x, drag_y = dashpot * relative_x, dashpot * relative_y
+            if has_excess:
+                closing = excess * (reach_x * relative_x + reach_y * relative_y) / square
+                drag_x += closing * reach_x
+                drag_y += closing * reach_y
             force_x += shear_x + drag_x
             force_y += shear_y + drag_y
             if stage == 0 or stage == LAST_STAGE:
                 column[SHEAR_POWER] += shear_x * relative_x + shear_y * relative_y
                 column[DASHPOT_POWER] += drag_x * relative_x + drag_y * relative_y
-            if stage == LAST_STAGE and fails(c, e, yielding, tau, min(worst, e)):
-                bonds[k, 3] = BREAKING
-                column[BREAKS] += 1.0
+            if stage == LAST_STAGE:
+                met = worst if has_rate else min(worst, e)
+                if fails_in_tension(c, e, met, crossing, k, along, side) or fails_in_shear(
+                    c, e, yielding, tau
+                ):
+                    bonds[k, 3] = BREAKING
+                    column[BREAKS] += 1.0
         faces[k, 2 * axis] = force_x
         faces[k, 2 * axis + 1] = force_y
 
     return face_force
 
 
-def column_function(stage: int):
+def column_function(stage: int, features: Features):
     """A function for the forces of one column's bonds."""
-    force_a, force_b = face_function(A, stage), face_function(B, stage)
+    force_a, force_b = (face_function(axis, stage, features) for axis in (A, B))
 
     @compiled
-    def face_column(c, columns, rows, trial, bond_a, bond_b, faces, column, i):
+    def face_column(c, columns, rows, trial, bond_a, bond_b, faces, column, kept, i):
         stride = rows + 2
         column[DENSIFIED] = 0.0
         column[BREAKS] = 0.0
@@ -138,16 +186,19 @@ def column_function(stage: int):
         for j in range(rows):
             k = (i + 1) * stride + j + 1
             if i < columns - 1:
-                force_a(c, trial, bond_a, faces, column, k, stride, 1)
+                force_a(c, trial, bond_a, bond_b, faces, column, kept, k, stride, 1)
             if j < rows - 1:
-                force_b(c, trial, bond_b, faces, column, k, 1, stride)
+                force_b(c, trial, bond_b, bond_a, faces, column, kept, k, 1, stride)
 
     return face_column
 
 
-first_column = column_function(0)
-middle_column = column_function(1)
-last_column = column_function(LAST_STAGE)
+@inlined
+def half_counts(c, crossing, near, far):
+    """Whether a half counts, by which of its two bonds are whole."""
+    if c.half_needs_both != 0.0:
+        return crossing[near, 3] == INTACT and crossing[far, 3] == INTACT
+    return crossing[near, 3] == INTACT or crossing[far, 3] == INTACT
 
 
 @compiled
@@ -160,8 +211,8 @@ def update_halves(c, rows, bond_a, bond_b, i):
             bond, crossing = (bond_a, bond_b) if axis == A else (bond_b, bond_a)
             along, side = (stride, 1) if axis == A else (1, stride)
             per_length = c.per_length_b if axis == A else c.per_length_a
-            ahead = crossing[k, 3] == INTACT and crossing[k + along, 3] == INTACT
-            behind = crossing[k - side, 3] == INTACT and crossing[k + along - side, 3] == INTACT
+            ahead = half_counts(c, crossing, k, k + along)
+            behind = half_counts(c, crossing, k - side, k + along - side)
             each = 0.5 * per_length / (2.0 if ahead and behind else 1.0)
             bond[k, 0] = each if ahead else 0.0
             bond[k, 1] = each if behind else 0.0
@@ -296,9 +347,12 @@ def stable_step(c, densified):
     """The largest stable step while the stiffest densified bond has `densified` [N/m]."""
     aspect = max(c.area_a * c.per_length_a, c.area_b * c.per_length_b)
     modulus = max(c.youngs_modulus, c.crushed_stress / c.crushed_strain)
-    stiffness = 4.0 * max(modulus * aspect, densified)
-    stiffness += 8.0 * c.shear_modulus * aspect + c.contact_stiffness
-    decay = 4.0 * (c.dashpot_a + c.dashpot_b)
+    elastic = modulus * aspect
+    # with a rate, the overstress comes on top
+    stiffest = elastic + densified if c.rate > 0.0 else max(elastic, densified)
+    stiffness = 4.0 * stiffest + 8.0 * c.shear_modulus * aspect + c.contact_stiffness
+    dashpots = c.dashpot_a + max(c.excess_a, 0.0) + c.dashpot_b + max(c.excess_b, 0.0)
+    decay = 4.0 * dashpots
     rate = max(math.sqrt(stiffness / c.node_mass), decay / c.node_mass)
     return min(c.safety * RK4_RADIUS / rate, c.largest_step)
 
@@ -310,10 +364,11 @@ def take_stock(c, column, clock):
     for i in range(len(column)):
         densified = max(densified, column[i, DENSIFIED])
     clock[STEP] = c.step if c.step > 0.0 else stable_step(c, densified)
+    clock[KEPT] = math.exp(c.rate * clock[STEP] / c.yield_strain)
 
 
 @compiled
-def break_links(c, columns, rows, bond_a, bond_b, column, clock):
+def break_bonds(c, columns, rows, bond_a, bond_b, column, clock):
     """What has failed in a step is broken from its end on."""
     breaks = 0.0
     for i in range(columns):
@@ -352,9 +407,13 @@ def body_stage(c, column, body, stage, step):
         body[TRIAL_Y], body[TRIAL_V] = body[Y], body[V]
 
 
-def advance_function(parallel: bool):
+@functools.cache
+def advance_function(features: Features, parallel: bool):
     """A function that takes steps, with the columns of each pass spread over threads or not."""
     columns_of = numba.prange if parallel else range
+    first_column, middle_column, last_column = (
+        column_function(stage, features) for stage in (0, 1, LAST_STAGE)
+    )
 
     @numba.njit(error_model="numpy", parallel=parallel)
     def advance(
@@ -363,15 +422,16 @@ def advance_function(parallel: bool):
     ):  # fmt: skip
         for taken in range(steps):
             take_stock(c, column, clock)
-            step = clock[STEP]
+            step, kept = clock[STEP], clock[KEPT]
             for stage in range(LAST_STAGE + 1):
                 for i in columns_of(columns):
+                    sums = column[i]
                     if stage == 0:
-                        first_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
+                        first_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
                     elif stage == LAST_STAGE:
-                        last_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
+                        last_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
                     else:
-                        middle_column(c, columns, rows, trial, bond_a, bond_b, faces, column[i], i)
+                        middle_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
                 for i in columns_of(columns):
                     node_column(
                         c, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body,
@@ -379,13 +439,9 @@ def advance_function(parallel: bool):
                     )  # fmt: skip
                 body_stage(c, column, body, stage, step)
             clock[TIME] += step
-            break_links(c, columns, rows, bond_a, bond_b, column, clock)
+            break_bonds(c, columns, rows, bond_a, bond_b, column, clock)
             if np.any(column[:, STRANGE] > 0.0):
                 return taken
         return steps
 
     return advance
-
-
-advance_serial = advance_function(False)
-advance_parallel = advance_function(True)

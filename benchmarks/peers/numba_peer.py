@@ -9,7 +9,7 @@ import numpy as np
 
 from taichi_foam.scene import Scene
 
-from .constants import WORKS, Skipped, State, case_of, lattice_of
+from .constants import WORKS, Skipped, State, case_of
 
 
 class Numba:
@@ -22,21 +22,18 @@ class Numba:
 
     @classmethod
     def load(cls) -> Numba | Skipped:
-        """The peer, or why there is none."""
+        """The peer, if Numba is installed."""
         if importlib.util.find_spec("numba") is None:
             return Skipped("Numba: not installed; pip install numba")
-        try:
-            from . import numba_kernels
-        except Exception as error:  # a Numba that does not fit this Python or NumPy says so so
-            return Skipped(f"Numba: does not load: {str(error).splitlines()[0]}")
+        from . import numba_kernels
+
         return cls(numba_kernels)
 
-    def prepare(self, scene: Scene, columns: int | None = None, rows: int | None = None) -> None:
-        """Stand at the scene's start; with counts given, of as many of its cells."""
-        if columns is not None and rows is not None:
-            scene = lattice_of(scene, columns, rows)
+    def prepare(self, scene: Scene) -> None:
+        """Stand at the scene's start; the first step compiles."""
         case, kernels = case_of(scene), self._kernels
         self._c, self._edges = case.constants, case.edges
+        self._features = case.features
         self._shape = (case.columns, case.rows)
         padded = (case.columns + 2, case.rows + 2)
 
@@ -58,16 +55,15 @@ class Numba:
         self._body[[kernels.Y, kernels.TRIAL_Y]] = case.body[0]
         self._body[[kernels.V, kernels.TRIAL_V]] = case.body[1]
         self._column = np.zeros((case.columns, kernels.SUMS))
-        self._clock = np.zeros(3)
+        self._clock = np.zeros(4)
         for i in range(case.columns):
             kernels.update_halves(self._c, case.rows, self._fields[4], self._fields[5], i)
 
     def advance(self, steps: int, threads: int = 1) -> int:
         """Take steps; how many were taken: fewer where the lattice went astray."""
-        function = self._kernels.advance_serial
         if threads > 1:
-            function = self._kernels.advance_parallel
             self._kernels.numba.set_num_threads(threads)
+        function = self._kernels.advance_function(self._features, threads > 1)
         return function(
             self._c, *self._shape, *self._fields, self._edges, self._body, self._column,
             self._clock, steps,

@@ -11,7 +11,7 @@ struct Node {
     Real x, y, vx, vy;
 };
 
-struct Link {
+struct Bond {
     Real ahead, behind;  // factors of the two halves in the gradient across the bond [1/m]
     Real worst;          // the most compressive strain so far
     Real break_time;
@@ -37,19 +37,19 @@ class Lattice {
             const double* start, const double* body)
         : columns(columns), rows(rows), stride(rows + 2), c(constants_from(constants)),
           state(nodes()), trial(nodes()), rate(nodes()), faces(nodes()),
-          links{std::vector<Link>(nodes()), std::vector<Link>(nodes())},
+          bonds{std::vector<Bond>(nodes()), std::vector<Bond>(nodes())},
           impactor_slip(nodes()), floor_slip(nodes()), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
             this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});
         this->body.y = this->body.trial_y = body[0];
         this->body.v = this->body.trial_v = body[1];
-        for (auto& axis : links) std::fill(axis.begin(), axis.end(), Link{0.0, 0.0, 0.0, NEVER});
+        for (auto& axis : bonds) std::fill(axis.begin(), axis.end(), Bond{0.0, 0.0, 0.0, NEVER});
         for (int i = 0; i < columns; ++i)
             for (int j = 0; j < rows; ++j) {
                 const double* from = start + 4 * (i * rows + j);
                 trial[at(i, j)] = state[at(i, j)] = {from[0], from[1], from[2], from[3]};
-                if (i < columns - 1) links[A][at(i, j)].break_time = INTACT;
-                if (j < rows - 1) links[B][at(i, j)].break_time = INTACT;
+                if (i < columns - 1) bonds[A][at(i, j)].break_time = INTACT;
+                if (j < rows - 1) bonds[B][at(i, j)].break_time = INTACT;
             }
         for (int i = 0; i < columns; ++i) update_halves(i);
     }
@@ -65,7 +65,7 @@ class Lattice {
                 body_stage(c, body, stage, step, lift);
             }
             time += step;
-            break_links();
+            break_bonds();
             for (const Column& sums : column)
                 if (sums.astray) return n;
         }
@@ -96,12 +96,13 @@ class Lattice {
     Constants c;
     std::vector<Node> state, trial, rate;  // accepted, at this stage, weighted sum of stages
     std::vector<Faces> faces;
-    std::vector<Link> links[2];
+    std::vector<Bond> bonds[2];
     std::vector<Real> impactor_slip, floor_slip;  // stretch of the friction springs [m]
     std::vector<Column> column;
     std::vector<Edge> edges;
     Body body;
     Real time = 0.0, step = 0.0;
+    Real lag_kept = 1.0;  // part of a bond's lag that is left after this step
     int broken = 0;
 
     int nodes() const { return (columns + 2) * stride; }
@@ -111,18 +112,20 @@ class Lattice {
         return {trial[to].x - trial[from].x, trial[to].y - trial[from].y};
     }
 
-    // Force of a bond on its first node k. The first stage, whose state is the accepted one,
-    // brings the worst strain up to date; the last, which looks at the step's end, finds what fails.
+    // Force of a bond on its first node k. The first stage, whose state is the accepted one, brings
+    // the worst strain up to date; the last, which looks at the step's end, finds what fails.
     template <int axis>
     Vec face_force(const Constants& c, int k, int stage, Column& sums) {
         const int along = axis == A ? stride : 1, side = axis == A ? 1 : stride;
         const int end = k + along;
-        Link& link = links[axis][k];
-        const bool intact = link.break_time < 0.0;
-        const Real worst = link.worst;
+        Bond& bond = bonds[axis][k];
+        const bool intact = bond.break_time < 0.0;
         const Vec reach = apart(k, end);
-        const Real length = sqrt(dot(reach, reach));
+        const Real square = dot(reach, reach), length = sqrt(square);
         const Real e = length * c.per_length[axis] - 1.0;
+        if (stage == 0 && e < bond.worst)
+            bond.worst = HAS_RATE ? flowed_strain(c, e, bond.worst, lag_kept) : e;
+        const Real worst = bond.worst;
         const Real yielding = yielding_stress(c, e, worst, !intact);
         Real stress = yielding;
         if (e < c.densification_strain) {
@@ -132,30 +135,50 @@ class Lattice {
         }
         const Real pull = c.area[axis] * stress / length;
         Vec force = {pull * reach.x, pull * reach.y};
-        if (stage == 0 && e < worst) link.worst = e;
         if (!intact) return force;
 
         const Vec ahead_start = apart(k, k + side), ahead_end = apart(end, end + side);
         const Vec behind_start = apart(k - side, k), behind_end = apart(end - side, end);
-        const Vec across = {link.ahead * (ahead_start.x + ahead_end.x) +
-                                link.behind * (behind_start.x + behind_end.x),
-                            link.ahead * (ahead_start.y + ahead_end.y) +
-                                link.behind * (behind_start.y + behind_end.y)};
+        const Vec across = {bond.ahead * (ahead_start.x + ahead_end.x) +
+                                bond.behind * (behind_start.x + behind_end.x),
+                            bond.ahead * (ahead_start.y + ahead_end.y) +
+                                bond.behind * (behind_start.y + behind_end.y)};
         const Real gamma = dot(reach, across) * c.per_length[axis];
         const Real tau = c.shear_modulus * gamma;
         const Vec shear = {c.area[axis] * tau * across.x, c.area[axis] * tau * across.y};
         const Vec relative = {trial[end].vx - trial[k].vx, trial[end].vy - trial[k].vy};
-        const Vec drag = {c.dashpot[axis] * relative.x, c.dashpot[axis] * relative.y};
+        Vec drag = {c.dashpot[axis] * relative.x, c.dashpot[axis] * relative.y};
+        if (HAS_EXCESS) {
+            const Real closing = c.excess[axis] * dot(reach, relative) / square;
+            drag.x += closing * reach.x;
+            drag.y += closing * reach.y;
+        }
         force.x += shear.x + drag.x;
         force.y += shear.y + drag.y;
         sums.shear_power += dot(shear, relative);
         sums.dashpot_power += dot(drag, relative);
-        // the shear strength grows with the stress up to the plateau
-        if (stage == LAST_STAGE && fails(c, e, yielding, tau, min(worst, e))) {
-            link.break_time = BREAKING;
+        if (stage == LAST_STAGE &&
+            (fails_in_tension<axis>(c, k, e, HAS_RATE ? worst : min(worst, e)) ||
+             fails_in_shear(c, e, yielding, tau))) {
+            bond.break_time = BREAKING;
             sums.breaks += 1;
         }
         return force;
+    }
+
+    // Crush across a bond is that of the end which is crushed less.
+    template <int axis>
+    bool fails_in_tension(const Constants& c, int k, Real e, Real worst) const {
+        if (e <= 0.0) return false;
+        Real limit = tensile_limit(c, worst);
+        if (HAS_WEAKENED) {
+            const int end = k + (axis == A ? stride : 1), side = axis == A ? 1 : stride;
+            const std::vector<Bond>& crossing = bonds[1 - axis];
+            const Real near = min(crossing[k].worst, crossing[k - side].worst);
+            const Real far = min(crossing[end].worst, crossing[end - side].worst);
+            limit = limit * strength_left(c, max(near, far));
+        }
+        return e > limit;
     }
 
     void face_column(int i, int stage) {
@@ -177,32 +200,34 @@ class Lattice {
         Real densified = 0.0;
         for (const Column& sums : column) densified = max(densified, sums.densified);
         step = c.step > 0.0 ? c.step : stable_step(c, densified);
+        if (HAS_RATE) lag_kept = lag_left(c, step);
     }
 
     // What has failed in a step is broken from its end on.
-    void break_links() {
+    void break_bonds() {
         int breaks = 0;
         for (const Column& sums : column) breaks += sums.breaks;
         if (breaks == 0) return;
         broken += breaks;
-        for (auto& axis : links)
-            for (Link& link : axis)
-                if (link.break_time == BREAKING) link.break_time = time;
+        for (auto& axis : bonds)
+            for (Bond& bond : axis)
+                if (bond.break_time == BREAKING) bond.break_time = time;
         for (int i = 0; i < columns; ++i) update_halves(i);
     }
 
-    bool whole(int axis, int k) const { return links[axis][k].break_time == INTACT; }
+    bool whole(int axis, int k) const { return bonds[axis][k].break_time == INTACT; }
 
-    // A half counts while the crossing bonds at both of the bond's nodes are whole.
     void update_halves(int i) {
         for (int j = 0; j < rows; ++j) {
-            const int k = at(i, j), right = k + stride, up = k + 1;
-            const Halves a = halves(whole(B, k) && whole(B, right),
-                                    whole(B, k - 1) && whole(B, right - 1), c.per_length[B]);
-            const Halves b = halves(whole(A, k) && whole(A, up),
-                                    whole(A, k - stride) && whole(A, up - stride), c.per_length[A]);
-            links[A][k].ahead = a.ahead, links[A][k].behind = a.behind;
-            links[B][k].ahead = b.ahead, links[B][k].behind = b.behind;
+            const int k = at(i, j), right = k + stride, up = k + 1, left = k - stride;
+            const bool above = half_counts(c, whole(B, k), whole(B, right));
+            const bool below = half_counts(c, whole(B, k - 1), whole(B, right - 1));
+            const bool after = half_counts(c, whole(A, k), whole(A, up));
+            const bool before = half_counts(c, whole(A, left), whole(A, left + 1));
+            const Halves a = halves(above, below, c.per_length[B]);
+            const Halves b = halves(after, before, c.per_length[A]);
+            bonds[A][k].ahead = a.ahead, bonds[A][k].behind = a.behind;
+            bonds[B][k].ahead = b.ahead, bonds[B][k].behind = b.behind;
         }
     }
 
@@ -234,8 +259,8 @@ class Lattice {
                     {now.x - c.impactor_x, now.y - body.trial_y}, {path.x, path.y - body_path},
                     impactor_slip[k]);
                 const Touch floor = floor_contact(
-                    c, now.y, min(links[A][k].worst, links[A][k - stride].worst),
-                    min(links[B][k].worst, links[B][k - 1].worst), path.x, floor_slip[k]);
+                    c, now.y, min(bonds[A][k].worst, bonds[A][k - stride].worst),
+                    min(bonds[B][k].worst, bonds[B][k - 1].worst), path.x, floor_slip[k]);
                 if (stage == 0) {
                     impactor_slip[k] = hit.stretch;
                     floor_slip[k] = floor.stretch;

@@ -42,12 +42,12 @@ struct Forces {
     Array x, y;
 };
 
-struct Links {
-    explicit Links(int size)
-        : ahead(size), behind(size), permanent(size), tension(size), worst(size),
-          break_time(size, NEVER) {}
+struct Bonds {
+    explicit Bonds(int size)
+        : ahead(size), behind(size), permanent(HAS_RATE ? WIDTH : size), tension(size),
+          worst(size), break_time(size, NEVER) {}
     Array ahead, behind;  // factors of the two halves in the gradient across [1/m]
-    Array permanent;      // strain without stress
+    Array permanent;      // strain without stress; with a rate it is worked out anew each time
     Array tension;        // modulus beyond it [Pa]; 0 tells that a bond is broken
     Array worst, break_time;
 };
@@ -64,7 +64,7 @@ class Lattice {
             const double* start, const double* body)
         : columns(columns), rows(rows), padded((rows + WIDTH - 1) / WIDTH * WIDTH),
           stride(padded + WIDTH), c(constants_from(constants)), state(size()), even(size()),
-          odd(size()), rate(size()), links{Links(size()), Links(size())},
+          odd(size()), rate(size()), bonds{Bonds(size()), Bonds(size())},
           latched{Forces(size()), Forces(size())}, push(size()), impactor_slip(size()),
           floor_slip(size()), free_x(stride), free_y(stride), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
@@ -83,9 +83,9 @@ class Lattice {
                 const double* from = start + 4 * (i * rows + j);
                 state.x[k] = from[0], state.y[k] = from[1];
                 state.vx[k] = from[2], state.vy[k] = from[3];
-                if (i < columns - 1) links[A].break_time[k] = INTACT;
-                if (j < rows - 1) links[B].break_time[k] = INTACT;
-                for (const Links& axis : links)
+                if (i < columns - 1) bonds[A].break_time[k] = INTACT;
+                if (j < rows - 1) bonds[B].break_time[k] = INTACT;
+                for (const Bonds& axis : bonds)
                     axis.tension[k] = axis.break_time[k] == INTACT ? c.youngs_modulus : 0.0;
             }
         for (int j = 0; j < rows; ++j) {
@@ -105,7 +105,7 @@ class Lattice {
             run_stage<2>(odd, even, threads);
             run_stage<LAST_STAGE>(even, state, threads);
             time += step;
-            break_links();
+            break_bonds();
             for (const Column& sums : column)
                 if (sums.astray > 0.0) return n;
         }
@@ -139,7 +139,7 @@ class Lattice {
     int columns, rows, padded, stride;
     Constants c;
     Nodes state, even, odd, rate;
-    Links links[2];
+    Bonds bonds[2];
     Forces latched[2];  // that the first stage takes from the latch
     Forces push;        // contact forces in columns that touch something
     Array impactor_slip, floor_slip;  // stretch of the friction springs [m]
@@ -149,26 +149,31 @@ class Lattice {
     std::vector<Edge> edges;
     Body body;
     double time = 0.0, step = 0.0;
+    double lag_kept = 1.0;  // part of a bond's lag that is left after this step
     int broken = 0;
 
     int size() const { return (columns + 2) * stride; }
     int at(int i, int j) const { return (i + 1) * stride + j; }
 
-    // Forces of a column's bonds along one axis on their first nodes, short of
-    // densification; the column's deepest strain comes back. The first stage brings the worst strain
-    // up to date, the last finds what fails; of a column that another thread records, neither.
+    // Forces of a column's bonds along one axis on their first nodes, short of densification; the
+    // column's deepest strain comes back. The first stage brings the worst strain up to date, the
+    // last finds what fails; of a column that another thread records, neither.
     template <int axis, int stage, bool recording>
     double face_column(const Nodes& now, int i, double* force_x, double* force_y) {
         const int first = at(i, 0);
         const int along = axis == A ? stride : 1, side = axis == A ? 1 : stride;
         const double *x = now.x + first, *y = now.y + first;
         const double *vx = now.vx + first, *vy = now.vy + first;
-        const Links& mine = links[axis];
+        const Bonds& mine = bonds[axis];
         double *ahead = mine.ahead + first, *behind = mine.behind + first;
         double *permanent = mine.permanent + first, *tension = mine.tension + first;
         double *worst = mine.worst + first, *break_time = mine.break_time + first;
         const Lanes zero = {}, one = all(1.0), modulus = all(c.youngs_modulus);
         const Lanes yield = all(c.yield_strain), damping = all(c.dashpot[axis]);
+        const Lanes densified = all(c.densification_strain);
+        const double* crossing = bonds[1 - axis].worst + first;
+        const double weakening = 1.0 - c.crushed_strength;
+        const double per_crush = 1.0 / (c.densification_strain - c.yield_strain);
         const double per_length = c.per_length[axis], area = c.area[axis];
         const double shear_modulus = c.shear_modulus;
         Lanes deepest = zero, shear_power = zero, dashpot_power = zero, breaks = zero;
@@ -179,15 +184,36 @@ class Lattice {
             const Lanes rx = x_end - xj, ry = y_end - yj;
             const Lanes length = root(rx * rx + ry * ry);
             const Lanes e = length * per_length - 1.0;
-            const Lanes elastic = e - load(permanent + j), opening = load(tension + j);
-            const Lanes pressed = least(most(elastic, yield), zero);
-            const Lanes stress = modulus * pressed + opening * most(elastic, zero);
-            const Lanes pull = area * stress / length;
+            Lanes opening = load(tension + j), elastic, pressed;
+            const Lanes whole = opening > zero ? one : zero;
+            if (HAS_RATE) {
+                Lanes met = load(worst + j);
+                if (stage == 0) {
+                    const Lanes from = least(most(e, yield), met);
+                    const Lanes lag = most(from - e, zero);
+                    met = from - (lag - lag * lag_kept);
+                }
+                const Lanes flowing = least(met, yield);
+                const Lanes rest = most(flowing, densified) - yield;
+                if (stage == 0) {
+                    const Lanes slack = c.crushed_stress / (c.crushed_strain - rest);
+                    opening = whole * (met < yield ? slack : modulus);
+                    store(worst + j, met);
+                    store(tension + j, opening);
+                }
+                elastic = e - rest;
+                pressed = most(elastic, yield) + least(e - flowing, zero);
+            } else {
+                elastic = e - load(permanent + j);
+                pressed = most(elastic, yield);
+            }
+            const Lanes stress = modulus * least(pressed, zero) + opening * most(elastic, zero);
+            const Lanes per_reach = one / length;
+            Lanes pull = area * stress * per_reach;
             const Lanes ahead_x = load(x + j + side) - xj + (load(x + end + side) - x_end);
             const Lanes ahead_y = load(y + j + side) - yj + (load(y + end + side) - y_end);
             const Lanes behind_x = xj - load(x + j - side) + (x_end - load(x + end - side));
             const Lanes behind_y = yj - load(y + j - side) + (y_end - load(y + end - side));
-            const Lanes whole = opening > zero ? one : zero;
             const Lanes half_ahead = whole * load(ahead + j);
             const Lanes half_behind = whole * load(behind + j);
             const Lanes across_x = half_ahead * ahead_x + half_behind * behind_x;
@@ -196,22 +222,34 @@ class Lattice {
             const Lanes shear = area * tau, drag = whole * damping;
             const Lanes relative_x = load(vx + end) - load(vx + j);
             const Lanes relative_y = load(vy + end) - load(vy + j);
+            Lanes closing, excess;
+            if (HAS_EXCESS) {
+                closing = rx * relative_x + ry * relative_y;
+                excess = c.excess[axis] * whole * closing * (per_reach * per_reach);
+                pull += excess;
+            }
             store(force_x + j, pull * rx + (shear * across_x + drag * relative_x));
             store(force_y + j, pull * ry + (shear * across_y + drag * relative_y));
             deepest = least(deepest, e);
             if (!recording) continue;
-            const Lanes deeper = least(load(worst + j), e);
-            const auto crushed = deeper < yield;
-            if (stage == 0) {
-                const Lanes rest =
-                    least(most(deeper, all(c.densification_strain)), yield) - yield;
+            if (stage == 0 && !HAS_RATE) {
+                const Lanes deeper = least(load(worst + j), e);
+                const Lanes rest = least(most(deeper, densified), yield) - yield;
                 const Lanes slack = c.crushed_stress / (c.crushed_strain - rest);
                 store(worst + j, deeper);
                 store(permanent + j, rest);
-                store(tension + j, whole * (crushed ? slack : modulus));
+                store(tension + j, whole * (deeper < yield ? slack : modulus));
             }
             if (stage == LAST_STAGE) {
-                const Lanes limit = crushed ? all(c.crushed_strain) : all(c.tensile_strain);
+                const Lanes met = HAS_RATE ? load(worst + j) : least(load(worst + j), e);
+                Lanes limit = met < yield ? all(c.crushed_strain) : all(c.tensile_strain);
+                if (HAS_WEAKENED) {
+                    // crush across is that of the end which is crushed less
+                    const Lanes near = least(load(crossing + j), load(crossing + j - side));
+                    const Lanes far = least(load(crossing + end), load(crossing + end - side));
+                    const Lanes crush = (most(near, far) - yield) * per_crush;
+                    limit *= one - weakening * least(most(crush, zero), one);
+                }
                 const Lanes pressure = e < zero ? magnitude(stress) : zero;
                 const Lanes strength = c.shear_strength + c.pressure_coefficient * pressure;
                 const auto fails = most(e - limit, magnitude(tau) - strength) > zero;
@@ -222,9 +260,13 @@ class Lattice {
             if (stage == 0 || stage == LAST_STAGE) {
                 shear_power += shear * (across_x * relative_x + across_y * relative_y);
                 dashpot_power += drag * (relative_x * relative_x + relative_y * relative_y);
+                if (HAS_EXCESS) dashpot_power += excess * closing;
             }
         }
-        if (axis == B) force_x[rows - 1] = force_y[rows - 1] = 0.0;
+        if (axis == B) {  // the last row has no bond above it
+            force_x[rows - 1] = force_y[rows - 1] = 0.0;
+            if (stage == 0) worst[rows - 1] = 0.0;
+        }
         if (recording && (stage == 0 || stage == LAST_STAGE)) {
             column[i].shear_power += sum(shear_power);
             column[i].dashpot_power += sum(dashpot_power);
@@ -259,7 +301,8 @@ class Lattice {
         if (axis == A && (i < 0 || i == columns - 1)) {
             std::fill(force_x, force_x + padded, 0.0);
             std::fill(force_y, force_y + padded, 0.0);
-        } else if (face_column<axis, stage, recording>(now, i, force_x, force_y) < c.densification_strain) {
+        } else if (face_column<axis, stage, recording>(now, i, force_x, force_y) <
+                   c.densification_strain) {
             const double stiffest = densify<axis>(now, i, force_x, force_y);
             if (recording) column[i].densified = max(column[i].densified, stiffest);
         }
@@ -278,17 +321,19 @@ class Lattice {
         double densified = 0.0;
         for (const Column& sums : column) densified = max(densified, sums.densified);
         step = c.step > 0.0 ? c.step : stable_step(c, densified);
+        if (HAS_RATE) lag_kept = lag_left(c, step);
     }
 
     // What has failed in a step is broken from its end on.
-    void break_links() {
+    void break_bonds() {
         double breaks = 0.0;
         for (const Column& sums : column) breaks += sums.breaks;
         if (breaks == 0.0) return;
         broken += int(breaks);
-        for (const Links& axis : links)
+        for (const Bonds& axis : bonds)
             for (int k = 0; k < size(); ++k)
-                if (axis.break_time[k] == BREAKING) axis.break_time[k] = time, axis.tension[k] = 0.0;
+                if (axis.break_time[k] == BREAKING)
+                    axis.break_time[k] = time, axis.tension[k] = 0.0;
         for (int i = 0; i < columns; ++i) update_halves(i);
     }
 
@@ -381,11 +426,9 @@ class Lattice {
                 c, edges.data(), int(edges.size()),
                 {now.x[k] - c.impactor_x, now.y[k] - body.trial_y}, {path.x, path.y - body_path},
                 impactor_slip[k]);
-            const double worst_above = j < rows - 1 ? links[B].worst[k] : 0.0;
-            const double worst_below = j > 0 ? links[B].worst[k - 1] : 0.0;
             const Touch floor = floor_contact(
-                c, now.y[k], min(links[A].worst[k], links[A].worst[k - stride]),
-                min(worst_above, worst_below), path.x, floor_slip[k]);
+                c, now.y[k], min(bonds[A].worst[k], bonds[A].worst[k - stride]),
+                min(bonds[B].worst[k], bonds[B].worst[k - 1]), path.x, floor_slip[k]);
             if (stage == 0) {
                 impactor_slip[k] = hit.stretch;
                 floor_slip[k] = floor.stretch;
@@ -459,18 +502,19 @@ class Lattice {
         column[i].astray = sum(strange);
     }
 
-    bool whole(int axis, int k) const { return links[axis].break_time[k] == INTACT; }
+    bool whole(int axis, int k) const { return bonds[axis].break_time[k] == INTACT; }
 
-    // A half counts while the crossing bonds at both of the bond's nodes are whole.
     void update_halves(int i) {
         for (int j = 0; j < rows; ++j) {
-            const int k = at(i, j), right = k + stride, up = k + 1;
-            const Halves a = halves(whole(B, k) && whole(B, right),
-                                    whole(B, k - 1) && whole(B, right - 1), c.per_length[B]);
-            const Halves b = halves(whole(A, k) && whole(A, up),
-                                    whole(A, k - stride) && whole(A, up - stride), c.per_length[A]);
-            links[A].ahead[k] = a.ahead, links[A].behind[k] = a.behind;
-            links[B].ahead[k] = b.ahead, links[B].behind[k] = b.behind;
+            const int k = at(i, j), right = k + stride, up = k + 1, left = k - stride;
+            const bool above = half_counts(c, whole(B, k), whole(B, right));
+            const bool below = half_counts(c, whole(B, k - 1), whole(B, right - 1));
+            const bool after = half_counts(c, whole(A, k), whole(A, up));
+            const bool before = half_counts(c, whole(A, left), whole(A, left + 1));
+            const Halves a = halves(above, below, c.per_length[B]);
+            const Halves b = halves(after, before, c.per_length[A]);
+            bonds[A].ahead[k] = a.ahead, bonds[A].behind[k] = a.behind;
+            bonds[B].ahead[k] = b.ahead, bonds[B].behind[k] = b.behind;
         }
     }
 };

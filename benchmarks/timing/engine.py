@@ -1,81 +1,110 @@
-"""This engine as a subject, inside a worker process: its own calls, without `simulation`'s loop."""
+"""The engine as the benchmarks see it: all that they know of its insides, but for parts.py.
+
+`Loaded` is a lattice or a batch that takes steps. The rest is a subject inside a worker process.
+"""
 
 from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import taichi as ti
+from taichi.lang.util import to_numpy_type
 
-from taichi_foam.engine import loading, stepper
-from taichi_foam.engine.lattice import RUNNING, Lattice, borrowed
+from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine.features import Features, features_of
+from taichi_foam.engine.lattice import borrowed
+from taichi_foam.engine.state import RUNNING
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
 
-from .subjects import Subject
+from .measurement import LEAST_STEPS, Measurement, better_steps
+from .subjects import Subject, scene_with, updated
 
-SECONDS = 0.3  # a measurement of few steps takes about this
-LEAST_STEPS = 3
-BYTES = {"f32": 4, "f64": 8}
 ALL = 1_000_000  # steps: as far as the lattice's pause
 
-
-@dataclass
-class Measurement:
-    """What one measurement gave."""
-
-    wall: float  # s
-    cpu: float | None  # s, of all threads of the process
-    node_stages: float
-    simulated: float  # s, of one lattice; lattices of a batch add up
-
-
-def better_steps(steps: int, took: float) -> int:
-    """Steps of the next measurement, that it takes about SECONDS."""
-    return max(LEAST_STEPS, round(steps * SECONDS / took))
+start_taichi, settings = runtime.start, runtime.settings
 
 
 class Loaded:
-    """One lattice or batch on the device, and how far it has come."""
+    """One lattice or batch on the device, for scenes of one size, and how far it has come."""
 
-    def __init__(self, stack: ExitStack, batch: int, counts: tuple[int, int]) -> None:
-        self.lattice: Lattice = stack.enter_context(borrowed(batch, *counts))
-        self._advance = stepper.advance_of(self.lattice)
-        self.standing: dict[str, np.ndarray] = {}
+    def __init__(
+        self, stack: ExitStack, batch: int, counts: tuple[int, int], features: Features
+    ) -> None:
+        self._lattice = stack.enter_context(borrowed(batch, *counts, features))
+        self._advance = stepping.advance_of(self._lattice)
+        self._standing: dict[str, np.ndarray] = {}
+        self.batch, self.nodes = batch, counts[0] * counts[1]
         self.holds = ""
 
-    def start(self, scene: Scene, name: str) -> None:
+    def start(self, scene: Scene, name: str = "") -> None:
         """Set all lattices to the start of the scene."""
-        for b in range(self.lattice.batch):
-            loading.load(self.lattice, b, scene)
-            stepper.prepare(self.lattice, b)
+        for b in range(self.batch):
+            transfer.load(self._lattice, b, scene)
         self.holds = name
-        self.standing, _ = loading.harvest(self.lattice)
+        self._standing, _ = transfer.harvest(self._lattice)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s] of the lattice that is furthest."""
+        return float(self._standing["time"].max())
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the first lattice has not come to its end."""
+        return bool(self._standing["status"][0] == RUNNING)
+
+    @property
+    def longest_step(self) -> float:
+        """The longest step of the first lattice so far [s]."""
+        return float(self._standing["longest"][0])
 
     def run_to(self, moment: float) -> Measurement:
-        """Step all lattices to a simulated time."""
-        loading.set_pause(self.lattice, np.full(self.lattice.batch, moment))
+        """Step all lattices to a simulated time [s], or until a history is full."""
+        transfer.set_pause(self._lattice, np.full(self.batch, moment))
         return self._timed(ALL)
 
     def run_steps(self, steps: int) -> Measurement:
         """Step all lattices `steps` times."""
-        loading.set_pause(self.lattice, np.full(self.lattice.batch, 1e30))
+        transfer.set_pause(self._lattice, np.full(self.batch, 1e30))
         return self._timed(steps)
 
+    def snapshot(self) -> Snapshot:
+        """The first lattice's state, copied from the device."""
+        return transfer.snapshot(self._lattice, 0)
+
+    def bytes_per_node_stage(self) -> float:
+        """What a stage of a lattice beyond the caches has to move, by node.
+
+        Counted from the fields as they are: each stage reads the trial and the accepted state and
+        the bonds, reads and writes the weighted sums, and writes the trial state; a step's
+        first stage writes the bonds' history too, its last the accepted state.
+        """
+        state = self._lattice.state
+        motion, rate = _bytes(state.motion), _bytes(state.increment)
+        bonds = sum(_bytes(bond) for bond in state.bonds)
+        return 3 * motion + bonds + 2 * rate + (bonds + motion) / 4
+
     def _timed(self, steps: int) -> Measurement:
-        before = self.standing
+        before = self._standing
         ti.sync()
         cpu, wall = time.process_time(), time.perf_counter()
-        self._advance(self.lattice, steps)
+        self._advance(self._lattice, steps)
         ti.sync()
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        self.standing, _ = loading.harvest(self.lattice)
-        taken = (self.standing["steps"] - before["steps"]).sum()
-        simulated = (self.standing["time"] - before["time"]).sum()
-        return Measurement(wall, cpu, 4.0 * self.lattice.nodes * taken, simulated)
+        self._standing, _ = transfer.harvest(self._lattice)
+        taken = (self._standing["steps"] - before["steps"]).sum()
+        simulated = (self._standing["time"] - before["time"]).sum()
+        return Measurement(wall, cpu, float(4.0 * self.nodes * taken), float(simulated))
+
+
+def _bytes(record: Any) -> int:
+    """Of one node in a record of packs: each member holds a number for every node."""
+    kinds = (record.get_member_field(name).dtype for name in record.keys)
+    return sum(np.dtype(to_numpy_type(kind)).itemsize for kind in kinds)
 
 
 class Engine:
@@ -86,18 +115,18 @@ class Engine:
         self._lattices: dict[tuple, Loaded] = {}
         self._steps: dict[str, int] = {}
 
-    def _loaded(self, batch: int, counts: tuple[int, int]) -> Loaded:
-        key = (batch, counts)
+    def _loaded(self, batch: int, scene: Scene) -> Loaded:
+        key = (batch, (scene.block.columns, scene.block.rows), features_of(scene))
         if key not in self._lattices:
-            self._lattices[key] = Loaded(self._stack, batch, counts)
+            self._lattices[key] = Loaded(self._stack, *key)
         return self._lattices[key]
 
-    def prepare(self, subject: Subject) -> None:
-        """Compile, and bring the subject where measurements begin."""
-        loaded = self._loaded(subject.batch, subject.counts)
-        self._begin(loaded, subject)
-        if not subject.span:
-            self._steps[subject.key] = better_steps(1, loaded.run_steps(1).wall)
+    def _holding(self, subject: Subject) -> Loaded:
+        """The subject's lattice, at least where its measurements begin."""
+        loaded = self._loaded(subject.batch, subject.scene())
+        if loaded.holds != subject.key:
+            self._begin(loaded, subject)
+        return loaded
 
     def _begin(self, loaded: Loaded, subject: Subject) -> None:
         loaded.start(subject.scene(), subject.key)
@@ -106,70 +135,56 @@ class Engine:
         else:
             loaded.run_steps(2)  # the first writes a row and lists neighbours
 
+    def prepare(self, subject: Subject) -> None:
+        """Compile, and bring the subject where measurements begin."""
+        loaded = self._holding(subject)
+        if not subject.span:
+            wall = loaded.run_steps(1).wall
+            self._steps[subject.key] = better_steps(1, wall, subject.seconds)
+
     def measure(self, subject: Subject) -> Measurement:
         """One measurement, after going back to the start if need be."""
-        loaded = self._loaded(subject.batch, subject.counts)
-        if loaded.holds != subject.key:
-            self._begin(loaded, subject)
+        loaded = self._holding(subject)
         if not subject.span:
             steps = self._steps[subject.key]
             result = loaded.run_steps(steps)
-            self._steps[subject.key] = better_steps(steps, result.wall)
+            self._steps[subject.key] = better_steps(steps, result.wall, subject.seconds)
             return result
-        end = float(loaded.standing["time"].max()) + subject.span
-        if end > subject.until + 0.5 * subject.span:
+        end = loaded.time + subject.span
+        if end > 2.0 * subject.start + 0.5 * subject.span:
             self._begin(loaded, subject)
             end = subject.start + subject.span
         return loaded.run_to(end)
 
-    def whole(self, case: str, contact: bool) -> Measurement:
-        """A whole run of a paper test on one lattice."""
-        scene = paper_scene(case)
-        model = scene.model.model_copy(update={"self_contact": contact})
-        loaded = self._loaded(1, (scene.block.columns, scene.block.rows))
-        loaded.start(scene.model_copy(update={"model": model}), f"{case} {contact}")
+    def whole(self, case: str, contact: bool, end: float | None) -> Measurement:
+        """A whole run of a paper test on one lattice, or its first `end` seconds."""
+        scene = scene_with("calibrated", case, contact)
+        if end is not None:
+            scene = updated(scene, {"numerics": {"end": end}})
+        loaded = self._loaded(1, scene)
+        loaded.start(scene)
         total = Measurement(0.0, 0.0, 0.0, 0.0)
-        while loaded.standing["status"][0] == RUNNING:  # calls end with a full history
-            call = loaded.run_to(1.0)
-            total = Measurement(
-                total.wall + call.wall, (total.cpu or 0.0) + (call.cpu or 0.0),
-                total.node_stages + call.node_stages, total.simulated + call.simulated,
-            )  # fmt: skip
-        loaded.holds = ""
+        while loaded.is_running:  # calls end with a full history
+            total += loaded.run_to(1.0)
         return total
 
     def snapshot(self, subject: Subject) -> dict[str, float]:
         """What a snapshot of a subject's lattice takes [s], and what lies between two of them."""
-        loaded = self._loaded(subject.batch, subject.counts)
-        if loaded.holds != subject.key:
-            self._begin(loaded, subject)
+        loaded = self._holding(subject)
         walls = []
         for _ in range(4):
             start = time.perf_counter()
-            loading.snapshot(loaded.lattice, 0)
+            loaded.snapshot()
             walls.append(time.perf_counter() - start)
         interval = subject.scene().output.snapshot_interval
         return {
             "wall": float(np.median(walls[1:])),  # the first compiles
-            "steps": interval / float(loaded.standing["longest"][0]),
+            "steps": interval / loaded.longest_step,
         }
 
     def traffic(self, subject: Subject) -> float:
-        """Bytes per node and stage that a lattice beyond the caches has to move.
-
-        Counted from the fields as they are: each stage reads the trial and the accepted state and
-        the bonds, reads and writes the weighted sums, and writes the trial state; a step's
-        first stage writes the bonds' history too, its last the accepted state.
-        """
-        lattice = self._loaded(subject.batch, subject.counts).lattice
-        motion, rate = self._bytes(lattice.state), self._bytes(lattice.rate)
-        bonds = sum(self._bytes(bond) for bond in lattice.bonds)
-        return 3 * motion + bonds + 2 * rate + (bonds + motion) / 4
-
-    @staticmethod
-    def _bytes(record: Any) -> int:
-        """Of one node in a record of packs: each member holds a number for every node."""
-        return sum(BYTES[str(record.get_member_field(name).dtype)] for name in record.keys)
+        """Bytes per node and stage that the subject's lattice has to move."""
+        return self._loaded(subject.batch, subject.scene()).bytes_per_node_stage()
 
 
 def resident() -> int:
@@ -186,7 +201,8 @@ def resident() -> int:
 def stepped(subject: Subject) -> int:
     """Memory in use [bytes] once a subject's lattice is loaded and has stepped."""
     with ExitStack() as stack:
-        loaded = Loaded(stack, subject.batch, subject.counts)
-        loaded.start(subject.scene(), subject.key)
+        scene = subject.scene()
+        loaded = Loaded(stack, subject.batch, subject.counts, features_of(scene))
+        loaded.start(scene)
         loaded.run_steps(LEAST_STEPS)
         return resident()

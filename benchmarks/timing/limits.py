@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from peers.compile import compiler
+from peers.compile import build, compiler
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 FLAGS = ("-O3", "-march=native", "-std=c++17", "-ffp-contract=fast")
@@ -34,12 +34,11 @@ class Limits:
 
     def _compiled(self) -> Path | None:
         command = compiler()
-        program = Path(self._folder.name, "limits")
         if command is None:
             return None
-        call = [*command, *FLAGS, "-fopenmp", str(SOURCE), "-o", str(program)]
-        answer = subprocess.run(call, capture_output=True, check=False)
-        return program if answer.returncode == 0 else None
+        program = Path(self._folder.name, "limits")
+        build([*command, *FLAGS], SOURCE, program)
+        return program
 
     def _measured(self, threads: int) -> dict[str, float]:
         if self._program is None:

@@ -10,22 +10,24 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shutil
 import sys
 import tempfile
 from pathlib import Path
 
-# Module, and a statement to drop. Each must be found, or there is nothing to measure.
-EDITS = (
-    ("nodes", r"lattice\.strip_work\[b, strip\]\[member\] = .+"),
-    ("nodes", r"lattice\.tally\[b, strip\]\.by_faces = .+"),
-    ("faces", r"(lattice\.)?tally\[b, strip\]\.(sheared|damped) = .+"),
-    ("contact", r"work\[\w+\] -= .+"),
-    ("contact", r"lattice\.strip_work\[b, strip\] = work"),
+# Statements to drop, wherever the engine has them. Each must be found, or there is nothing to
+# measure.
+DROPPED = (
+    r"lattice\.state\.work\[b, strip\]\[member\] = .+",
+    r"(lattice\.scratch\.)?tally\[b, strip\]\.by_bonds = .+",
+    r"(?<!\.)tally\[b, strip\]\.(sheared|damped) = .+",
+    r"work\[\w+\] -= .+",
+    r"lattice\.state\.work\[b, strip\] = work",
 )
 
 
 class OutdatedError(Exception):
-    """The engine's source no longer says what is to be edited."""
+    """The engine's source no longer has what is to be dropped."""
 
 
 def install() -> None:
@@ -33,18 +35,18 @@ def install() -> None:
     package = importlib.util.find_spec("taichi_foam.engine")
     assert package is not None
     assert package.submodule_search_locations
-    source = Path(package.submodule_search_locations[0])
-    edited = Path(tempfile.mkdtemp(prefix="taichi_foam_no_ledger_"))
-    for path in source.glob("*.py"):
+    edited = Path(tempfile.mkdtemp(prefix="taichi_foam_no_ledger_"), "engine")
+    shutil.copytree(package.submodule_search_locations[0], edited)
+    found = dict.fromkeys(DROPPED, 0)
+    for path in edited.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        for module, statement in EDITS:
-            if module == path.stem:
-                text, count = re.subn(statement, "pass", text)
-                if not count:
-                    raise OutdatedError(
-                        f"no ledger: engine/{path.name} no longer has {statement!r}"
-                    )
-        (edited / path.name).write_text(text, encoding="utf-8")
+        for statement in DROPPED:
+            text, count = re.subn(statement, "pass", text)
+            found[statement] += count
+        path.write_text(text, encoding="utf-8")
+    missing = [statement for statement, count in found.items() if not count]
+    if missing:
+        raise OutdatedError(f"timing/no_ledger.py: the engine no longer has {missing}")
     import taichi_foam.engine
 
     assert "taichi_foam.engine.nodes" not in sys.modules, "the engine is already imported"

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from peers import PLASTIC, ROTATIONAL, Lammps, Numba, Plain, Skipped, Vectors
 from peers.lammps_peer import TIME_STEP
 
-from .engine import Measurement, better_steps
+from .measurement import Measurement, better_steps
 from .subjects import Subject
+from .workers import AbsentError
 
-BLOCK = 50  # steps between two looks at the clock
-# LAMMPS starts anew for every measurement, so that it gets as many steps whatever it takes
-LAMMPS_NODE_STEPS = 1_600_000
+BLOCK = 25  # steps between two looks at the clock
+# LAMMPS starts anew for every measurement, so that it gets as many steps whatever it takes: these
+# for a measurement of one second
+LAMMPS_NODE_STEPS = 5_000_000
 
-LOADERS = {
+LOADERS: dict[str, Callable[[], Any]] = {
     "Plain": Plain.load,
     "Vectors": Vectors.load,
     "Numba": Numba.load,
@@ -24,19 +27,15 @@ LOADERS = {
 }
 
 
-class AbsentError(Exception):
-    """A peer cannot take part; says why in one line."""
-
-
 class Peers:
-    """The peers of one worker; a lattice of each size, shared by the thread counts."""
+    """The peers of one worker; a lattice of each size and choices, shared by the thread counts."""
 
     def __init__(self) -> None:
         self._peers: dict[tuple, Any] = {}
         self._steps: dict[str, tuple[int, int]] = {}  # before a measurement, and in it
 
     def _peer(self, subject: Subject) -> Any:
-        key = (subject.peer, subject.counts)
+        key = (subject.peer, subject.counts, subject.choices)
         if key not in self._peers:
             peer = LOADERS[subject.peer]()
             if isinstance(peer, Skipped):
@@ -56,7 +55,8 @@ class Peers:
         else:
             start = time.perf_counter()
             peer.advance(1, subject.threads)
-            self._steps[subject.key] = (0, better_steps(1, time.perf_counter() - start))
+            took = time.perf_counter() - start
+            self._steps[subject.key] = (0, better_steps(1, took, subject.seconds))
 
     def _count(self, peer: Any, subject: Subject) -> tuple[int, int]:
         peer.prepare(subject.scene())
@@ -83,14 +83,14 @@ class Peers:
         taken = peer.advance(steps, subject.threads)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         if not subject.span:
-            self._steps[subject.key] = (0, better_steps(steps, wall))
+            self._steps[subject.key] = (0, better_steps(steps, wall, subject.seconds))
         simulated = peer.state().time - since if subject.span else taken * step
         return Measurement(wall, cpu, 4.0 * subject.nodes * taken, simulated)
 
 
 def _lammps(peer: Lammps, subject: Subject) -> Measurement:
     """LAMMPS times its own loop, which evaluates forces once a step."""
-    steps = max(10, LAMMPS_NODE_STEPS // subject.nodes)
+    steps = max(10, round(LAMMPS_NODE_STEPS * subject.seconds / subject.nodes))
     taken = peer.advance(steps)
     evaluations = float(subject.nodes * taken)
     return Measurement(1e-9 * peer.nanoseconds * evaluations, None, evaluations, taken * TIME_STEP)

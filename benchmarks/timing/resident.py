@@ -2,11 +2,9 @@
 
 import sys
 
-from taichi_foam.engine import runtime
-
-from .engine import stepped
+from .engine import start_taichi, stepped
 from .subjects import Subject
 
 threads, columns, rows = map(int, sys.argv[1:])
-runtime.start(threads=threads)
+start_taichi(threads=threads)
 print(stepped(Subject("", "", "", counts=(columns, rows), contact=True)))

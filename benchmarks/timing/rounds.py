@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, field
 from typing import Any
 
 from .limits import Limits
 from .subjects import Subject
-from .workers import WorkerError, Workers
+from .workers import AbsentError, Workers
 
 ENOUGH = 4  # values for quartiles; of fewer the least and the largest are shown
 
@@ -54,8 +55,19 @@ class Record:
     subjects: list[Subject]
     rounds: list[dict[str, dict]] = field(default_factory=list)  # measurements by subject
     limits: list[dict[int, dict]] = field(default_factory=list)  # of each round, by threads
-    skipped: dict[str, str] = field(default_factory=dict)  # reasons, by what is missing
+    skipped: dict[str, str] = field(default_factory=dict)  # what is not installed, by subject
+    failed: dict[str, str] = field(default_factory=dict)  # errors, by subject
     found: dict[str, Any] = field(default_factory=dict)  # what is measured outside the rounds
+
+    @contextlib.contextmanager
+    def attempt(self, key: str) -> Iterator[None]:
+        """Go on when `key` cannot be measured, and keep the reason: not installed, or an error."""
+        try:
+            yield
+        except AbsentError as error:
+            self.skipped[key] = str(error)
+        except RuntimeError as error:
+            self.failed[key] = str(error)
 
     def values(self, key: str, of: Callable[[dict], float]) -> list[float]:
         """A subject's values, one of each round that has it."""
@@ -79,27 +91,24 @@ def prepare(workers: Workers, record: Record, on_progress: Callable[[int], None]
         done = {key: future for key, future in waiting.items() if future.done()}
         for key, future in done.items():
             del waiting[key]
-            error = future.exception()
-            if isinstance(error, WorkerError):
-                record.skipped[key] = str(error)
-            elif error is not None:
-                raise error
+            with record.attempt(key):
+                future.result()
         on_progress(len(done))
 
 
 def measure(
-    workers: Workers, record: Record, limits: Limits, rounds: int, on_next: Callable[[str], None]
-) -> None:
+    workers: Workers, record: Record, limits: Limits | None, rounds: int,
+    on_next: Callable[[str], None],
+) -> None:  # fmt: skip
     """Measure all subjects `rounds` times in turn; each round begins with another one."""
     for number in range(rounds):
         measured: dict[str, dict] = {}
         record.rounds.append(measured)
-        there = [subject for subject in record.subjects if subject.key not in record.skipped]
+        there = [each for each in record.subjects if each.key not in record.skipped | record.failed]
         begin = number * len(there) // rounds
         for subject in there[begin:] + there[:begin]:
             on_next(subject.name)
-            try:
+            with record.attempt(subject.key):
                 measured[subject.key] = workers[subject.worker].ask("measure", subject)
-            except WorkerError as failure:
-                record.skipped[subject.key] = str(failure)
-        record.limits.append(limits.measure())
+        if limits:
+            record.limits.append(limits.measure())

@@ -10,35 +10,37 @@ import tempfile
 import time
 from collections.abc import Callable
 
-from .subjects import LARGE, SMALL
+from .subjects import SMALL, Mode
 from .workers import BENCHMARKS
 
 IMPORT = "import time; t = time.perf_counter(); import taichi_foam; print(time.perf_counter() - t)"
 SMALL_RUN = ("run", "paper/wedge-2.86", "--no-film")
 BIG_RUN = (*SMALL_RUN, "--set", "block.columns=400", "--set", "block.rows=200")
 IMPORTS = 5
-WARM_STARTS = 3
 
 
-def starts(quick: bool, on_next: Callable[[str], None]) -> dict[str, float]:
+def starts(mode: Mode, on_next: Callable[[str], None]) -> dict[str, float]:
     """Seconds that `import taichi_foam` takes, and until the first step, cold and warm.
 
     Cold: with an empty folder for compiled kernels, as after installing; the same folder is then
-    warm.
+    warm. Without warm starts to measure there is one, with the folder that everybody uses.
     """
     found: dict[str, float] = {}
     on_next("import taichi_foam")
     found["import"] = statistics.median(
         _number([sys.executable, "-c", IMPORT]) for _ in range(IMPORTS)
     )
+    if not mode.warm_starts:
+        on_next("first step")
+        return {**found, "as it is": _first_step("", SMALL_RUN)}
     with tempfile.TemporaryDirectory(prefix="taichi_foam_cache_") as cache:
         on_next("first step, cold")
         found["cold"] = _first_step(cache, SMALL_RUN)
         on_next("first step, warm")
         found["warm"] = statistics.median(
-            _first_step(cache, SMALL_RUN) for _ in range(1 if quick else WARM_STARTS)
+            _first_step(cache, SMALL_RUN) for _ in range(mode.warm_starts)
         )
-        if not quick:
+        if mode.all_sizes:
             on_next("first step of 80,000 nodes, cold")
             found["cold, 80,000 nodes"] = _first_step(cache, BIG_RUN)
             on_next("first step of 80,000 nodes, warm")
@@ -49,16 +51,17 @@ def starts(quick: bool, on_next: Callable[[str], None]) -> dict[str, float]:
 def _first_step(cache: str, arguments: tuple[str, ...]) -> float:
     with tempfile.TemporaryDirectory(prefix="taichi_foam_first_") as folder:
         call = ["timing.first_step", repr(time.time()), *arguments]
-        return _number([sys.executable, "-m", *call], folder, TI_OFFLINE_CACHE_FILE_PATH=cache)
+        kept = {"TI_OFFLINE_CACHE_FILE_PATH": cache} if cache else {}
+        return _number([sys.executable, "-m", *call], folder, **kept)
 
 
-def memory(threads: int) -> float:
+def memory(mode: Mode, threads: int) -> float:
     """Bytes per node of a big lattice that has stepped, beyond what a small one's process takes."""
-    small, large = (
-        _number([sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)])
-        for counts in (SMALL, LARGE)
-    )
-    return (large - small) / (LARGE[0] * LARGE[1])
+    found = {
+        counts: _number([sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)])
+        for counts in {SMALL, mode.large}
+    }
+    return (found[mode.large] - found[SMALL]) / (mode.large[0] * mode.large[1])
 
 
 def _number(call: list[str], folder: str | None = None, **variables: str) -> float:

@@ -1,19 +1,57 @@
-"""What is timed: this engine in its ways of stepping, and the peers."""
+"""What is timed: this engine in its ways of stepping, and the peers; and how much of everything."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import get_args
 
-from peers import lattice_of
+from peers import CASE, Choices, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.tests import NAMES
 
-CASE = "paper/rectangular-3.03"
 SMALL = (40, 20)
-MIDDLE = (400, 200)
-LARGE = (2000, 1000)
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
+LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
+PEERS = {"Plain": "C++, plain", "Vectors": "C++, vectors by hand", "Numba": "Numba"}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """How much a run measures: all of it, less, or a few steps of everything."""
+
+    rounds: int
+    tests: tuple[str, ...]  # of the paper, as whole runs
+    test_rounds: int
+    warm_starts: int
+    middle: tuple[int, int] = (400, 200)
+    large: tuple[int, int] = (2000, 1000)
+    batches: tuple[tuple[int, float], ...] = ((8, 2e-3), (64, 3e-4))  # lattices, simulated time [s]
+    all_sizes: bool = True  # the large lattice on one thread too, peers of the middle one, starts
+    start: float = 8e-3  # s: where small lattices are timed
+    span: float = 8e-3
+    seconds: float = 0.3  # about, of a measurement that is not given a simulated time
+    test_end: float | None = None  # s
+    counted_steps: tuple[int, int] = (1000, 200)  # whose operations are counted, after how many
+
+
+MODES = {
+    "full": Mode(rounds=9, tests=NAMES, test_rounds=3, warm_starts=3),
+    "quick": Mode(
+        rounds=3,
+        tests=("paper/rectangular-3.03", "paper/wedge-2.86"),
+        test_rounds=1,
+        warm_starts=1,
+        batches=((8, 2e-3),),
+        all_sizes=False,
+    ),
+    # one size, so that Taichi compiles once
+    "smoke": Mode(
+        rounds=1, tests=(CASE,), test_rounds=1, warm_starts=0, middle=SMALL, large=SMALL,
+        batches=((1, 1e-4),), start=1e-4, span=1e-4, seconds=0.01, test_end=2e-4,
+        counted_steps=(1, 1),
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -21,7 +59,7 @@ class Subject:
     """One thing that is timed again and again.
 
     A small lattice runs to `start`, where the impact is in full swing; a measurement is the next
-    `span` of simulated time, and at `until` the lattice goes back to the start. With `span` 0 a
+    `span` of simulated time, and at twice the start the lattice goes back to it. With `span` 0 a
     measurement is a few steps, the first of a lattice too large to wait for more.
     """
 
@@ -31,11 +69,12 @@ class Subject:
     counts: tuple[int, int] = SMALL
     batch: int = 1
     threads: int = 1
+    choices: Choices = "calibrated"
     contact: bool = False
     peer: str = ""
-    start: float = 8e-3  # s
-    span: float = 8e-3
-    until: float = 16e-3
+    start: float = 0.0  # s
+    span: float = 0.0
+    seconds: float = 0.3
 
     @property
     def nodes(self) -> int:
@@ -43,73 +82,81 @@ class Subject:
         return self.counts[0] * self.counts[1]
 
     def scene(self) -> Scene:
-        """The case with this subject's cells, and no end in sight."""
-        scene = paper_scene(CASE)
-        model = scene.model.model_copy(update={"self_contact": self.contact})
-        numerics = scene.numerics.model_copy(update={"end": 1.0})
-        update: dict[str, object] = {"model": model, "numerics": numerics}
+        """The case with this subject's cells and choices, and no end in sight."""
+        scene = updated(scene_with(self.choices, contact=self.contact), {"numerics": {"end": 1.0}})
         if self.worker.endswith(NO_LEDGER):
             rare = {"history_interval": 0.01, "snapshot_interval": 0.01}
-            update["output"] = scene.output.model_copy(update=rare)
-        return lattice_of(scene.model_copy(update=update), *self.counts)
+            scene = updated(scene, {"output": rare})
+        return lattice_of(scene, *self.counts)
 
 
-def subjects(quick: bool, threads: int) -> list[Subject]:
-    """All subjects of a run, in the order of the table; `threads` is what many-threaded ones use.
-
-    `quick` leaves out what takes long to prepare.
-    """
-    many = f"engine-{threads}"
-    found = [
-        Subject("fused", "this engine, fused", "engine-1"),
-        Subject("fused contact", "this engine, fused, contact of pieces", "engine-1", contact=True),
-        Subject("fused no ledger", "this engine, fused, no ledger", f"engine-1-{NO_LEDGER}"),
-        Subject("plain", "C++, plain", "peers", peer="Plain"),
-        Subject("vectors", "C++, vectors by hand", "peers", peer="Vectors"),
-        Subject("numba", "Numba", "peers", peer="Numba"),
-        Subject("lammps", "LAMMPS bpm/rotational", "peers", peer="Rotational"),
-        Subject("lammps plastic", "LAMMPS bpm/spring/plastic", "peers", peer="Plastic"),
-    ]
-    for batch, span in ((8, 2e-3),) if quick else ((8, 2e-3), (64, 3e-4)):
-        for worker, count in (("engine-1", 1), (many, threads)):
-            found.append(
-                Subject(
-                    f"batch {batch} on {count}", f"this engine, batch of {batch}", worker,
-                    batch=batch, threads=count, span=span,
-                )
-            )  # fmt: skip
-    middle = _big("middle", MIDDLE, many, threads, singles=True)
-    large = _big("large", LARGE, many, threads, singles=not quick)
-    if not quick:
-        lammps = Subject(
-            "middle lammps", "LAMMPS bpm/rotational", "peers", MIDDLE, peer="Rotational"
-        )
-        numba = Subject("middle numba", "Numba", "peers", MIDDLE, peer="Numba", start=0, span=0)
-        middle += [numba, lammps]
-    return found + middle + large
+def subjects(mode: Mode, threads: int) -> list[Subject]:
+    """All subjects of a run, in the order of the table; `threads`: what many-threaded ones use."""
+    found = [*_small(mode), *_batches(mode, threads)]
+    for key, counts in (("middle", mode.middle), ("large", mode.large)):
+        found += _big(mode, key, counts, threads)
+    return list({subject.key: subject for subject in found}.values())  # threads may be 1
 
 
-def _big(
-    key: str, counts: tuple[int, int], many: str, threads: int, singles: bool
-) -> list[Subject]:
-    """A lattice that does not fit the caches: engine and C++ on one thread and on many."""
-    engine = Subject("", "this engine, staged", "", counts, start=0.0, span=0.0)
+def _small(mode: Mode) -> list[Subject]:
+    """The paper's lattice on one thread, with the calibrated choices and with bare ones."""
+    fused = Subject("fused", "this engine, fused", "engine-1", start=mode.start, span=mode.span)
     found = []
-    if singles:
-        found.append(replace(engine, key=f"{key} on 1", worker="engine-1"))
-    found.append(replace(engine, key=f"{key} on {threads}", worker=many, threads=threads))
-    found.append(
-        replace(
-            found[-1], key=f"{key} contact on {threads}", contact=True,
-            name="this engine, staged, contact of pieces",
+    for choices in get_args(Choices):
+        before, after = ("", "") if choices == "calibrated" else ("bare ", ", bare")
+        found.append(replace(fused, key=f"{before}fused", name=fused.name + after, choices=choices))
+        if choices == "calibrated":
+            contact = f"{fused.name}, contact of pieces"
+            found.append(replace(fused, key="fused contact", name=contact, contact=True))
+            worker = f"engine-1-{NO_LEDGER}"
+            name = f"{fused.name}, no ledger"
+            found.append(replace(fused, key="fused no ledger", name=name, worker=worker))
+        found += [
+            replace(
+                fused, key=before + peer.lower(), name=name + after, worker="peers", peer=peer,
+                choices=choices,
+            )
+            for peer, name in PEERS.items()
+        ]  # fmt: skip
+    return [*found, *(_lammps(key, peer, mode) for key, peer in LAMMPS.items())]
+
+
+def _lammps(key: str, peer: str, mode: Mode) -> Subject:
+    """The bare choices are the nearest to what it computes."""
+    name = f"LAMMPS bpm/{'rotational' if peer == 'Rotational' else 'spring/plastic'}"
+    return Subject(key, name, "peers", choices="bare", peer=peer, seconds=mode.seconds)
+
+
+def _batches(mode: Mode, threads: int) -> list[Subject]:
+    return [
+        Subject(
+            f"batch {batch} on {count}", f"this engine, batch of {batch}", f"engine-{count}",
+            batch=batch, threads=count, start=mode.start, span=span,
         )
-    )  # fmt: skip
-    for peer, name in (("Plain", "C++, plain"), ("Vectors", "C++, vectors by hand")):
-        for count in (1, threads) if singles else (threads,):
-            found.append(
-                replace(
-                    engine, key=f"{key} {peer.lower()} on {count}", name=name, worker="peers",
-                    peer=peer, threads=count,
-                )
-            )  # fmt: skip
+        for batch, span in mode.batches
+        for count in (1, threads)
+    ]  # fmt: skip
+
+
+def _big(mode: Mode, key: str, counts: tuple[int, int], threads: int) -> list[Subject]:
+    """A lattice that does not fit the caches: engine and peers on one thread and on many."""
+    engine = Subject("", "this engine, staged", "", counts, seconds=mode.seconds)
+    alone = mode.all_sizes or key == "middle"
+    found = [
+        replace(engine, key=f"{key} on {count}", worker=f"engine-{count}", threads=count)
+        for count in ((1, threads) if alone else (threads,))
+    ]
+    contact = f"{engine.name}, contact of pieces"
+    found.append(replace(found[-1], key=f"{key} contact on {threads}", name=contact, contact=True))
+    for peer in ("Plain", "Vectors"):
+        found += [
+            replace(
+                engine, key=f"{key} {peer.lower()} on {count}", name=PEERS[peer], worker="peers",
+                peer=peer, threads=count,
+            )
+            for count in ((1, threads) if alone else (threads,))
+        ]  # fmt: skip
+    if mode.all_sizes and key == "middle":
+        numba = replace(engine, key="middle numba", name="Numba", worker="peers", peer="Numba")
+        found += [numba, replace(_lammps("middle lammps", "Rotational", mode), counts=counts)]
     return found

@@ -13,10 +13,12 @@ from __future__ import annotations
 import json
 import os
 import sys
+import traceback
 from dataclasses import asdict
 from typing import Any
 
 from .subjects import Subject
+from .workers import AbsentError
 
 
 def main() -> None:
@@ -35,10 +37,12 @@ def main() -> None:
                 raise failure
             answer = {"ok": _answer(server, request)}
         except Exception as error:  # one subject's failure must not end the others
-            first = str(error).strip().split("\n")[0]
-            answer = {"error": first if first else type(error).__name__}
-            if type(error).__name__ not in ("AbsentError", "OutdatedError"):
-                answer["error"] = f"{type(error).__name__}: {first}"
+            traceback.print_exception(error)
+            lines = str(error).strip().splitlines() or [""]
+            said = " ... ".join(dict.fromkeys((lines[0], lines[-1])))
+            answer = {"error": f"{type(error).__name__}: {said}"}
+            if isinstance(error, AbsentError):
+                answer = {"absent": said}
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
 
@@ -52,17 +56,15 @@ def _server(arguments: list[str]) -> Any:
         from . import no_ledger
 
         no_ledger.install()
-    from taichi_foam.engine import runtime
+    from .engine import Engine, start_taichi
 
-    from .engine import Engine
-
-    runtime.start(threads=int(arguments[1]))
+    start_taichi(threads=int(arguments[1]))
     return Engine()
 
 
 def _answer(server: Any, request: dict) -> Any:
     if request["do"] == "whole":
-        return asdict(server.whole(request["case"], request["contact"]))
+        return asdict(server.whole(request["case"], request["contact"], request["end"]))
     values = request["subject"]
     subject = Subject(**{**values, "counts": tuple(values["counts"])})
     result = getattr(server, request["do"])(subject)

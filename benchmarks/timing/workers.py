@@ -18,8 +18,12 @@ BENCHMARKS = Path(__file__).resolve().parent.parent
 PATIENCE = 10.0  # s
 
 
-class WorkerError(Exception):
+class WorkerError(RuntimeError):
     """A worker could not do what it was asked for; says why in one line."""
+
+
+class AbsentError(WorkerError):
+    """Because a package or a compiler is not installed."""
 
 
 class Worker:
@@ -38,7 +42,8 @@ class Worker:
         """Have it done, and wait for the answer.
 
         Raises:
-            WorkerError: it cannot be done, or the process has ended.
+            WorkerError: it cannot be done, or the process has ended; AbsentError if what it needs
+                is not installed.
         """
         request = {"do": do, "subject": subject and asdict(subject), **more}
         assert self._process.stdin is not None
@@ -52,6 +57,8 @@ class Worker:
         if not line:
             raise WorkerError(f"the process has ended: {self._last_error()}")
         answer = json.loads(line)
+        if "absent" in answer:
+            raise AbsentError(answer["absent"])
         if "error" in answer:
             raise WorkerError(answer["error"])
         return answer["ok"]

@@ -1,0 +1,46 @@
+"""The scenes that are compared: a paper test with one of two sets of choices, of any size."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from taichi_foam.scene import Scene
+from taichi_foam.shim2000.tests import paper_scene
+
+CASE = "paper/rectangular-3.03"
+Choices = Literal["calibrated", "bare"]
+BARE: dict[str, dict[str, object]] = {
+    "model": {"damping": "bond", "broken_halves": "either"},
+    "foam": {"rate": None, "crushed_strength": 1.0},
+}
+"""What is left out: dashpots that differ along and across, rate, crush across bonds."""
+
+
+def scene_with(choices: Choices, name: str = CASE, contact: bool = False) -> Scene:
+    """A paper test, calibrated or bare; contact of pieces is what the peers do not have."""
+    scene = updated(paper_scene(name), {"model": {"self_contact": contact}})
+    return updated(scene, BARE) if choices == "bare" else scene
+
+
+def updated(scene: Scene, values: dict[str, dict[str, object]]) -> Scene:
+    """The scene with other values, by part and field."""
+    return scene.model_copy(
+        update={part: getattr(scene, part).model_copy(update=new) for part, new in values.items()}
+    )
+
+
+def lattice_of(scene: Scene, columns: int, rows: int) -> Scene:
+    """The scene with other counts but the same cells, so that the step size stays the same.
+
+    The impactor grows with the block's width, so that as large a part of it is hit.
+    """
+    block, impactor = scene.block, scene.impactor
+    size = {"width": columns * block.dx, "height": rows * block.dy}
+    scene = updated(scene, {"block": {"columns": columns, "rows": rows, **size}})
+    if impactor is None:
+        return scene
+    share = size["width"] / block.width
+    wider: dict[str, object] = {"mass": impactor.mass * share}
+    if "width" in type(impactor).model_fields:
+        wider["width"] = impactor.width * share
+    return updated(scene, {"impactor": wider})
