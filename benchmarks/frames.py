@@ -23,9 +23,8 @@ from matplotlib.figure import Figure
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.engine import runtime
-from taichi_foam.live.messages import Frame
-from taichi_foam.live.session import Session
-from taichi_foam.live.stage import FPS, Stage
+from taichi_foam.live.controller import Controller
+from taichi_foam.live.screen import FPS, Screen
 from taichi_foam.picture import cells, raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import whole_file

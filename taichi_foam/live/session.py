@@ -61,7 +61,7 @@ TURN = 0.02
 class Session:
     """Drops scenes, one after another, and hears how they go. Any thread may call anything.
 
-    drop    number of the current drop, 0 before the first
+    drop    number of the current drop, `drops` before the first
     scene   its scene
     paused  whether it is meant to stand still, or will after the step that was asked for
     last    its last frame
@@ -69,9 +69,12 @@ class Session:
     result  what it gave, once it has ended
     """
 
-    def __init__(self, arch: str = "cpu", threads: int | None = None) -> None:
-        """Start a worker that computes on `arch` with `threads` CPU threads (None: all)."""
-        self.drop = 0
+    def __init__(self, arch: str = "cpu", threads: int | None = None, drops: int = 0) -> None:
+        """Start a worker that computes on `arch` with `threads` CPU threads (None: all).
+
+        The first drop has the number after `drops`.
+        """
+        self.drop = drops
         self.scene: Scene | None = None
         self.paused = False
         self.last: Frame | None = None

@@ -9,6 +9,7 @@ from typing import Any
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
+from taichi_foam.live.controller import renamed
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.messages import SHAPES
 from taichi_foam.scene.options import Numerics
@@ -118,9 +119,7 @@ class Controls:
                 f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
                 "that size"
             )
-        name = f"{self.given.name} with {', '.join(self.changes(scene))}"
-        short = name if len(name) <= 100 else f"{name[:99]}…"
-        return scene.model_copy(update={"name": short})
+        return renamed(scene, f"{self.given.name} with {', '.join(self.changes(scene))}")
 
     def changes(self, scene: Scene) -> list[str]:
         """How a scene differs from the one that is served, for people."""

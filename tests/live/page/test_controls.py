@@ -149,7 +149,7 @@ def test_messages_that_are_none_are_refused_in_a_line(text: str) -> None:
 def test_messages_are_read() -> None:
     assert commands.read('{"do": "next"}') == commands.Next(do="next")
     let = commands.read('{"do": "drop", "shape": "flat", "values": {"foam.rate": null}}')
-    assert let == commands.Let(do="drop", shape="flat", values={"foam.rate": None})
+    assert let == commands.Drop(do="drop", shape="flat", values={"foam.rate": None})
 
 
 def test_numbers_keep_their_kind_and_all_that_a_scene_allows_fits(controls: Controls) -> None:
