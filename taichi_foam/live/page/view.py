@@ -116,6 +116,7 @@ class PageView:
         if self._numbers.drop != self.controller.number:
             self._numbers = Numbers(self.controller.number)
             self._post_scene()
+            self._next_numbers = 0.0
         for event in events:
             if isinstance(event, Frame) and event.drop == self._numbers.drop:
                 self._numbers.take(event)

@@ -91,6 +91,11 @@ class Served:
             self.process.send_signal(number)
         return self.wait()
 
+    def kill(self) -> None:
+        """End it at once, as the machine would; its worker sees that and leaves."""
+        self.process.kill()
+        self.wait()
+
     def wait(self) -> tuple[int, str]:
         """Wait for the end; the exit code, and what was said on stderr."""
         _, said = self.process.communicate(timeout=PATIENCE)
