@@ -15,6 +15,8 @@ from taichi_foam.live.screen import Screen
 #: Pictures a second: notebooks keep up with as many over a slow line, too.
 FPS = 15
 SIZE = (960, 540)
+#: How long the picture of the last instant may take [s].
+PATIENCE = 1.0
 _QUALITY = 88
 
 
@@ -42,7 +44,9 @@ def show(controller: Controller, size: tuple[int, int] = SIZE) -> None:
                     handle.update(_image(screen, size))
                 time.sleep(max(0.0, due - time.monotonic()))
         controller.finish()
-        screen.update(1.0)  # the last instant
+        until = time.monotonic() + PATIENCE
+        while not controller.settled and time.monotonic() < until:
+            screen.update(PATIENCE / 10)
         handle.update(_image(screen, size))
 
 

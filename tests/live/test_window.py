@@ -55,6 +55,7 @@ class Shown:
 
     def __init__(self, display: str, folder: Path, *options: str, slash: bool = False) -> None:
         self.display, self.folder = display, folder
+        self._place: tuple[slice, slice] | None = None  # of the window, once it is there
         self._environment = {**os.environ, "DISPLAY": display, "SDL_VIDEODRIVER": "x11"}
         command = [sys.executable, "-m", "taichi_foam", "run", "paper/wedge-2.86", "--live"]
         self.process = subprocess.Popen(
@@ -71,11 +72,12 @@ class Shown:
     def screen(self) -> np.ndarray:
         """The window as it is on the screen, uint8 (h, w, 3)."""
         whole = np.asarray(ImageGrab.grab(xdisplay=self.display).convert("RGB"))
-        rows, columns = np.nonzero(whole.any(axis=-1))  # the screen around it is black
-        if not len(rows):
-            return np.zeros((0, 0, 3), dtype=np.uint8)
-        top, left = rows.min(), columns.min()
-        return whole[top : top + SIZE[1], left : left + SIZE[0]]
+        if self._place is None:
+            rows, columns = np.nonzero(whole.max(axis=-1))  # the screen around it is black
+            if not len(rows):
+                return np.zeros((0, 0, 3), dtype=np.uint8)
+            self._place = slice(rows[0], rows[0] + SIZE[1]), slice(columns.min(), None)
+        return whole[self._place][:, : SIZE[0]]
 
     def wait(self, until: Callable[[], bool], what: str) -> None:
         end = time.monotonic() + PATIENCE
@@ -133,7 +135,7 @@ def share_that_differs(a: np.ndarray, b: np.ndarray, by: int = 2) -> float:
     """The share of pixels that are apart by more than `by` of 255 in any colour."""
     if a.shape != b.shape:
         return 1.0
-    return float(np.mean(np.any(np.abs(a.astype(int) - b.astype(int)) > by, axis=-1)))
+    return float(np.mean(np.any(np.maximum(a, b) - np.minimum(a, b) > by, axis=-1)))
 
 
 def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(

@@ -23,7 +23,13 @@ PATIENCE = 60.0  # a busy machine that compiles [s]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
 
 #: A lattice so small that it needs little of the machine.
-SMALL = ("block.columns=10", "block.rows=5", "output.width=320", "output.height=180")
+SMALL = (
+    "block.columns=10",
+    "block.rows=5",
+    "output.snapshot_interval=5e-3",
+    "output.width=320",
+    "output.height=180",
+)
 #: At the pace that a server begins with it goes on for a quarter of an hour.
 ENDLESS = (*SMALL, "numerics.end=10.0")
 
