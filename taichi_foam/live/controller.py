@@ -32,9 +32,6 @@ PACE = 1e-2
 PATIENCE = 30.0
 #: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
-# A drop at rest sends no more frames. After a command the next frame may still be from before it,
-# the one after that is not.
-_UNSETTLED = 2
 # A poll of a session whose process is gone waits no longer than this [s].
 _TURN = 0.1
 
@@ -64,7 +61,6 @@ class Controller:
     scene    of the current drop
     next     what `restart` drops: `scene`, unless another one waits to be dropped
     number   of the current drop, 0 before the first
-    state    of the current drop
     message  why it has failed or died; empty if it has not
     snapshot its latest instant
     result   what it gave, once it is over
@@ -88,7 +84,7 @@ class Controller:
         """Nothing runs before the first `drop`; `with` drops `scene` on entering."""
         self.given = self.scene = self.next = scene
         self.number = 0
-        self.state: State = "preparing"
+        self._over: State | None = None  # how the current drop ended
         self.message = ""
         self.snapshot = start_of(scene)
         self.result: Result | None = None
@@ -105,7 +101,6 @@ class Controller:
         self._sizes: set[tuple[int, int]] = set()  # columns and rows that the session has met
         self._start = self.snapshot  # the first instant of `next`
         self._is_due = False  # `next` waits until the current drop is prepared
-        self._unsettled = _UNSETTLED
         self._so_far: Result | None = None  # while `result` is yet to come
 
     def __enter__(self) -> Controller:
@@ -137,18 +132,27 @@ class Controller:
 
     def look(self) -> None:
         """Ask for a frame, unless the drop is settled."""
-        if not self.settled and self._session is not None:
+        if self._session is not None and not self._session.settled:
             self._session.ask()
 
     @property
     def settled(self) -> bool:
         """Whether the drop is at rest, and `snapshot` is of that rest."""
-        return self._unsettled <= 0
+        return self._session is None or self._session.settled
+
+    @property
+    def state(self) -> State:
+        """Of the current drop."""
+        if self._over is not None:
+            return self._over
+        if self._session is None or self._session.last is None:
+            return "preparing"
+        return "paused" if self._session.paused else "running"
 
     @property
     def ended(self) -> bool:
         """Whether nothing more is computed of the current drop."""
-        return self.state not in ("preparing", "running", "paused")
+        return self._over is not None
 
     @property
     def paused(self) -> bool:
@@ -170,14 +174,10 @@ class Controller:
         match event:
             case Frame(snapshot=snapshot):
                 self.snapshot = snapshot
-                is_at_rest = event.paused or event.ended
-                self._unsettled = self._unsettled - 1 if is_at_rest else _UNSETTLED
-                if not self.ended and not event.ended:
-                    self.state = "paused" if self.paused else "running"
             case Ended(drop, result):
                 is_cut = result.run["interrupted"]
                 if drop == self.number:
-                    self.state = "cut short" if is_cut else "ended"
+                    self._over = "cut short" if is_cut else "ended"
                 self._put(Outcome(drop, result, "cut short" if is_cut else result.run["ended_by"]))
             case Failed(drop, message, result):
                 self.fail(message)
@@ -185,18 +185,18 @@ class Controller:
                 if result is not None:
                     self._put(Outcome(drop, result, "failed"))
             case NothingYet():
-                self.state = "cut short"
+                self._over = "cut short"
             case Refused(message):
                 self.refusal = message  # first: who waits for another state looks at it then
                 self.fail(message)
             case Died(message):
-                if not self.ended and self.state != "preparing":
+                if self.state in ("running", "paused"):
                     self.lost[self.number] = message
-                self.state, self.message = "died", message
+                self._over, self.message = "died", message
 
     def fail(self, message: str) -> None:
         """The current drop has failed, in itself or in being shown."""
-        self.state, self.message = "failed", message
+        self._over, self.message = "failed", message
 
     def _put(self, outcome: Outcome) -> None:
         """Have an outcome kept, or keep it here."""
@@ -260,18 +260,12 @@ class Controller:
     def pause(self, on: bool) -> None:
         """Stand still, or go on."""
         if self._session is not None:
-            self._unsettled = _UNSETTLED
-            self._session.pause() if on else self._session.resume()
-            if self.state in ("running", "paused"):
-                self.state = "paused" if on else "running"
+            self._session.pause(on)
 
     def step(self, seconds: float) -> None:
         """Go on by so much simulated time, and stand still."""
         if self._session is not None:
-            self._unsettled = _UNSETTLED
             self._session.step(seconds)
-            if self.state == "running":
-                self.state = "paused"
 
     @property
     def pace(self) -> float | None:
@@ -298,9 +292,8 @@ class Controller:
         """Drop `next`; what went on before has been seen to."""
         self._is_due = False
         self.scene, self.snapshot = self.next, self._start
-        self.state, self.message = "preparing", ""
+        self._over, self.message = None, ""
         self.result = self._so_far = None
-        self._unsettled = _UNSETTLED
         size = (self.scene.block.columns, self.scene.block.rows)
         is_full = len(self._sizes | {size}) > MOST_SIZES
         if self._session is None or not self._session.alive or is_full:
@@ -309,7 +302,7 @@ class Controller:
                 self._session = Session(*self._settings, drops=self.number)
             except Exception as error:
                 self.number += 1
-                self.state = "died"
+                self._over = "died"
                 self.message = f"the process that computes cannot be started: {error}"
                 return
         self._sizes.add(size)

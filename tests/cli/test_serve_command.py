@@ -1,4 +1,4 @@
-"""`taichi-foam serve` refuses what cannot be before it computes or writes anything."""
+"""`taichi-foam serve` refuses bad input before it computes or writes anything."""
 
 from __future__ import annotations
 

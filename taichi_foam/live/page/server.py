@@ -122,7 +122,7 @@ class Server:
 
 
 class _Quiet(uvicorn.Server):
-    """Leaves signals to whoever runs it."""
+    """Leaves signals to `Server.run`."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -46,7 +46,7 @@ class PageView:
         self.controls = Controls(scene)
         self.archive = Archive(out, scene.name, self._post_drops)
         self.controller = Controller(scene, self._keep, arch=arch, threads=threads)
-        self.watchers = 0  # viewers who are there; set by whoever knows
+        self.watchers = 0  # viewers who are there; set by `viewers.Viewers`
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
         self._look, self._theme = Look(scene.output.mode, words=False), "auto"
         self._numbers = Numbers(0)
@@ -144,7 +144,7 @@ class PageView:
             except (UserError, ValueError) as error:
                 reply(str(error))
             except Exception as error:
-                # what one viewer can bring about is no matter of the others
+                # told to its sender alone
                 traceback.print_exc()
                 reply(f"{type(error).__name__}: {error}")
         if taken:

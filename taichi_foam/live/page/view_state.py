@@ -64,7 +64,7 @@ class ViewState:
             self._wanted.add(tone)
 
     def take_wanted(self) -> set[Tone]:
-        """The tones in which a picture is wanted; whoever asks has to draw them."""
+        """The tones in which a picture is wanted; the caller has to draw them."""
         with self._lock:
             wanted, self._wanted = self._wanted, set()
         return wanted

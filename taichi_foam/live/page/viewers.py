@@ -61,7 +61,7 @@ class Viewer:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
-        except TimeoutError:
+        except (TimeoutError, asyncio.TimeoutError):  # Python 3.10 has two
             with contextlib.suppress(Exception):
                 close = self._socket.close(TOO_SLOW, "too slow: no answer for too long")
                 await asyncio.wait_for(close, 1.0)
@@ -139,20 +139,14 @@ class Viewer:
             left = max(0.0, self._sent_at + MOST_WAIT - time.monotonic())
             if left == 0.0:
                 raise TimeoutError
-        try:
-            await asyncio.wait_for(self._news.wait(), left)
-        except asyncio.TimeoutError:  # Python 3.10 has an own one
-            raise TimeoutError from None
+        await asyncio.wait_for(self._news.wait(), left)
         self._news.clear()
 
     async def _send(self, content: str | bytes) -> None:
         """Raises TimeoutError if the viewer does not take it."""
         binary = isinstance(content, bytes)
         send = self._socket.send_bytes(content) if binary else self._socket.send_text(content)
-        try:
-            await asyncio.wait_for(send, MOST_WAIT)
-        except asyncio.TimeoutError:
-            raise TimeoutError from None
+        await asyncio.wait_for(send, MOST_WAIT)
 
 
 class Viewers:

@@ -1,4 +1,4 @@
-"""What drops have given is saved, also when the disk has its moods; slow viewers are let go."""
+"""What drops have given is saved, even if a disk refuses it at first; slow viewers are let go."""
 
 from __future__ import annotations
 

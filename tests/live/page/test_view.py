@@ -1,4 +1,4 @@
-"""The page's view with a session that computes nothing: what viewers may bring about, what not."""
+"""The page's view with a session that computes nothing: commands, their limits, their errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Session:
         self.begun.append(self)
         self.alive = self.ended = True
         self.last: Frame | None = None
-        self.paused = False
+        self.paused = self.settled = False
         self.rows = np.empty((0, ROW_VALUES))
         self.before, self.drops = drops, 0
 
