@@ -61,7 +61,6 @@ class Session:
     """Drops scenes, one after another, and hears how they go. One thread calls it.
 
     drop    number of the current drop, `drops` before the first
-    scene   its scene
     paused  whether it is meant to stand still, or will after the step that was asked for
     last    its last frame
     settled whether it is at rest, and `last` is of that rest
@@ -75,7 +74,6 @@ class Session:
         The first drop has the number after `drops`.
         """
         self.drop = drops
-        self.scene: Scene | None = None
         self.paused = False
         self.last: Frame | None = None
         self.ended = True
@@ -111,7 +109,6 @@ class Session:
         yet take seconds to prepare; frames begin after that.
         """
         self.drop += 1
-        self.scene = scene
         self.last = self.result = None
         self.paused = self.ended = False
         self._rows = []

@@ -22,7 +22,6 @@ from taichi_foam.live.pictures import colour_key, field_png, field_size
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.shim2000 import tests
-from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -185,11 +184,8 @@ class PageView:
     def _draw(self) -> None:
         """Draw where somebody is ready for a picture that has changed."""
         self._wanted |= self.view_state.take_wanted()
-        number, scene, snapshot = (
-            self.controller.number,
-            self.controller.scene,
-            self.controller.snapshot,
-        )
+        controller = self.controller
+        number, scene, snapshot = controller.number, controller.scene, controller.snapshot
         for tone in tuple(self._wanted):
             look = replace(self._look, theme=tone)
             key = (number, snapshot.time, look)
@@ -216,7 +212,6 @@ class PageView:
                 "size": field_size(scene),
                 "key": colour_key(scene, self._look.mode),
                 "measured": figures.measured(scene),
-                "latest_end": scene.numerics.latest_end,
                 "nodes": [scene.block.columns, scene.block.rows],
                 "falls": scene.impactor is not None,
             },
@@ -241,7 +236,6 @@ class PageView:
 
     def _hello(self) -> dict[str, Any]:
         return {
-            "version": __version__,
             "controls": self.controls.told(),
             "modes": [[name, mode.about] for name, mode in MODES.items()],
             "paces": PACES,

@@ -19,6 +19,7 @@ from serving import ENDLESS, PATIENCE, SMALL, Served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from taichi_foam import load_scene
+from taichi_foam.live.controller import PACES
 from taichi_foam.results.result import Result
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -66,7 +67,7 @@ def test_on_loopback_only_names_of_this_machine_will_do(
 def test_pages_of_others_get_no_socket(served: Served) -> None:
     own = f"http://127.0.0.1:{served.port}"
     with served.viewer(additional_headers={"Origin": own}) as viewer:
-        viewer.wait_for("hello")
+        assert viewer.wait_for("hello")["paces"] == list(PACES)
     elsewhere = ("http://evil.example", f"http://127.0.0.1:{served.port + 1}", "null", "http://[")
     for other in elsewhere:
         with (
