@@ -26,9 +26,9 @@ from peers import scene_with, updated
 from timing.engine import settings, start_taichi
 from timing.table import Table, write
 
+from taichi_foam.live.controller import Controller
 from taichi_foam.live.messages import Frame
-from taichi_foam.live.session import Session
-from taichi_foam.live.stage import FPS, Stage
+from taichi_foam.live.screen import FPS, Screen
 from taichi_foam.picture import cells, raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -138,20 +138,26 @@ def frames(mode: Mode) -> Table:
     return table
 
 
-def run_seconds(session: Session, scene: Scene, watch: Callable[[], object] | None) -> float:
-    """Wall time of the engine in a drop from its first to its last step [s]."""
-    session.start(scene)
-    while not session.ended:
-        if watch is None:
-            session.poll(0.05)
-        else:
-            start = time.perf_counter()
-            watch()
+def run_seconds(
+    controller: Controller, scene: Scene, on_frame: Callable[[], object] | None = None
+) -> float:
+    """Wall time of the engine in a drop from its first to its last step [s].
+
+    Unwatched, or with `on_frame` called for each frame.
+    """
+    controller.drop(scene)
+    while True:
+        start = time.perf_counter()
+        if on_frame is not None or controller.ended:
+            controller.look()
+        for event in controller.poll(0.05 if on_frame is None else 0.0):
+            if isinstance(event, Frame) and event.drop == controller.number:
+                if event.ended:
+                    return event.wall
+                if on_frame is not None:
+                    on_frame()
+        if on_frame is not None:
             time.sleep(max(0.0, 1 / FPS - (time.perf_counter() - start)))
-    session.ask()
-    while session.last is None or not session.last.ended:
-        session.poll(0.05)
-    return session.last.wall
 
 
 def view(mode: Mode) -> Table:
@@ -159,27 +165,25 @@ def view(mode: Mode) -> Table:
     scene = updated(scene_with("calibrated", CASE, contact=True), {"numerics": {"end": mode.end}})
     ratios: dict[str, list[float]] = {"frames taken": [], "frames drawn": []}
     counts: dict[str, list[float]] = {name: [] for name in ratios}
-    with Stage(scene, pace=None) as stage:
-        session = stage.session
-        while not session.ended:  # compile
-            stage.update(0.1)
-            stage.picture(SIZES["720p"])
+    with Controller(scene, pace=None) as controller:
+        screen = Screen(controller)
+        while not controller.ended:  # compile
+            screen.update(0.1)
+            screen.picture(SIZES["720p"])
         for _ in range(mode.view_rounds):
-            alone = run_seconds(session, scene, None)
+            alone = run_seconds(controller, scene)
             for name, ratio in ratios.items():
-                seen: list[Frame] = []
+                count = 0
 
-                def watch(name: str = name, seen: list[Frame] = seen) -> None:
-                    stage.update(0.0)
-                    last = session.last
-                    if last is not None and (not seen or seen[-1] is not last):
-                        seen.append(last)
-                        if name == "frames drawn":
-                            stage.picture(SIZES["720p"])
+                def on_frame(name: str = name) -> None:
+                    nonlocal count
+                    count += 1
+                    if name == "frames drawn":
+                        screen.picture(SIZES["720p"])
 
-                taken = run_seconds(session, scene, watch)
+                taken = run_seconds(controller, scene, on_frame)
                 ratio.append(taken / alone)
-                counts[name].append(len(seen) / taken)
+                counts[name].append(count / taken)
     table = Table(
         ("800 nodes, as fast as they go", "frames a second of the run",
          "time of the run over that unwatched")

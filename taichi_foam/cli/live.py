@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
 from pathlib import Path
 
 import typer
@@ -12,8 +11,9 @@ from taichi_foam.cli import tables
 from taichi_foam.cli.outcome import INTERRUPTED, say_where, warn_of_residual
 from taichi_foam.errors import RunError
 from taichi_foam.live import window
+from taichi_foam.live.controller import Controller, Outcome
 from taichi_foam.picture import films
-from taichi_foam.results.folders import check_output_folder
+from taichi_foam.results.folders import check_output_folder, next_numbered
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import tests
@@ -38,42 +38,35 @@ def run_live(
     check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
     kept: list[Path] = []
 
-    def keep(result: Result) -> None:
-        path = _next_folder(Path(folder), len(kept))
-        result.save(path, overwrite and not kept)
+    def keep(outcome: Outcome) -> None:
+        first = Path(folder)
+        path = next_numbered(first, digits=1, first=2) if kept else first
+        outcome.result.save(path, overwrite and not kept)
         kept.append(path)
 
-    shots = Path(f"{Path(folder)}-shots")
-    stage = window.watch(scene, keep, arch=arch, threads=threads, shots=shots)
-    if not kept and not stage.failures and not stage.unkept:
+    controller = Controller(scene, keep, arch=arch, threads=threads)
+    window.show(controller, shots=Path(f"{Path(folder)}-shots"))
+    if not kept and not controller.failures and not controller.unkept:
         raise KeyboardInterrupt("the window was closed before there was anything to save")
     # What has failed or was cut short has no film, as in `run` without a window.
-    whole = kept[:-1] if stage.was_cut else kept
-    has_films = bool(stage.failures) or _draw_films(whole, bars)
+    whole = kept[:-1] if controller.was_cut else kept
+    has_films = bool(controller.failures) or _draw_films(whole, bars)
     if kept:
         last = Result.load(kept[-1])
         console.print(tables.key_figures(last.scene, last.summary))
         for path in kept:
             say_where(console, str(path))
-        if not stage.failures:
+        if not controller.failures:
             warn_of_residual(errors, last.summary["energy_residual"])
-    if stage.problem:
-        raise RunError(f"{stage.unkept[0].scene.name}: {stage.problem}")
-    if stage.failures:
+    if controller.problem:
+        raise RunError(f"{controller.unkept[0].result.scene.name}: {controller.problem}")
+    if controller.failures:
         where = "; what was computed is in the folders above" if kept else ""
-        raise RunError(f"{stage.failures[-1]}{where}")
-    if stage.was_cut:
+        raise RunError(f"{controller.failures[-1]}{where}")
+    if controller.was_cut:
         errors.print(f"closed before its end: what there was is in {kept[-1]}", soft_wrap=True)
-    if stage.was_cut or not has_films:
+    if controller.was_cut or not has_films:
         raise typer.Exit(INTERRUPTED)
-
-
-def _next_folder(first: Path, number: int) -> Path:
-    """The folder of drop `number`: `first`, or the next of its kind that is free."""
-    if number == 0:
-        return first
-    wanted = (first.with_name(f"{first.name}-{n}") for n in count(number + 1))
-    return next(path for path in wanted if not path.exists())
 
 
 def _draw_films(folders: list[Path], bars: Bars) -> bool:

@@ -52,8 +52,7 @@ def serve_command(
                 "things, and fill the disk; the connection is not encrypted",
                 soft_wrap=True,
             )
-        cut = server.run(ready)
-        if cut:
+        if server.run(ready):
             with contextlib.suppress(OSError):  # the terminal may be what has gone
                 errors.print(f"interrupted: what there was is in {out}", soft_wrap=True)
             raise typer.Exit(INTERRUPTED)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import sys
 import time
 
 from PIL import Image
 
-from taichi_foam.live.stage import PACE, Keep, Stage
-from taichi_foam.scene import Scene
+from taichi_foam.live.controller import Controller
+from taichi_foam.live.screen import Screen
 
 #: Pictures a second: notebooks keep up with as many over a slow line, too.
 FPS = 15
 SIZE = (960, 540)
+#: How long the picture of the last instant may take [s].
+PATIENCE = 1.0
 _QUALITY = 88
 
 
@@ -24,43 +27,33 @@ def is_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def watch(
-    scene: Scene,
-    keep: Keep,
-    *,
-    size: tuple[int, int] = SIZE,
-    arch: str = "cpu",
-    threads: int | None = None,
-    pace: float | None = PACE,
-) -> Stage:
-    """Show a drop of `scene` below the cell until it ends; the kernel's interrupt ends it early.
+def show(controller: Controller, size: tuple[int, int] = SIZE) -> None:
+    """Show a controller's drop below the cell until it ends; the kernel's interrupt ends it early.
 
-    Arguments and errors as for `window.watch`; `pace` as for `Stage`. Returns the stage,
-    its run ended.
+    Raises UserError for an arch that cannot be had.
     """
     from IPython.display import DisplayHandle
 
-    handle = DisplayHandle()
-    with Stage(scene, keep, arch=arch, threads=threads, pace=pace) as stage:
-        handle.display(_image(stage, size))
-        try:
-            while not stage.ended:
+    handle, screen = DisplayHandle(), Screen(controller)
+    with controller:
+        handle.display(_image(screen, size))
+        with contextlib.suppress(KeyboardInterrupt):
+            while not controller.ended:
                 due = time.monotonic() + 1 / FPS
-                if stage.update(1 / FPS):
-                    handle.update(_image(stage, size))
+                if screen.update(1 / FPS):
+                    handle.update(_image(screen, size))
                 time.sleep(max(0.0, due - time.monotonic()))
-        except KeyboardInterrupt:
-            pass
-        stage.finish()
-        stage.update(1.0)  # the last instant
-        handle.update(_image(stage, size))
-    return stage
+        controller.finish()
+        until = time.monotonic() + PATIENCE
+        while not controller.settled and time.monotonic() < until:
+            screen.update(PATIENCE / 10)
+        handle.update(_image(screen, size))
 
 
-def _image(stage: Stage, size: tuple[int, int]):
-    """The stage's picture as IPython shows one."""
+def _image(screen: Screen, size: tuple[int, int]):
+    """The picture as IPython shows one."""
     from IPython.display import Image as Shown
 
     file = io.BytesIO()
-    Image.fromarray(stage.picture(size)).save(file, "JPEG", quality=_QUALITY, subsampling=0)
+    Image.fromarray(screen.picture(size)).save(file, "JPEG", quality=_QUALITY, subsampling=0)
     return Shown(data=file.getvalue(), format="jpeg", width=size[0])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Start:
     """Drop this scene, whatever goes on; it runs at once, at the pace that is set."""
 
-    drop: int  # its number, which all that comes of it bears
+    drop: int  # its number, which all its events carry
     scene: Scene
 
 

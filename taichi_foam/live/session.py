@@ -17,7 +17,6 @@ import atexit
 import contextlib
 import multiprocessing
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from types import ModuleType
@@ -36,7 +35,6 @@ from taichi_foam.live.messages import (
     Failed,
     Finish,
     Frame,
-    NothingYet,
     Pace,
     Pause,
     Refused,
@@ -52,37 +50,39 @@ if TYPE_CHECKING:
 # A worker that has not left so long after it was asked is ended [s].
 GRACE = 2.0
 
-# How long a call that waits for an answer may keep others from the pipe [s].
-TURN = 0.02
+# A drop at rest sends no more frames. After a command the next frame may still be from before it,
+# the one after that is not.
+_UNSETTLED = 2
 
 
 class Session:
-    """Drops scenes, one after another, and hears how they go. Any thread may call anything.
+    """Drops scenes, one after another, and hears how they go. One thread calls it.
 
-    drop    number of the current drop, 0 before the first
-    scene   its scene
+    drop    number of the current drop, `drops` before the first
     paused  whether it is meant to stand still, or will after the step that was asked for
     last    its last frame
+    settled whether it is at rest, and `last` is of that rest
     ended   whether nothing more is computed of it
     result  what it gave, once it has ended
     """
 
-    def __init__(self, arch: str = "cpu", threads: int | None = None) -> None:
-        """Start a worker that computes on `arch` with `threads` CPU threads (None: all)."""
-        self.drop = 0
-        self.scene: Scene | None = None
+    def __init__(self, arch: str = "cpu", threads: int | None = None, drops: int = 0) -> None:
+        """Start a worker that computes on `arch` with `threads` CPU threads (None: all).
+
+        The first drop has the number after `drops`.
+        """
+        self.drop = drops
         self.paused = False
         self.last: Frame | None = None
         self.ended = True
         self.result: Result | None = None
         self._rows: list[np.ndarray] = []
         self._pace: float | None = None
+        self._unsettled = _UNSETTLED
         self._is_asked = False
         self._is_lost = False  # nothing comes through the pipe any more
         self._is_closing = False
         self._news: list[Event] = []
-        self._state = threading.RLock()  # guards the above, and what is sent
-        self._receiving = threading.Lock()  # guards the pipe's reading end; taken before _state
         context = multiprocessing.get_context("spawn")
         self._pipe, far_end = context.Pipe()
         self._process = context.Process(
@@ -91,7 +91,7 @@ class Session:
         with _hidden_script():
             self._process.start()
         far_end.close()  # else this process would keep the pipe open for a worker that has died
-        # The worker does not heed what ends processes politely: it has to be asked.
+        # The worker ignores SIGTERM and its like: it has to be asked.
         atexit.register(self.close)
 
     def __enter__(self) -> Session:
@@ -106,27 +106,17 @@ class Session:
         It runs at once, at the pace that is set. Kernels that no drop of this session has needed
         yet take seconds to prepare; frames begin after that.
         """
-        with self._state:
-            self.drop += 1
-            self.scene = scene
-            self.last = self.result = None
-            self.paused = self.ended = False
-            self._rows = []
-            self._send(Start(self.drop, scene))
-            return self.drop
+        self.drop += 1
+        self.last = self.result = None
+        self.paused = self.ended = False
+        self._rows = []
+        self._send(Start(self.drop, scene))
+        return self.drop
 
-    def pause(self) -> None:
-        """Stand still."""
-        self._set_paused(True)
-
-    def resume(self) -> None:
-        """Go on."""
-        self._set_paused(False)
-
-    def _set_paused(self, on: bool) -> None:
-        with self._state:
-            self.paused = on
-            self._send(Pause(on))
+    def pause(self, on: bool = True) -> None:
+        """Stand still, or go on."""
+        self.paused = on
+        self._send(Pause(on))
 
     def step(self, seconds: float) -> None:
         """Go on by `seconds` of simulated time, as fast as it goes, and stay paused there.
@@ -136,9 +126,8 @@ class Session:
         """
         if not seconds > 0.0:
             raise ValueError(f"step = {seconds}: must be above 0 s")
-        with self._state:
-            self.paused = True
-            self._send(Step(seconds))
+        self.paused = True
+        self._send(Step(seconds))
 
     @property
     def pace(self) -> float | None:
@@ -152,36 +141,33 @@ class Session:
     def pace(self, rate: float | None) -> None:
         if rate is not None and not rate > 0.0:
             raise ValueError(f"pace = {rate}: must be above 0, or None")
-        with self._state:
-            self._pace = rate
-            self._send(Pace(rate))
+        self._pace = rate
+        self._send(Pace(rate))
 
     def ask(self) -> None:
         """Ask for a frame, unless one is on its way."""
-        with self._state:
-            if not self._is_asked:
-                self._is_asked = True
-                self._send(Ask())
+        if not self._is_asked:
+            self._is_asked = True
+            self._send(Ask())
+
+    @property
+    def settled(self) -> bool:
+        return self._unsettled <= 0
 
     @property
     def rows(self) -> np.ndarray:
         """Rows (n, 18) of the current drop's history, for `analysis.history.history_of`."""
-        with self._state:
-            if len(self._rows) > 1:
-                self._rows = [np.concatenate(self._rows)]
-            return self._rows[0] if self._rows else np.empty((0, len(ROW_COLUMNS)))
+        if len(self._rows) > 1:
+            self._rows = [np.concatenate(self._rows)]
+        return self._rows[0] if self._rows else np.empty((0, len(ROW_COLUMNS)))
 
     def poll(self, timeout: float = 0.0) -> list[Event]:
         """What has come, in order; waits up to `timeout` [s] if there is nothing.
 
         Of earlier drops only what they gave in the end is told.
         """
-        with self._receiving:
-            with self._state:
-                has_news = bool(self._news)
-            self._receive(0.0 if has_news else timeout)
-            with self._state:
-                news, self._news = self._news, []
+        self._receive(0.0 if self._news else timeout)
+        news, self._news = self._news, []
         return [each for each in news if isinstance(each, Ended) or self._is_current(each)]
 
     def finish(self, timeout: float) -> Result | None:
@@ -189,18 +175,12 @@ class Session:
 
         None if there is nothing yet, or no answer in time. What comes meanwhile stays for `poll`.
         """
-        with self._state:
-            number = self.drop
-            if not self.ended:
-                self._send(Finish())
+        if not self.ended:
+            self._send(Finish())
         until = time.monotonic() + timeout
-        while self.drop == number and not (self.ended or self._is_lost):
-            left = until - time.monotonic()
-            if left <= 0.0:
-                break
-            with self._receiving:
-                self._receive(min(left, TURN))
-        return self.result if self.drop == number else None
+        while not self.ended and not self._is_lost and (left := until - time.monotonic()) > 0.0:
+            self._receive(left)
+        return self.result
 
     @property
     def alive(self) -> bool:
@@ -209,30 +189,27 @@ class Session:
 
     def close(self) -> None:
         """End the worker, if need be the hard way after `GRACE`. Closing again does nothing."""
-        with self._state:
-            if self._is_closing:
-                return
-            self._send(Close())
-            self._is_closing = True
+        if self._is_closing:
+            return
+        self._send(Close())
+        self._is_closing = self._is_lost = True
         atexit.unregister(self.close)
         self._process.join(GRACE)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-        # whoever waits in poll has been woken by the pipe's end
-        with self._receiving:
-            self._is_lost = True
-            self._pipe.close()
+        self._pipe.close()
 
     def _send(self, command: Command) -> None:
-        """Send, unless nobody is there: `poll` tells of that."""
-        with self._state:
-            if not self._is_lost and not self._is_closing:
-                with contextlib.suppress(OSError):
-                    self._pipe.send(command)
+        """Send, unless the worker has gone: `poll` tells of that."""
+        if not isinstance(command, Ask):
+            self._unsettled = _UNSETTLED
+        if not self._is_lost:
+            with contextlib.suppress(OSError):
+                self._pipe.send(command)
 
     def _receive(self, timeout: float) -> None:
-        """Take everything that has come; `_receiving` is held."""
+        """Take everything that has come."""
         try:
             while not self._is_lost and self._pipe.poll(timeout):
                 self._take(self._pipe.recv())
@@ -241,39 +218,32 @@ class Session:
             self._lose()
 
     def _take(self, event: Event) -> None:
-        with self._state:
-            self._news.append(event)
-            if isinstance(event, Frame):
-                self._is_asked = False
-            if isinstance(event, Refused):
-                self.ended = True
-            elif self._is_current(event):
-                self._take_of_current(event)
-
-    def _take_of_current(self, event: Event) -> None:
+        self._news.append(event)
+        if isinstance(event, Frame):
+            self._is_asked = False
+        if not self._is_current(event):
+            return
         if isinstance(event, Frame):
             self.last = event
             self._rows.append(event.rows)
-        elif isinstance(event, (Ended, Failed)):
-            self.ended, self.result = True, event.result
-        elif isinstance(event, NothingYet):
-            self.ended = True
+            is_at_rest = event.paused or event.ended
+            self._unsettled = self._unsettled - 1 if is_at_rest else _UNSETTLED
+            return
+        self.ended = True
+        if isinstance(event, (Ended, Failed)):
+            self.result = event.result
 
     def _is_current(self, event: Event) -> bool:
         return isinstance(event, (Refused, Died)) or event.drop == self.drop
 
     def _lose(self) -> None:
-        """The worker has gone: say so, unless it was asked to."""
-        with self._state:
-            self._is_lost = self.ended = True
-            if self._is_closing:
-                return
+        """The worker has gone without having been asked to: say so."""
+        self._is_lost = self.ended = True
         self._process.join(GRACE)
         how = f"with exit code {self._process.exitcode}"
         if self._process.exitcode is not None and self._process.exitcode < 0:
             how = f"by signal {-self._process.exitcode}"
-        with self._state:
-            self._news.append(Died(f"the process that computes was ended {how}"))
+        self._news.append(Died(f"the process that computes was ended {how}"))
 
 
 @contextlib.contextmanager

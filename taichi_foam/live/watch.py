@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from taichi_foam.errors import RunError
 from taichi_foam.live import cell, window
-from taichi_foam.live.stage import PACE
+from taichi_foam.live.controller import PACE, Controller, Outcome
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
@@ -37,14 +37,14 @@ def watch(
     """
     kept: list[Result] = []
 
-    def keep(result: Result) -> None:
-        kept[:] = [result]  # the last one only: a big lattice's results fill the memory
+    def keep(outcome: Outcome) -> None:
+        kept[:] = [outcome.result]  # the last one only: a big lattice's results fill the memory
 
+    controller = Controller(scene, keep, arch=arch, threads=threads, pace=pace)
     place = cell if cell.is_notebook() else window
-    shown = size or place.SIZE
-    stage = place.watch(scene, keep, size=shown, arch=arch, threads=threads, pace=pace)
-    if stage.failures:
-        raise RunError(stage.failures[-1], kept)
+    place.show(controller, size or place.SIZE)
+    if controller.failures:
+        raise RunError(controller.failures[-1], kept)
     if not kept:
         raise RunError(f"{scene.name}: it was closed before it gave anything", [])
     return kept[0]

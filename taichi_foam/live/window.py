@@ -5,17 +5,16 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from PIL import Image
 
 from taichi_foam.errors import UserError, installed
-from taichi_foam.live.overlay import panel
-from taichi_foam.live.stage import FPS, PACE, Keep, Stage
+from taichi_foam.live.controller import Controller
+from taichi_foam.live.pictures import panel
+from taichi_foam.live.screen import FPS, Screen
 from taichi_foam.picture import raster
-from taichi_foam.results.folders import whole_file
-from taichi_foam.scene import Scene
+from taichi_foam.results.folders import next_numbered, whole_file
 
 #: What the keys do, as the help says it.
 HELP = (
@@ -51,42 +50,25 @@ def _no_window(why: str) -> str:
     )
 
 
-def watch(
-    scene: Scene,
-    keep: Keep,
-    *,
-    size: tuple[int, int] = SIZE,
-    arch: str = "cpu",
-    threads: int | None = None,
-    pace: float | None = PACE,
-    shots: Path = Path("shots"),
-) -> Stage:
-    """Open a window on a drop of `scene`, until it is closed.
+def show(controller: Controller, size: tuple[int, int] = SIZE, shots: Path = Path("shots")) -> None:
+    """Open a window on the drops of a controller, and finish the last when it is closed.
 
     Args:
-        scene: what is dropped first.
-        keep: gets the result of each drop that comes to its end, and of the last as it is.
         size: of the window at first [pixels].
-        arch, threads: as for `runtime.start`; of the process that computes.
-        pace: simulated seconds in one of watching at first; None: as fast as it goes.
         shots: folder for screenshots; made when it is needed.
-
-    Returns:
-        The stage, its run ended: `was_cut`, `failures`, and what could not be kept.
 
     Raises:
         UserError: no display, or an arch that cannot be had.
     """
     check_display()
-    window = _Window(size, shots)
+    window = _Window(Screen(controller), size, shots)
     try:
-        with Stage(scene, keep, arch=arch, threads=threads, pace=pace) as stage:
+        with controller:
             with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C closes it, too
-                window.show(stage)
-            window.say_goodbye()
+                window.run()
+            window.announce_closing()
             with contextlib.suppress(KeyboardInterrupt):
-                stage.finish()
-            return stage
+                controller.finish()
     finally:
         window.close()
 
@@ -94,7 +76,7 @@ def watch(
 class _Window:
     """A resizable window, what its keys do, and its pictures."""
 
-    def __init__(self, size: tuple[int, int], shots: Path) -> None:
+    def __init__(self, screen: Screen, size: tuple[int, int], shots: Path) -> None:
         # pygame greets on stdout when it is imported
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         with installed("a live window", "taichi-foam[live]"):
@@ -113,113 +95,99 @@ class _Window:
             raise UserError(_no_window(f"the display {display!r} does not answer"))
         pygame.key.set_repeat(400, 80)
         self._clock = pygame.time.Clock()
+        self._screen = screen
         self._shots = shots
         self._has_help = False
         self._held: set[int] = set()  # keys that are down
         self._told = ""  # instead of the hint: where a screenshot went
-        k = pygame
-        self._keys: dict[int, Callable[[Stage], object]] = {
-            k.K_SPACE: Stage.toggle_pause,
-            k.K_RIGHT: Stage.step,
-            k.K_PERIOD: Stage.step,
-            k.K_MINUS: lambda stage: stage.change_pace(-1),
-            k.K_KP_MINUS: lambda stage: stage.change_pace(-1),
-            k.K_PLUS: lambda stage: stage.change_pace(1),
-            k.K_EQUALS: lambda stage: stage.change_pace(1),
-            k.K_KP_PLUS: lambda stage: stage.change_pace(1),
-            k.K_r: Stage.again,
-            k.K_UP: lambda stage: stage.change_velocity(1),
-            k.K_DOWN: lambda stage: stage.change_velocity(-1),
-            k.K_i: Stage.next_shape,
-            k.K_g: Stage.toggle_grid,
-            k.K_c: Stage.toggle_curve,
-            k.K_t: Stage.next_theme,
-            k.K_m: self._next_mode,
-            k.K_s: self._save_screenshot,
-            k.K_h: self._toggle_help,
-            k.K_F1: self._toggle_help,
+        k, controller = pygame, screen.controller
+        repeated = {
+            (k.K_RIGHT, k.K_PERIOD): screen.step,
+            (k.K_MINUS, k.K_KP_MINUS): lambda: controller.change_pace(-1),
+            (k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS): lambda: controller.change_pace(1),
+            (k.K_UP,): lambda: screen.change_velocity(1),
+            (k.K_DOWN,): lambda: screen.change_velocity(-1),
         }
-        self._repeated = {
-            k.K_RIGHT, k.K_PERIOD, k.K_UP, k.K_DOWN,
-            k.K_MINUS, k.K_KP_MINUS, k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS,
-        }  # fmt: skip
+        once = {
+            (k.K_SPACE,): screen.toggle_pause,
+            (k.K_r,): controller.restart,
+            (k.K_i,): screen.next_shape,
+            (k.K_m,): lambda: screen.next_mode(-1 if k.key.get_mods() & k.KMOD_SHIFT else 1),
+            (k.K_g,): screen.toggle_grid,
+            (k.K_c,): screen.toggle_curve,
+            (k.K_t,): screen.next_theme,
+            (k.K_s,): self._save_screenshot,
+            (k.K_h, k.K_F1): self._toggle_help,
+        }
+        self._actions = {key: do for keys, do in (repeated | once).items() for key in keys}
+        self._repeated = {key for keys in repeated for key in keys}
 
     def close(self) -> None:
         self._pygame.quit()
 
-    def say_goodbye(self) -> None:
+    def announce_closing(self) -> None:
         """Show that it closes: what is saved may take its time."""
         self._pygame.display.set_caption("closing · taichi_foam")
         self._pygame.display.flip()
 
-    def show(self, stage: Stage) -> None:
+    def run(self) -> None:
         """Draw and obey until the window is closed."""
         while True:
-            is_stale = stage.update(0.5 / FPS)
+            is_stale = self._screen.update(0.5 / FPS)
             for event in self._pygame.event.get():
-                if self._is_goodbye(event):
+                if self._closes(event):
                     return
-                is_stale |= self._obey(event, stage)
+                is_stale |= self._obey(event)
             if is_stale:
-                self._draw(stage)
+                self._draw()
             self._clock.tick(FPS)
 
-    def _is_goodbye(self, event) -> bool:
+    def _closes(self, event) -> bool:
         pygame = self._pygame
         is_key = event.type == pygame.KEYDOWN and event.key in (pygame.K_q, pygame.K_ESCAPE)
         return event.type == pygame.QUIT or is_key
 
-    def _obey(self, event, stage: Stage) -> bool:
+    def _obey(self, event) -> bool:
         """Do what an event asks for; whether the picture changes by it."""
         pygame = self._pygame
         if event.type == pygame.KEYUP:
             self._held.discard(event.key)
-        if event.type == pygame.KEYDOWN and event.key in self._keys:
+        if event.type == pygame.KEYDOWN and event.key in self._actions:
             is_again = event.key in self._held
             self._held.add(event.key)
             if is_again and event.key not in self._repeated:
                 return False
             self._told = ""
-            stage.dismiss()
-            self._keys[event.key](stage)
+            self._screen.dismiss()
+            self._actions[event.key]()
             return True
         return event.type in (pygame.VIDEORESIZE, pygame.VIDEOEXPOSE)
 
-    def _draw(self, stage: Stage) -> None:
+    def _draw(self) -> None:
         pygame = self._pygame
-        picture = self._picture(stage)
+        picture = self._screen.picture(self._size(), self._told or _HINT)
+        if self._has_help:
+            panel(picture, HELP, self._screen.look.theme)
         height, width = picture.shape[:2]
         self._surface.blit(
             pygame.image.frombuffer(picture.tobytes(), (width, height), "RGB"), (0, 0)
         )
         pygame.display.flip()
-        pygame.display.set_caption(f"{stage.scene.name} · taichi_foam")
-
-    def _picture(self, stage: Stage):
-        picture = stage.picture(self._size(), self._told or _HINT)
-        if self._has_help:
-            panel(picture, HELP, stage.look.theme)
-        return picture
+        pygame.display.set_caption(f"{self._screen.controller.scene.name} · taichi_foam")
 
     def _size(self) -> tuple[int, int]:
         """Of the picture: a window can be made smaller than a picture may be."""
         width, height = self._surface.get_size()
         return max(width, raster.SMALLEST[0]), max(height, raster.SMALLEST[1])
 
-    def _next_mode(self, stage: Stage) -> None:
-        is_back = self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT
-        stage.next_mode(-1 if is_back else 1)
-
-    def _toggle_help(self, stage: Stage) -> None:
+    def _toggle_help(self) -> None:
         self._has_help = not self._has_help
 
-    def _save_screenshot(self, stage: Stage) -> None:
-        picture = stage.picture(self._size())
+    def _save_screenshot(self) -> None:
+        picture = self._screen.picture(self._size())
         try:
             self._shots.mkdir(parents=True, exist_ok=True)
-            names = (path.stem.removeprefix("shot-") for path in self._shots.glob("shot-*.png"))
-            last = max((int(name) for name in names if name.isdecimal()), default=0)
-            path = self._shots / f"shot-{last + 1:03d}.png"
+            path = next_numbered(self._shots / "shot", ".png")
             with whole_file(path) as partial:
                 Image.fromarray(picture).save(partial)
         except OSError as error:

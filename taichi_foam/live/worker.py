@@ -1,8 +1,8 @@
-"""The process that computes: one drop at a time, at a pace, with ears for its viewer.
+"""The process that computes: one drop at a time, at a pace, obeying its viewer between calls.
 
 A Taichi kernel holds the interpreter's lock, so that a viewer in the same process would stand still
-while it computes. Ctrl-C reaches both and is the viewer's to answer; whatever takes long to import
-is imported once this process ignores it.
+while it computes. Ctrl-C reaches both processes, and the viewer decides what it means; what takes
+long to import is imported once this process ignores Ctrl-C.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ MOST_BEHIND = 0.1
 def main(pipe: Connection, arch: str, threads: int | None) -> None:
     """Do what comes through the pipe, until Close or until the viewer is gone.
 
-    Ctrl-C, a closed terminal, the end of a service: each reaches the viewer's whole group, and is
-    the viewer's to answer, who may want to have what there is first.
+    Ctrl-C, a closed terminal and the end of a service reach the viewer's whole group of processes.
+    The viewer decides what they mean: it may want to have what there is first.
     """
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
@@ -170,7 +170,7 @@ class _Worker:
         self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
 
     def _fail(self, message: str) -> None:
-        """Something that must not be has been; what came before it is handed over."""
+        """An unexpected error ends the drop; what came before it is handed over."""
         result = None
         with contextlib.suppress(Exception):  # whatever is wrong may be wrong there, too
             result = None if self._drop is None else _result(self._drop)
@@ -251,7 +251,7 @@ class _Sender:
         self._is_taken.wait(CALL_SECONDS)
 
     def _serve(self) -> None:
-        with contextlib.suppress(OSError):  # the viewer is gone, which the other thread hears, too
+        with contextlib.suppress(OSError):  # the viewer is gone: the other thread notices
             while True:
                 data = ForkingPickler.dumps(self._waiting.get())
                 self._is_taken.set()

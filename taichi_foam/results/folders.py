@@ -111,6 +111,18 @@ def file_name(name: str) -> str:
     return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
 
 
+def next_numbered(stem: Path, suffix: str = "", digits: int = 3, first: int = 1) -> Path:
+    """`STEM-001SUFFIX`, or with one more than the highest number there is: none is given twice."""
+    names = [path.name for path in stem.parent.iterdir()] if stem.parent.is_dir() else []
+    tails = (
+        name[len(stem.name) + 1 : len(name) - len(suffix)]
+        for name in names
+        if name.startswith(f"{stem.name}-") and name.endswith(suffix)
+    )
+    number = max((int(tail) + 1 for tail in tails if tail.isdecimal()), default=first)
+    return stem.with_name(f"{stem.name}-{max(number, first):0{digits}}{suffix}")
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Write one file as a whole: the block writes what is yielded, which is then renamed to `path`.

@@ -29,6 +29,6 @@ def test_terminal_and_page_say_the_same(make_result) -> None:
         (quantity.key, quantity.unit, quantity.factor) for quantity in QUANTITIES
     ]
     result = make_result(strain_J=1.0, residual_J=(0.0, 0.01))
-    labels = list(tables.key_figures(result.summary).columns[0].cells)
+    labels = list(tables.key_figures(result.scene, result.summary).columns[0].cells)
     assert RESIDUAL.label in labels
     assert labels == [quantity.label for quantity in ALL if quantity.label in labels]

@@ -1,4 +1,4 @@
-"""`taichi-foam serve` refuses what cannot be before it computes or writes anything."""
+"""`taichi-foam serve` refuses bad input before it computes or writes anything."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def test_a_port_in_use_is_named(invoke: Callable) -> None:
 def test_ctrl_c_while_the_device_is_awaited_ends_it(
     invoke: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from taichi_foam.live.page.show import Show
+    from taichi_foam.live.page.view import PageView
 
-    def press_soon(show: Show) -> None:
+    def press_soon(view: PageView) -> None:
         threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
 
     # a device that never says anything
-    monkeypatch.setattr(Show, "start", press_soon)
-    monkeypatch.setattr(Show, "close", lambda show: [])
+    monkeypatch.setattr(PageView, "start", press_soon)
+    monkeypatch.setattr(PageView, "close", lambda view: False)
     start = time.monotonic()
     result = invoke("serve", "paper/wedge-2.86", "--port", "0", "--threads", "1", "--no-open")
     assert time.monotonic() - start < 20.0

@@ -123,7 +123,7 @@ def test_a_pause_holds_time_and_takes_no_processor(session: Session) -> None:
     time.sleep(0.5)
     assert cpu_seconds(worker_of(session)) - taken <= 0.02
     assert look(session).snapshot.time == before.snapshot.time
-    session.resume()
+    session.pause(False)
     held = before.snapshot.time
     after = wait_for(session, lambda e: isinstance(e, Frame) and e.snapshot.time > held)
     assert not after.paused
@@ -153,7 +153,7 @@ def test_a_pace_is_kept(session: Session) -> None:
     session.pause()
     time.sleep(0.3)
     held = look(session)
-    session.resume()
+    session.pause(False)
     assert held.snapshot.time - first.snapshot.time < 0.05 * 0.6
     first, start = look(session), time.monotonic()
     time.sleep(1.5)
@@ -263,7 +263,9 @@ def test_a_worker_that_is_killed_is_told_of_once() -> None:
         session.pause()
         session.ask()
         assert session.start(ENDLESS) == 2
+        start = time.monotonic()
         assert session.finish(PATIENCE) is None
+        assert time.monotonic() - start < 0.1 * PATIENCE  # nobody is there to wait for
         assert session.poll(0.1) == []
     session.close()
     assert session.poll(0.1) == []

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_foam.engine import lattice
+from taichi_foam.engine import state
 from taichi_foam.errors import UserError
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
@@ -30,7 +30,7 @@ def test_what_failed_has_a_remedy() -> None:
 
 
 def test_every_status_of_the_engine_is_an_ending() -> None:
-    assert ENDINGS[lattice.RUNNING] is Ending.INTERRUPTED
+    assert ENDINGS[state.RUNNING] is Ending.INTERRUPTED
     assert set(ENDINGS.values()) == set(Ending)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import check_output_folder, output_folder
+from taichi_foam.results.folders import check_output_folder, next_numbered, output_folder
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's /proc and /dev/full")
 
@@ -279,3 +279,14 @@ def test_a_disk_that_fills_up_keeps_the_old_folder() -> None:
 def test_a_read_only_disk_is_refused() -> None:
     with mounted("ro") as disk, pytest.raises(UserError, match="read-only"):
         check_output_folder(disk / "run")
+
+
+def test_numbers_go_on_after_the_highest_that_is_there(tmp_path: Path) -> None:
+    stem = tmp_path / "a[1]"  # no pattern
+    assert next_numbered(stem) == tmp_path / "a[1]-001"
+    assert next_numbered(tmp_path / "none" / "a").name == "a-001"
+    for name in ("a[1]-007", "a[1]-x", "a[1]-009.png", "a[1]b-020", "a[1]-shots"):
+        (tmp_path / name).touch()
+    assert next_numbered(stem).name == "a[1]-008"
+    assert next_numbered(stem, ".png").name == "a[1]-010.png"
+    assert next_numbered(tmp_path / "run", digits=1, first=2).name == "run-2"

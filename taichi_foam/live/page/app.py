@@ -19,13 +19,13 @@ from starlette.routing import Route, WebSocketRoute
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.archive import FILES, FILMS
 from taichi_foam.live.page.films import Films
-from taichi_foam.live.page.viewers import Hub
+from taichi_foam.live.page.viewers import Viewers
 
 if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.websockets import WebSocket
 
-    from taichi_foam.live.page.show import Show
+    from taichi_foam.live.page.view import PageView
 
 _TYPES = {
     "html": "text/html; charset=utf-8",
@@ -39,13 +39,13 @@ _PLOTLY = "plotly.min.js"
 _PLOTLY_FOLDER = resources.files("plotly") / "package_data"
 
 
-def app_of(show: Show) -> Starlette:
-    """The pages of a show."""
-    hub, films = Hub(show), Films(show.archive)
+def app_of(view: PageView) -> Starlette:
+    """The page and its files."""
+    viewers, films = Viewers(view), Films(view.archive)
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        hub.open()
+        viewers.open()
         yield
         await films.close()
 
@@ -57,7 +57,7 @@ def app_of(show: Show) -> Starlette:
 
     async def download(request: Request) -> Response:
         name = request.path_params["name"]
-        drop = show.archive.find(request.path_params["number"])
+        drop = view.archive.find(request.path_params["number"])
         if drop is None or drop.folder is None or name not in (*FILES, *FILMS):
             return PlainTextResponse("there is no such file of a drop that is saved", 404)
         path = drop.folder / name
@@ -71,7 +71,7 @@ def app_of(show: Show) -> Starlette:
         return FileResponse(path, filename=f"{drop.folder.name}-{name}")
 
     async def live(socket: WebSocket) -> None:
-        await hub.serve(socket)
+        await viewers.serve(socket)
 
     return Starlette(
         routes=[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.curve import thinned
-from taichi_foam.results.folders import check_output_folder, file_name
+from taichi_foam.results.folders import check_output_folder, file_name, next_numbered
 from taichi_foam.results.result import storage_bytes
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Archive:
 
         `on_change` is called, by any thread, when the list has changed.
         """
-        self._out, self._stem = out, file_name(name)
+        self._stem = out / file_name(name)
         self._on_change = on_change
         self._drops: list[Finished] = []
         self._state = threading.Condition()  # guards the list and what follows
@@ -75,7 +75,7 @@ class Archive:
         if len(self._waiting()) >= MOST_WAITING:
             problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
             raise UserError(f"{len(self._waiting())} drops wait to be saved; {problem}")
-        check_output_folder(self._free(), needed_bytes=storage_bytes(scene))
+        check_output_folder(next_numbered(self._stem), needed_bytes=storage_bytes(scene))
 
     def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
         """Save what a drop has given, soon."""
@@ -158,7 +158,7 @@ class Archive:
         result = drop.result
         assert result is not None
         try:
-            folder = result.save(self._free())
+            folder = result.save(next_numbered(self._stem))
             figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         except Exception as error:
             # whatever it is: the thread has other drops to save, and this one once more
@@ -171,15 +171,6 @@ class Archive:
                 drop.result = drop.problem = None
                 self._forget()
         self._on_change()
-
-    def _free(self) -> Path:
-        """A folder that is not there yet: the served scene's name and the next number."""
-        stem = self._stem
-        taken = [0]
-        if self._out.is_dir():
-            tails = (p.name[len(stem) + 1 :] for p in self._out.glob(f"{stem}-*"))
-            taken += [int(tail) for tail in tails if tail.isdecimal()]
-        return self._out / f"{stem}-{max(taken) + 1:03d}"
 
 
 def _told(drop: Finished) -> dict[str, Any]:

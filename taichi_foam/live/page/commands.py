@@ -1,7 +1,4 @@
-"""What a viewer may tell the show: messages as JSON, each checked before anything heeds it.
-
-They wait in an inbox, which holds little of each viewer's.
-"""
+"""Messages of viewers: JSON, checked on arrival, and the inbox in which they wait to be done."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ class Set(_Command):
     values: Annotated[Values, Field(max_length=64)]
 
 
-class Let(_Command):
+class Drop(_Command):
     """Drop with these settings; what is left out stays."""
 
     do: Literal["drop"]
@@ -84,7 +81,7 @@ class Pace(_Command):
     rate: Annotated[float, Field(ge=1e-6, le=1)] | None
 
 
-class Looks(_Command):
+class Look(_Command):
     """How pictures are drawn."""
 
     do: Literal["look"]
@@ -99,17 +96,17 @@ class Save(_Command):
     do: Literal["save"]
 
 
-#: What concerns the viewer alone, and what concerns the show.
+#: What concerns the viewer alone, and what concerns all.
 Own: TypeAlias = Next | Watch
-Shared: TypeAlias = Set | Let | Reset | Pause | Step | Pace | Looks | Save
+Shared: TypeAlias = Set | Drop | Reset | Pause | Step | Pace | Look | Save
 Command: TypeAlias = Own | Shared
 
 #: Commands of one viewer, and of all, that may wait.
 MOST_OF_ONE, MOST_OF_ALL = 16, 256
-#: Commands that are done before the show looks at the run again.
+#: Commands that are done before the view looks at the run again.
 MOST_AT_ONCE = 16
 
-#: Tells a viewer what speaks against its command. Each viewer has one, which stands for it here.
+#: Tells a viewer why its command is not done. Each viewer has one, which stands for it here.
 Reply: TypeAlias = Callable[[str], object]
 
 _READER: TypeAdapter[Command] = TypeAdapter(Annotated[Own | Shared, Field(discriminator="do")])

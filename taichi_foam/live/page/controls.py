@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.shape import SHAPES
+from taichi_foam.laws.shape import SHAPES, Impactor
+from taichi_foam.live.controller import offered_shapes, renamed
+from taichi_foam.parts import Part
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.options import Numerics
 
@@ -19,7 +21,6 @@ MOST_NODES = 100_000
 
 #: What a scene without an impactor has for a shape.
 NO_SHAPE = "none"
-_OFFERED = ("flat", "cylinder", "wedge")
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,11 @@ class Knob:
     log: bool = False
 
 
-KNOBS = (
+_IMPACTOR = (
     Knob("impactor", "impactor.velocity", "velocity", 0.5, 6.0, 0.02, "m/s"),
     Knob("impactor", "impactor.mass", "mass", 1.0, 20.0, 0.1, "kg"),
-    Knob("impactor", "impactor.width", "width", 10, 150, 1, "mm", 1e-3, ("flat",)),
-    Knob("impactor", "impactor.radius", "radius", 5, 75, 0.5, "mm", 1e-3, ("cylinder",)),
-    Knob("impactor", "impactor.angle_deg", "angle", 30, 160, 1, "°", 1.0, ("wedge",)),
+)
+_REST = (
     Knob("impactor", "impactor.friction", "friction", 0.0, 1.0, 0.01),
     Knob("block", "block.thickness", "thickness", 10, 200, 1, "mm", 1e-3),
     Knob("block", "block.columns", "columns", 10, 120, 2),
@@ -64,9 +64,23 @@ KNOBS = (
     Knob("foam", "foam.shear_strain", "shear limit", 0.01, 0.5, 0.005),
     Knob("foam", "foam.rate", "rate D", 100, 100_000, 10, "1/s", log=True),
 )
-"""All controls, in the page's order."""
 
-_KNOBS = {knob.key: knob for knob in KNOBS}
+
+def knobs() -> tuple[Knob, ...]:
+    """All controls, in the page's order; the sizes of a shape are those that it names itself.
+
+    Shapes that share a field share its control.
+    """
+    sizes: dict[str, Knob] = {}
+    for shape in offered_shapes():
+        for one in SHAPES[shape].controls:
+            key = f"impactor.{one.field}"
+            if key in sizes:
+                sizes[key] = replace(sizes[key], shapes=(*sizes[key].shapes, shape))
+                continue
+            span = (one.low, one.high, one.step)
+            sizes[key] = Knob("impactor", key, one.label, *span, one.unit, one.factor, (shape,))
+    return (*_IMPACTOR, *sizes.values(), *_REST)
 
 
 class Controls:
@@ -75,24 +89,26 @@ class Controls:
     def __init__(self, given: Scene) -> None:
         self.given = given
         self.shape = given.impactor.shape if given.impactor else NO_SHAPE
-        first = () if self.shape in _OFFERED else (self.shape,)
-        self.shapes = (*first, *_OFFERED)
+        offered = offered_shapes()
+        self.shapes = offered if self.shape in offered else (self.shape, *offered)
+        # another law has other constants
+        self.knobs = {knob.key: knob for knob in knobs() if _has_field(given, knob)}
         self.defaults = self.values_of(given)
 
     def told(self) -> dict[str, Any]:
         """What the page needs to build the controls; numbers in the unit that is shown."""
-        return {"shapes": self.shapes, "knobs": [self._told(knob) for knob in KNOBS]}
+        return {"shapes": self.shapes, "knobs": [self._told(knob) for knob in self.knobs.values()]}
 
     def values_of(self, scene: Scene) -> dict[str, Value]:
         """Each control's value in a scene [SI]; what its shape lacks has its default."""
-        return {knob.key: _value(scene, knob) for knob in KNOBS}
+        return {key: _value(scene, knob) for key, knob in self.knobs.items()}
 
     def check(self, shape: str, values: Mapping[str, Value]) -> None:
         """Raise UserError for a shape or a key that there is not, or a value out of its range."""
         if shape not in self.shapes:
             raise UserError(f"impactor.shape = {shape!r}: must be one of {', '.join(self.shapes)}")
         for key, value in values.items():
-            knob = _KNOBS.get(key)
+            knob = self.knobs.get(key)
             if knob is None:
                 raise UserError(f"{key}: the page has no such control")
             _check_range(knob, value)
@@ -108,7 +124,7 @@ class Controls:
             # that of the old shape may be too low for the new one
             changed["impactor.height"] = SHAPES[shape].model_fields["height"].default
         for key, value in values.items():
-            if self._has(shape, _KNOBS[key]) and value != self.defaults[key]:
+            if self._has(shape, self.knobs[key]) and value != self.defaults[key]:
                 changed[key] = value
         if not changed:
             return self.given
@@ -120,9 +136,7 @@ class Controls:
                 f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
                 "that size"
             )
-        name = f"{self.given.name} with {', '.join(self.changes(scene))}"
-        short = name if len(name) <= 100 else f"{name[:99]}…"
-        return scene.model_copy(update={"name": short})
+        return renamed(scene, f"{self.given.name} with {', '.join(self.changes(scene))}")
 
     def changes(self, scene: Scene) -> list[str]:
         """How a scene differs from the one that is served, for people."""
@@ -130,7 +144,7 @@ class Controls:
         shape = scene.impactor.shape if scene.impactor else NO_SHAPE
         if shape != self.shape:
             told.append(shape)
-        for knob in KNOBS:
+        for knob in self.knobs.values():
             value = _value(scene, knob)
             if self._has(shape, knob) and value != self.defaults[knob.key]:
                 told.append(f"{knob.label} {_shown(knob, value)}")
@@ -175,17 +189,24 @@ class Controls:
         }
 
 
-def _part(key: str) -> type[Any]:
-    """The class of a scene's part that holds a key."""
-    head, field = key.split(".")
-    parts = {"block": [Block], "foam": [Foam], "numerics": [Numerics]}
-    return next(p for p in parts.get(head, list(SHAPES.values())) if field in p.model_fields)
+def _part(knob: Knob) -> type[Part]:
+    """The class whose field it is."""
+    if knob.shapes:
+        return SHAPES[knob.shapes[0]]
+    parts = {"impactor": Impactor, "block": Block, "foam": Foam, "numerics": Numerics}
+    return parts[knob.key.split(".")[0]]
+
+
+def _has_field(scene: Scene, knob: Knob) -> bool:
+    """Whether the scene's foam has it, if it is one of the foam's."""
+    head, field = knob.key.split(".")
+    return head != "foam" or field in type(scene.foam).model_fields
 
 
 @lru_cache(maxsize=64)
 def _schema(knob: Knob) -> dict[str, Any]:
     """The field's JSON schema, of its number where it may be none."""
-    schema = _part(knob.key).model_json_schema()["properties"][knob.key.split(".")[1]]
+    schema = _part(knob).model_json_schema()["properties"][knob.key.split(".")[1]]
     numbers = [each for each in schema.get("anyOf", []) if each["type"] != "null"]
     return {**schema, **(numbers[0] if numbers else {}), "optional": bool(numbers)}
 
@@ -195,7 +216,7 @@ def _value(scene: Scene, knob: Knob) -> Value:
     part = getattr(scene, head)
     if hasattr(part, field) and (not knob.shapes or part.shape in knob.shapes):
         return getattr(part, field)
-    return _part(knob.key).model_fields[field].default
+    return _part(knob).model_fields[field].default
 
 
 def _check_range(knob: Knob, value: Value) -> None:

@@ -28,7 +28,7 @@ class Films:
     async def film(self, drop: Finished, name: str) -> Path:
         """The file of a film of a saved drop, drawn if need be.
 
-        It is drawn to its end though whoever asked may leave. Raises UserError if it cannot be.
+        It is drawn to its end even if the viewer who asked has left. Raises UserError if it fails.
         """
         assert drop.folder is not None
         path = drop.folder / name
@@ -78,7 +78,7 @@ async def _drawn_apart(path: Path) -> None:
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
-        start_new_session=True,  # Ctrl-C is the server's to answer
+        start_new_session=True,  # the server decides what Ctrl-C means
     )
     try:
         _, words = await process.communicate()

@@ -1,4 +1,4 @@
-"""Serving a show: the address, the token, and a clean end."""
+"""Serving the page: the address, the token, and a clean end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import uvicorn
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.app import app_of
 from taichi_foam.live.page.guard import LOOPBACK, Guard
-from taichi_foam.live.page.show import Show
+from taichi_foam.live.page.view import PageView
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -50,14 +50,14 @@ class Server:
         arch: str = "cpu",
         threads: int | None = None,
     ) -> None:
-        """Check everything and take the port. Raises UserError for what cannot be."""
-        self.show = Show(scene, Path(out), arch, threads)
-        self.show.archive.check(scene)
+        """Check everything and take the port. Raises UserError for what cannot be done."""
+        self.view = PageView(scene, Path(out), arch, threads)
+        self.view.archive.check(scene)
         self._is_plain = (arch, threads) == ("cpu", None)
         self._socket = _bound(host, port)
         self.token = None if _is_loopback(self._socket) else secrets.token_urlsafe(24)
         self.address = _address(host, self._socket.getsockname()[1], self.token)
-        guarded = Guard(app_of(self.show), self.token, self._socket.getsockname()[1])
+        guarded = Guard(app_of(self.view), self.token, self._socket.getsockname()[1])
         self._server = _Quiet(
             uvicorn.Config(
                 guarded,
@@ -73,8 +73,8 @@ class Server:
             )
         )
 
-    def run(self, on_ready: Callable[[], object] = lambda: None) -> list[int]:
-        """Drop the scene and serve until `stop`; return the drops that this has cut short.
+    def run(self, on_ready: Callable[[], object] = lambda: None) -> bool:
+        """Drop the scene and serve until `stop`; whether this has cut a drop short.
 
         `on_ready` is called when the address can be opened. Raises UserError if what is to
         compute is not there, or if results could not be saved; KeyboardInterrupt if it was told to
@@ -83,44 +83,46 @@ class Server:
         # until all is saved: a second signal must not end what the first one has begun
         with _stops_on_signals(self.stop):
             try:
-                self.show.start()
+                self.view.start()
                 if not self._is_plain:
                     self._wait_for_device()
-                if self.show.refusal is not None:
-                    raise UserError(self.show.refusal)
+                if self.view.controller.refusal is not None:
+                    raise UserError(self.view.controller.refusal)
                 was_stopped = self._server.should_exit
                 if not was_stopped:
                     on_ready()
                     self._server.run([self._socket])
             finally:
-                cut, lost = self.close()
+                was_cut, lost = self.close()
         if lost:
             raise UserError(f"not saved: {'; '.join(lost)}")
-        if was_stopped and not cut:
+        if was_stopped and not was_cut:
             raise KeyboardInterrupt
-        return cut
+        return was_cut
 
     def _wait_for_device(self) -> None:
         """Until the first frame or a refusal is there, or somebody has told to stop."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until and not self._server.should_exit:
-            if self.show.began.wait(TURN):
+            if self.view.controller.state != "preparing":
                 return
+            time.sleep(TURN)
 
     def stop(self) -> None:
         """Come to an end soon; any thread, or a signal, may say so."""
         self._server.should_exit = True
 
-    def close(self) -> tuple[list[int], list[str]]:
-        """End and save the drop: those cut short, and why some could not be saved."""
+    def close(self) -> tuple[bool, list[str]]:
+        """End and save the drop: whether it was cut short, and why some could not be saved."""
         self._socket.close()
-        cut = self.show.close()
-        problems = {drop.number: drop.problem or "" for drop in self.show.archive.close()}
-        return cut, [f"drop {n}: {why}" for n, why in (problems | self.show.lost).items()]
+        was_cut = self.view.close()
+        problems = {drop.number: drop.problem or "" for drop in self.view.archive.close()}
+        problems |= self.view.controller.lost
+        return was_cut, [f"drop {number}: {why}" for number, why in problems.items()]
 
 
 class _Quiet(uvicorn.Server):
-    """Leaves signals to whoever runs it."""
+    """Leaves signals to `Server.run`."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""Those who look: each gets what is new on the board, as fast as it takes it and no faster."""
+"""The viewers of the page: each is sent what is new, as fast as it takes it and no faster."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taichi_foam.live.page import commands
 from taichi_foam.live.page.curve import Cursor
 
 if TYPE_CHECKING:
-    from taichi_foam.live.page.show import Show
+    from taichi_foam.live.page.view import PageView
 
 MOST_VIEWERS = 100
 #: A viewer that takes longer to acknowledge a picture, or to take a message, is let go [s].
@@ -31,13 +31,13 @@ TRY_LATER, TOO_SLOW = 1013, 1008  # close codes of WebSockets
 class Viewer:
     """One page that is open somewhere. Costs a few numbers and, on its way, one picture."""
 
-    def __init__(self, socket: WebSocket, show: Show) -> None:
+    def __init__(self, socket: WebSocket, view: PageView) -> None:
         self._socket = socket
-        self._show = show
+        self._view = view
         self._tone = "light"
         self._is_watching = False
         self._sent_at: float | None = None  # when the picture went that is not acknowledged yet
-        self._has: dict[str, int] = {}  # of each note on the board the number that was sent
+        self._has: dict[str, int] = {}  # of each note the number that was sent
         self._has_picture = 0
         self._cursor = Cursor()
         self._answers: deque[str] = deque(maxlen=MOST_ANSWERS)
@@ -45,11 +45,11 @@ class Viewer:
         self._news.set()
 
     def wake(self) -> None:
-        """Something on the board has changed."""
+        """The view state has changed."""
         self._news.set()
 
     def answer(self, problem: str) -> None:
-        """Tell this viewer, and no other, what speaks against its message."""
+        """Tell this viewer, and no other, what is wrong with its message."""
         self._answers.append(json.dumps({"kind": "problem", "text": problem}))
         self._news.set()
 
@@ -61,7 +61,7 @@ class Viewer:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
-        except TimeoutError:
+        except (TimeoutError, asyncio.TimeoutError):  # Python 3.10 has two
             with contextlib.suppress(Exception):
                 close = self._socket.close(TOO_SLOW, "too slow: no answer for too long")
                 await asyncio.wait_for(close, 1.0)
@@ -107,30 +107,30 @@ class Viewer:
                 self._is_watching, self._tone = command.on, command.tone
                 self._news.set()
             else:
-                self._show.tell(command, reply)
+                self._view.tell(command, reply)
 
     async def _send_all(self) -> None:
-        board = self._show.board
+        view_state = self._view.view_state
         while True:
             await self._wait()
             while self._answers:
                 await self._send(self._answers.popleft())
-            for kind, (number, text) in tuple(board.notes.items()):
+            for kind, (number, text) in tuple(view_state.notes.items()):
                 if self._has.get(kind) != number:
                     self._has[kind] = number
                     await self._send(text)
-            number, curve = board.curve
+            number, curve = view_state.curve
             if self._has.get("curve") != number:
                 self._has["curve"] = number
                 text, self._cursor = curve.since(self._cursor)
                 await self._send(text)
             if self._is_watching and self._sent_at is None:
-                number, picture = board.pictures.get(self._tone, (0, b""))
+                number, picture = view_state.pictures.get(self._tone, (0, b""))
                 if number > self._has_picture:
                     self._has_picture, self._sent_at = number, time.monotonic()
                     await self._send(picture)
                 else:
-                    board.want(self._tone)
+                    view_state.want(self._tone)
 
     async def _wait(self) -> None:
         """Until there is news. Raises TimeoutError if a picture stays unacknowledged."""
@@ -139,31 +139,25 @@ class Viewer:
             left = max(0.0, self._sent_at + MOST_WAIT - time.monotonic())
             if left == 0.0:
                 raise TimeoutError
-        try:
-            await asyncio.wait_for(self._news.wait(), left)
-        except asyncio.TimeoutError:  # Python 3.10 has an own one
-            raise TimeoutError from None
+        await asyncio.wait_for(self._news.wait(), left)
         self._news.clear()
 
     async def _send(self, content: str | bytes) -> None:
         """Raises TimeoutError if the viewer does not take it."""
         binary = isinstance(content, bytes)
         send = self._socket.send_bytes(content) if binary else self._socket.send_text(content)
-        try:
-            await asyncio.wait_for(send, MOST_WAIT)
-        except asyncio.TimeoutError:
-            raise TimeoutError from None
+        await asyncio.wait_for(send, MOST_WAIT)
 
 
-class Hub:
-    """All viewers of a show."""
+class Viewers:
+    """All viewers of the page."""
 
-    def __init__(self, show: Show) -> None:
-        self._show = show
+    def __init__(self, view: PageView) -> None:
+        self._view = view
         self._viewers: set[Viewer] = set()
 
     def open(self) -> None:
-        """Begin to listen to the board; in the loop that serves."""
+        """Begin to listen to the view state; in the loop that serves."""
         loop = asyncio.get_running_loop()
         is_due = False
 
@@ -180,7 +174,7 @@ class Hub:
                 with contextlib.suppress(RuntimeError):  # the loop has gone
                     loop.call_soon_threadsafe(wake_all)
 
-        self._show.board.wake = wake
+        self._view.view_state.wake = wake
 
     async def serve(self, socket: WebSocket) -> None:
         """One viewer, from its coming to its going."""
@@ -188,11 +182,11 @@ class Hub:
             await socket.accept()
             await socket.close(TRY_LATER, f"there are {MOST_VIEWERS} viewers already")
             return
-        viewer = Viewer(socket, self._show)
+        viewer = Viewer(socket, self._view)
         self._viewers.add(viewer)
-        self._show.watchers = len(self._viewers)
+        self._view.watchers = len(self._viewers)
         try:
             await viewer.serve()
         finally:
             self._viewers.discard(viewer)
-            self._show.watchers = len(self._viewers)
+            self._view.watchers = len(self._viewers)

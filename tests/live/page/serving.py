@@ -17,13 +17,19 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 import taichi_foam
-from taichi_foam.live.page.painter import HEADER
+from taichi_foam.live.pictures import HEADER
 
 PATIENCE = 60.0  # a busy machine that compiles [s]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
 
 #: A lattice so small that it needs little of the machine.
-SMALL = ("block.columns=10", "block.rows=5", "output.width=320", "output.height=180")
+SMALL = (
+    "block.columns=10",
+    "block.rows=5",
+    "output.snapshot_interval=5e-3",
+    "output.width=320",
+    "output.height=180",
+)
 #: At the pace that a server begins with it goes on for a quarter of an hour.
 ENDLESS = (*SMALL, "numerics.end=10.0")
 
@@ -90,6 +96,11 @@ class Served:
         if self.process.poll() is None:
             self.process.send_signal(number)
         return self.wait()
+
+    def kill(self) -> None:
+        """End it at once, as the machine would; its worker sees that and leaves."""
+        self.process.kill()
+        self.wait()
 
     def wait(self) -> tuple[int, str]:
         """Wait for the end; the exit code, and what was said on stderr."""

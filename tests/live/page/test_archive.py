@@ -1,4 +1,4 @@
-"""What drops have given is saved, also when the disk has its moods; slow viewers are let go."""
+"""What drops have given is saved, even if a disk refuses it at first; slow viewers are let go."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from taichi_foam.live.page.archive import (
     Archive,
     Finished,
 )
-from taichi_foam.live.page.board import Board
+from taichi_foam.live.page.view_state import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
 from taichi_foam.shim2000.tests import paper_scene
@@ -190,11 +190,11 @@ class _Socket:
         self.closed = code
 
 
-class _Show:
+class _View:
     def __init__(self) -> None:
-        self.board = Board()
-        self.board.post("scene", {"drop": 1})
-        self.board.hang("light", b"picture")
+        self.view_state = ViewState()
+        self.view_state.post("scene", {"drop": 1})
+        self.view_state.set_picture("light", b"picture")
 
 
 @pytest.mark.parametrize("takes", [True, False])
@@ -204,13 +204,13 @@ def test_a_viewer_that_does_not_answer_is_let_go(
     monkeypatch.setattr(viewers, "MOST_WAIT", 0.2)
 
     async def visit() -> _Socket:
-        socket, show = _Socket(takes), _Show()
-        viewer = viewers.Viewer(socket, show)
-        show.board.wake = viewer.wake
+        socket, view = _Socket(takes), _View()
+        viewer = viewers.Viewer(socket, view)
+        view.view_state.wake = viewer.wake
         visiting = asyncio.create_task(viewer.serve())
         for _ in range(500):  # thousands of pictures pass it by
             for _ in range(10):
-                show.board.hang("light", b"picture" * 100)
+                view.view_state.set_picture("light", b"picture" * 100)
             await asyncio.sleep(0.001)
             if visiting.done():
                 break

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
+from taichi_foam.laws.shape import SHAPES, Control
+from taichi_foam.live.controller import offered_shapes
 from taichi_foam.live.page import commands
-from taichi_foam.live.page.controls import KNOBS, Controls
+from taichi_foam.live.page.controls import Controls, knobs
 from taichi_foam.live.page.curve import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
+from taichi_foam.scene import FlatBlock
 from taichi_foam.shim2000 import tests
 from taichi_foam.shim2000.tests import NAMES, paper_scene
 
@@ -39,6 +43,33 @@ def test_ranges_and_words_are_those_of_the_fields(controls: Controls) -> None:
     assert told["block.columns"]["whole"]
 
 
+def test_a_new_shape_brings_its_controls_and_its_place() -> None:
+    class Wide(FlatBlock):
+        shape: Literal["wide"] = "wide"
+        label: ClassVar[str] = "wide block"
+        controls: ClassVar[tuple[Control, ...]] = (
+            Control("width", "breadth", 100, 400, 5, "mm", 1e-3),
+            Control("height", "height", 20, 200, 1, "mm", 1e-3),
+        )
+
+    SHAPES.register(Wide)
+    try:
+        controls = Controls(WEDGE)
+        assert controls.shapes == ("flat", "cylinder", "wedge", "wide") == offered_shapes()
+        told = {knob["key"]: knob for knob in controls.told()["knobs"]}
+        # a size that two shapes have is one control, in the words of the first
+        assert told["impactor.width"]["label"] == "width"
+        assert told["impactor.width"]["shapes"] == ("flat", "wide")
+        assert told["impactor.height"]["shapes"] == ("wide",)
+        scene = controls.scene_of("wide", {"impactor.width": 0.12, "impactor.height": 0.05})
+        assert isinstance(scene.impactor, Wide)
+        assert (scene.impactor.width, scene.impactor.height) == (0.12, 0.05)
+        assert controls.changes(scene) == ["wide", "width 120 mm", "height 50 mm"]
+    finally:
+        SHAPES.remove("wide")
+    assert "impactor.height" not in {knob.key for knob in knobs()}
+
+
 def test_sliders_stay_within_what_may_be(controls: Controls) -> None:
     for knob in controls.told()["knobs"]:
         for value in (knob["low"], knob["high"]):
@@ -54,7 +85,7 @@ def test_unchanged_settings_are_the_scene_itself(controls: Controls) -> None:
     assert controls.changes(WEDGE) == []
 
 
-@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.key)
+@pytest.mark.parametrize("knob", knobs(), ids=lambda knob: knob.key)
 def test_every_control_reaches_its_key(controls: Controls, knob) -> None:
     shape = knob.shapes[0] if knob.shapes else "wedge"
     value = {"impactor.angle_deg": 80.0, "impactor.radius": 0.03}.get(knob.key)
@@ -146,7 +177,7 @@ def test_messages_that_are_none_are_refused_in_a_line(text: str) -> None:
 def test_messages_are_read() -> None:
     assert commands.read('{"do": "next"}') == commands.Next(do="next")
     let = commands.read('{"do": "drop", "shape": "flat", "values": {"foam.rate": null}}')
-    assert let == commands.Let(do="drop", shape="flat", values={"foam.rate": None})
+    assert let == commands.Drop(do="drop", shape="flat", values={"foam.rate": None})
 
 
 def test_numbers_keep_their_kind_and_all_that_a_scene_allows_fits(controls: Controls) -> None:

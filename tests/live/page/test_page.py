@@ -149,8 +149,8 @@ def test_new_settings_are_dropped_and_the_result_comes_home(
     page.until(lambda: page.text("#changes") == "with velocity 3 m/s")
     page.until(lambda: page.text("#state") == "at its end")
     first = "#list tbody tr:first-child"
+    page.until(lambda: page.text(f"{first} td:nth-child(2)") == "velocity 3 m/s")
     page.until(lambda: page.ask(f"Boolean(document.querySelector('{first} a'))"))
-    assert page.text(f"{first} td:nth-child(2)") == "velocity 3 m/s"
 
     allow = {"behavior": "allow", "downloadPath": str(tmp_path)}
     page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", allow)
@@ -291,16 +291,13 @@ def test_picture_and_curve_share_the_first_screen(page: Page) -> None:
 def test_a_page_that_was_open_is_told_that_the_token_is_new(
     browser: Chrome, tmp_path: Path
 ) -> None:
-    old = Served(tmp_path, *SMALL, options=("--host", "0.0.0.0"))
-    try:
+    everywhere = ("--host", "0.0.0.0")
+    with Served(tmp_path, *SMALL, options=everywhere) as old:
         token = old.address.partition("?")[2]
         page = Page(browser, f"http://127.0.0.1:{old.port}/?{token}")
-        page.until(lambda: page.text("#state") not in ("connecting", "preparing"))
-    finally:
-        old.stop()
-    new = Served(tmp_path, *SMALL, options=("--host", "0.0.0.0", "--port", str(old.port)))
-    try:
+        page.until(lambda: page.text("#state") != "connecting")
+        old.kill()
+    with Served(tmp_path, *SMALL, options=(*everywhere, "--port", str(old.port))) as new:
         page.until(lambda: "open the address that it printed" in page.text("#state"))
-    finally:
-        new.stop()
-        browser.get_log("browser")  # the lost connection is no fault of later pages
+        new.kill()
+    browser.get_log("browser")  # the lost connection is no fault of later pages

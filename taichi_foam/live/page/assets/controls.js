@@ -64,7 +64,7 @@ export class Controls {
     return row;
   }
 
-  // The value of a number field [SI]: null for none, undefined for what cannot be.
+  // The value of a number field [SI]: null for none, undefined for what is not allowed.
   read(knob) {
     const { number } = knob;
     const shown = number.value === "" ? null : Number(number.value);

@@ -1,4 +1,4 @@
-"""The show with a session that computes nothing: what viewers may bring about, and what not."""
+"""The page's view with a session that computes nothing: commands, their limits, their errors."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from taichi_foam.live import controller as controller_module
+from taichi_foam.live.controller import MOST_SIZES
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.page import commands
-from taichi_foam.live.page import show as show_module
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
-from taichi_foam.live.page.show import MOST_SIZES, Show
+from taichi_foam.live.page.view import PageView
+from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.shim2000.tests import paper_scene
 
 
@@ -24,17 +27,19 @@ class _Session:
     begun: list[_Session]
     fails = False
 
-    def __init__(self, arch: str, threads: int | None) -> None:
+    def __init__(self, arch: str, threads: int | None, drops: int) -> None:
         if self.fails:
             raise OSError("no process to be had")
         self.begun.append(self)
         self.alive = self.ended = True
         self.last: Frame | None = None
-        self.drops = 0
+        self.paused = self.settled = False
+        self.rows = np.empty((0, len(ROW_COLUMNS)))
+        self.before, self.drops = drops, 0
 
     def start(self, scene: Any) -> int:
         self.drops += 1
-        return self.drops
+        return self.before + self.drops
 
     def poll(self, wait: float) -> list[Any]:
         time.sleep(min(wait, 0.01))
@@ -48,10 +53,10 @@ class _Session:
 
 
 @pytest.fixture
-def show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Show]:
+def view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PageView]:
     _Session.begun, _Session.fails = [], False
-    monkeypatch.setattr(show_module, "Session", _Session)
-    found = Show(paper_scene("paper/wedge-2.86"), tmp_path)
+    monkeypatch.setattr(controller_module, "Session", _Session)
+    found = PageView(paper_scene("paper/wedge-2.86"), tmp_path)
     yield found
     found.close()
 
@@ -63,9 +68,9 @@ def wait_until(is_it: Callable[[], Any]) -> None:
         time.sleep(0.005)
 
 
-def let(**values: int) -> commands.Let:
+def let(**values: int) -> commands.Drop:
     named = {f"block.{key}": value for key, value in values.items()}
-    return commands.Let(do="drop", shape="wedge", values=named)
+    return commands.Drop(do="drop", shape="wedge", values=named)
 
 
 def moved(**values: float) -> commands.Set:
@@ -73,13 +78,13 @@ def moved(**values: float) -> commands.Set:
     return commands.Set(do="set", shape="wedge", values=named)
 
 
-def test_a_process_computes_lattices_of_few_sizes(show: Show) -> None:
-    show.start()
+def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:
+    view.start()
     wait_until(lambda: _Session.begun)
     problems: list[str] = []
     for count in range(2 * MOST_SIZES):
-        show.tell(let(rows=31 + count // 2), problems.append)  # each size twice
-        wait_until(lambda count=count: show._number == count + 2)
+        view.tell(let(rows=31 + count // 2), problems.append)  # each size twice
+        wait_until(lambda count=count: view.controller.number == count + 2)
     # with the size that the scene has itself there are one more than a process has room for
     assert problems == []
     assert [each.drops for each in _Session.begun] == [1 + 2 * (MOST_SIZES - 1), 2]
@@ -87,37 +92,36 @@ def test_a_process_computes_lattices_of_few_sizes(show: Show) -> None:
 
 
 def test_a_process_that_cannot_be_started_is_told_and_started_with_the_next_drop(
-    show: Show,
+    view: PageView,
 ) -> None:
     _Session.fails = True
-    show.start()
-    assert show.began.wait(30.0)
-    wait_until(lambda: '"died"' in show.board.notes.get("numbers", (0, ""))[1])
-    assert "no process to be had" in show.board.notes["numbers"][1]
+    view.start()
+    wait_until(lambda: '"died"' in view.view_state.notes.get("numbers", (0, ""))[1])
+    assert "no process to be had" in view.view_state.notes["numbers"][1]
     problems: list[str] = []
     for command in (commands.Pause(do="pause", on=True), commands.Pace(do="pace", rate=None)):
-        show.tell(command, problems.append)
+        view.tell(command, problems.append)
     _Session.fails = False
-    show.tell(commands.Reset(do="reset"), problems.append)
+    view.tell(commands.Reset(do="reset"), problems.append)
     wait_until(lambda: _Session.begun)
-    wait_until(lambda: '"preparing"' in show.board.notes["numbers"][1])
+    wait_until(lambda: '"preparing"' in view.view_state.notes["numbers"][1])
     assert problems == []
 
 
 def test_what_a_command_brings_about_is_told_to_its_sender_alone(
-    show: Show, monkeypatch: pytest.MonkeyPatch
+    view: PageView, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def check(*_: Any) -> None:
         raise OverflowError("nobody has thought of this")
 
-    show.start()
-    wait_until(lambda: '"preparing"' in show.board.notes.get("numbers", (0, ""))[1])
-    monkeypatch.setattr(show.controls, "check", check)
+    view.start()
+    wait_until(lambda: '"preparing"' in view.view_state.notes.get("numbers", (0, ""))[1])
+    monkeypatch.setattr(view.controls, "check", check)
     problems: list[str] = []
-    show.tell(moved(mass=1), problems.append)
+    view.tell(moved(mass=1), problems.append)
     wait_until(lambda: problems)
     assert problems == ["OverflowError: nobody has thought of this"]
-    assert (show._state, show._message) == ("preparing", "")
+    assert (view.controller.state, view.controller.message) == ("preparing", "")
 
 
 def test_little_of_each_viewer_waits() -> None:
@@ -146,17 +150,17 @@ def test_little_of_each_viewer_waits() -> None:
 
 
 def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> None:
-    show = Show(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
+    view = PageView(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
 
     def told(scene: Any) -> dict[str, Any]:
-        show._scene = scene
-        show._post_scene()
-        return json.loads(show.board.notes["scene"][1])
+        view.controller.scene = scene
+        view._post_scene()
+        return json.loads(view.view_state.notes["scene"][1])
 
-    given = show.controls.given
+    given = view.controls.given
     assert told(given)["name"] == "wedge, 2.86 m/s"
     assert told(given)["measured"]["max_displacement_m"] == 0.075
-    finer = show.controls.scene_of("wedge", {"block.rows": 30})
+    finer = view.controls.scene_of("wedge", {"block.rows": 30})
     assert (told(finer)["name"], told(finer)["measured"]["test"]) == ("wedge, 2.86 m/s", given.name)
-    heavier = show.controls.scene_of("wedge", {"impactor.mass": 7.0})
+    heavier = view.controls.scene_of("wedge", {"impactor.mass": 7.0})
     assert (told(heavier)["name"], told(heavier)["measured"]) == (given.name, None)

@@ -1,4 +1,4 @@
-"""What viewers are shown: the latest of each kind, written once, read by as many as like."""
+"""What the page shows now: the latest message of each kind, pictures and the curve."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ DIGITS = 6
 _EMPTY = np.empty(0)
 
 
-class Board:
-    """The latest of everything. The show writes, viewers read, whatever thread they are in.
+class ViewState:
+    """Written once for all viewers, who read it in whatever thread they are in.
 
     notes     by kind: a number that grows with each change, and the message
     pictures  by tone: the same, and the picture as it is sent
@@ -45,13 +45,13 @@ class Board:
             self.notes[kind] = (number + 1, text)
             self.wake()
 
-    def hang(self, tone: Tone, picture: bytes) -> None:
+    def set_picture(self, tone: Tone, picture: bytes) -> None:
         """Show this picture from now on."""
         number, _ = self.pictures.get(tone, (0, b""))
         self.pictures[tone] = (number + 1, picture)
         self.wake()
 
-    def plot(self, curve: Curve) -> None:
+    def set_curve(self, curve: Curve) -> None:
         """Show this curve from now on; the same again is no change."""
         number, before = self.curve
         if curve is not before:
@@ -64,7 +64,7 @@ class Board:
             self._wanted.add(tone)
 
     def take_wanted(self) -> set[Tone]:
-        """The tones in which a picture is wanted; whoever asks has to draw them."""
+        """The tones in which a picture is wanted; the caller has to draw them."""
         with self._lock:
             wanted, self._wanted = self._wanted, set()
         return wanted

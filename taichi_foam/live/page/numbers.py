@@ -1,4 +1,4 @@
-"""What the instruments of one drop show: the numbers of now, and the curve until now."""
+"""What the page shows of one drop in numbers: now, its measures so far, and its curve."""
 
 from __future__ import annotations
 
@@ -7,74 +7,60 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_foam.analysis.history import history_of
 from taichi_foam.live.page.curve import Curve
 from taichi_foam.live.page.figures import ENERGIES, QUANTITIES
-from taichi_foam.results.result import Result
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame
-    from taichi_foam.scene import Scene
+    from taichi_foam.results.result import Result
 
 #: Between two looks at the measures, which take longer than the rest [s].
 MEASURE_SECONDS = 1.0
 
 
-class Readings:
-    """Collects the frames of one drop.
+class Numbers:
+    """The numbers of one drop.
 
+    drop   its number
     curve  its deceleration until now
     """
 
-    def __init__(self, drop: int, scene: Scene) -> None:
-        self._drop, self._scene = drop, scene
-        self._rows: list[np.ndarray] = []
+    def __init__(self, drop: int) -> None:
+        self.drop = drop
+        self.curve = Curve(drop, np.empty(0), np.empty(0))
         self._last: Frame | None = None
         # of the last second: wall time [s], simulated time [s], steps, the engine's time [s]
         self._marks: list[tuple[float, float, int, float]] = []
-        self._is_over = False
+        self._result: Result | None = None  # that `_told` is of
         self._figures: dict[str, Any] = {}
         self._measure_at = 0.0
         self._told: dict[str, Any] = {}
-        self._is_new = False
-        self.curve = Curve(drop, np.empty(0), np.empty(0))
 
     def take(self, frame: Frame) -> None:
         """A frame has come."""
         self._last = frame
-        if len(frame.rows) and not self._is_over:
-            self._rows.append(frame.rows)
-            self._is_new = True
         now = time.monotonic()
         self._marks.append((now, frame.snapshot.time, frame.steps, frame.wall))
         while len(self._marks) > 2 and self._marks[1][0] < now - 1.0:
             self._marks.pop(0)
 
-    def finish(self, result: Result) -> None:
-        """The drop is over: this is all that it gave."""
-        self._is_over, self._is_new = True, False
-        self._rows = []
+    def read(self, result: Result, is_over: bool) -> None:
+        """Take the numbers of what the drop has given until now."""
+        if result is self._result or not len(result.history["time_s"]):
+            return
+        self._result = result
         self._read(result)
-        self._measure(result)
+        if is_over or time.monotonic() >= self._measure_at:
+            self._measure(result)
 
     def told(self) -> dict[str, Any]:
         """What the page shows now; SI units."""
-        if self._is_new:
-            self._is_new = False
-            self._rows = [np.concatenate(self._rows)]
-            last = [self._last.snapshot] if self._last else []
-            result = Result(self._scene, history_of(self._scene, self._rows[0]), last, {})
-            self._read(result)
-            if time.monotonic() >= self._measure_at:
-                self._measure(result)
-        return {"drop": self._drop, **self._told, "figures": self._figures, **self._pace()}
+        return {"drop": self.drop, **self._told, "figures": self._figures, **self._pace()}
 
     def _read(self, result: Result) -> None:
         """Go through the history once more."""
         history = result.history
-        if not len(history["time_s"]):
-            return
-        self.curve = Curve(self._drop, history["time_s"], history["deceleration_smoothed_m_s2"])
+        self.curve = Curve(self.drop, history["time_s"], history["deceleration_smoothed_m_s2"])
         now = {name: float(column[-1]) for name, column in history.items()}
         self._told = {
             "time": now["time_s"],

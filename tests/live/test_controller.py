@@ -1,0 +1,310 @@
+"""What is done to a drop, what becomes of it, and what one person sees of it, without a window.
+
+All tests share one process that computes; it is replaced by the test that kills it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import taichi_foam as tf
+from taichi_foam.errors import UserError
+from taichi_foam.live.controller import PACES, Controller, Outcome
+from taichi_foam.live.pictures import panel, strip
+from taichi_foam.live.screen import VELOCITY_STEP, Screen, pace_words
+from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.modes import MODES
+from taichi_foam.records.ending import Ending
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
+
+SIZE = (640, 360)
+PATIENCE = 120.0  # a busy machine that compiles [s]
+
+
+def scene_of(end: float = 10.0, *overrides: str) -> Scene:
+    coarse = ("block.columns=10", "block.rows=5", f"numerics.end={end}")
+    return tf.load_scene("paper/wedge-2.86", overrides=[*coarse, *overrides])
+
+
+class Keeper:
+    """Keeps results, after `first` has had a look."""
+
+    def __init__(self) -> None:
+        self.kept: list[Result] = []
+        self.first: Callable[[], object] = lambda: None
+
+    def __call__(self, outcome: Outcome) -> None:
+        self.first()
+        self.kept.append(outcome.result)
+
+
+@pytest.fixture(scope="module")
+def keeper() -> Keeper:
+    return Keeper()
+
+
+@pytest.fixture(scope="module")
+def shared(keeper: Keeper) -> Iterator[Controller]:
+    with Controller(scene_of(), keeper, pace=None) as controller:
+        yield controller
+
+
+@pytest.fixture
+def controller(shared: Controller, keeper: Keeper) -> Controller:
+    """As it is at first, but for its number: an endless drop at full speed, being prepared."""
+    wait(Screen(shared), lambda: shared.state != "preparing")
+    keeper.first = lambda: None
+    shared.save()
+    shared.pace = None
+    shared.drop(shared.given)
+    keeper.kept.clear()
+    shared.failures.clear()
+    shared.was_cut = False
+    return shared
+
+
+@pytest.fixture
+def kept(keeper: Keeper) -> list[Result]:
+    return keeper.kept
+
+
+@pytest.fixture
+def screen(controller: Controller) -> Screen:
+    return Screen(controller)
+
+
+def wait(screen: Screen, until: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not until():
+        assert time.monotonic() < end, screen.state
+        screen.update(0.02)
+
+
+def begin(screen: Screen, scene: Scene) -> None:
+    """Drop a scene as soon as the drop that is being prepared lets it."""
+    screen.controller.drop(scene)
+    wait(screen, lambda: screen.controller.scene == scene)
+
+
+def field(screen: Screen) -> np.ndarray:
+    """The picture without its title line and what stands beside the field."""
+    return screen.picture(SIZE)[40:340, 12:500]
+
+
+def test_the_start_is_shown_before_anything_is_computed(screen: Screen) -> None:
+    assert screen.state == "preparing"
+    before = screen.picture(SIZE)
+    wait(screen, lambda: screen.state == "full speed")
+    assert np.any(screen.picture(SIZE) != before)
+
+
+def test_looks_change_the_picture_and_come_round_again(
+    screen: Screen, controller: Controller
+) -> None:
+    """Forwards through all modes, back by one, both themes, the grid and the curve."""
+    wait(screen, lambda: screen.state == "full speed")
+    screen.toggle_pause()
+    wait(screen, lambda: controller.settled)
+    first = screen.picture(SIZE)
+    seen = []
+    for _ in MODES:
+        seen.append(screen.picture(SIZE))
+        screen.next_mode()
+    assert all(np.any(a != b) for a, b in pairwise(seen))
+    np.testing.assert_array_equal(screen.picture(SIZE), first)
+    screen.next_mode(-1)
+    np.testing.assert_array_equal(screen.picture(SIZE), seen[-1])
+    screen.next_mode()
+    for change in (screen.next_theme, screen.toggle_grid, screen.toggle_curve):
+        change()
+        assert np.any(screen.picture(SIZE) != first)
+        change()
+        np.testing.assert_array_equal(screen.picture(SIZE), first)
+    assert len(THEMES) == 2
+
+
+def test_the_pace_goes_up_and_down_and_stops_at_both_ends(controller: Controller) -> None:
+    assert controller.pace is None
+    controller.change_pace(1)
+    assert controller.pace is None
+    for _ in PACES:
+        controller.change_pace(-1)
+    assert controller.pace == PACES[0]
+    assert pace_words(controller.pace) == "1:1000 of real time"
+
+
+def test_a_faster_impactor_and_another_shape_drop_again_under_a_name_of_their_own(
+    screen: Screen, controller: Controller
+) -> None:
+    """Their figures are not to be compared with what was measured at another velocity."""
+    wait(screen, lambda: screen.state == "full speed")
+    screen.change_velocity(1)
+    assert controller.next.impactor.velocity == pytest.approx(2.86 + VELOCITY_STEP)
+    assert controller.next.name == "paper/wedge-2.86: wedge, 2.96 m/s"
+    assert screen.state == "preparing"
+    screen.next_shape()
+    assert controller.next.name == "paper/wedge-2.86: flat, 2.96 m/s"
+    wait(screen, lambda: screen.state == "full speed")
+
+
+def test_a_change_that_cannot_be_is_said_and_nothing_is_dropped(
+    screen: Screen, controller: Controller
+) -> None:
+    wait(screen, lambda: screen.state == "full speed")
+    for _ in range(28):
+        screen.change_velocity(-1)
+    wait(screen, lambda: screen.state == "full speed" and controller.scene == controller.next)
+    number = controller.number
+    screen.change_velocity(-1)
+    assert controller.next.impactor.velocity == pytest.approx(0.06)
+    assert "impactor.velocity" in screen.message
+    assert "must be above 0" in screen.message
+    assert controller.number == number
+    screen.dismiss()
+    assert screen.message == ""
+
+
+def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(
+    screen: Screen, controller: Controller, kept: list[Result]
+) -> None:
+    scene = scene_of(end=0.002)
+    begin(screen, scene)
+    wait(screen, lambda: controller.ended)
+    assert screen.state == "at its end"
+    controller.finish()
+    assert not controller.was_cut
+    screen.update(0.5)
+    assert np.ptp(field(screen)) > 0
+    assert [result.run["ended_by"] for result in kept] == [Ending.END_TIME]
+
+
+def test_a_drop_that_is_finished_early_is_kept_as_it_is(
+    screen: Screen, controller: Controller, kept: list[Result]
+) -> None:
+    wait(screen, lambda: screen.state == "full speed")
+    screen.update(0.3)
+    controller.finish()
+    assert controller.was_cut
+    assert [result.run["interrupted"] for result in kept] == [True]
+    assert len(kept[0].history["time_s"]) > 1
+
+
+def test_a_step_goes_on_by_a_frame_and_stays_paused(screen: Screen, controller: Controller) -> None:
+    wait(screen, lambda: screen.state == "full speed")
+    screen.toggle_pause()
+    wait(screen, lambda: controller.settled)
+    before = controller.snapshot.time
+    screen.step()
+    interval = controller.next.output.snapshot_interval
+    wait(screen, lambda: controller.snapshot.time >= before + interval)
+    screen.update(0.3)
+    assert controller.snapshot.time < before + 1.2 * interval
+    assert screen.state == "paused"
+
+
+def test_a_worker_that_dies_is_told_of_and_replaced(screen: Screen, controller: Controller) -> None:
+    wait(screen, lambda: screen.state == "full speed")
+    controller._session._process.kill()
+    wait(screen, lambda: "signal 9" in screen.message)
+    assert screen.state == "failed"
+    controller.restart()
+    wait(screen, lambda: screen.state == "full speed")
+
+
+def test_what_cannot_be_kept_stays_until_it_can_and_nothing_is_dropped_meanwhile(
+    screen: Screen, controller: Controller, keeper: Keeper
+) -> None:
+    """A full disk: the result is not lost, and no further one joins it."""
+    is_full = True
+
+    def refuse() -> None:
+        if is_full:
+            raise UserError("output folder x: cannot be written, the disk is full.")
+
+    keeper.first = refuse
+    begin(screen, scene_of(end=0.002))
+    number = controller.number
+    wait(screen, lambda: controller.ended)
+    assert "the disk is full" in screen.message
+    controller.restart()
+    assert controller.number == number
+    is_full = False
+    controller.restart()
+    assert screen.message == ""
+    assert len(keeper.kept) == 1
+    assert controller.number == number + 1
+    is_full = True
+    wait(screen, lambda: controller.ended)
+    controller.finish()
+    assert [outcome.result.scene for outcome in controller.unkept] == [controller.scene]
+    assert "the disk is full" in controller.problem
+
+
+def test_ctrl_c_while_a_result_is_written_waits_until_it_is_whole(
+    screen: Screen, controller: Controller, keeper: Keeper
+) -> None:
+    def press() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.05)
+
+    keeper.first = press
+    begin(screen, scene_of(end=0.002))
+    with pytest.raises(KeyboardInterrupt):
+        wait(screen, lambda: controller.ended and bool(keeper.kept))
+    assert len(keeper.kept) == 1
+    assert controller.unkept == []
+
+
+def test_a_key_that_is_held_down_piles_up_no_drops(screen: Screen, controller: Controller) -> None:
+    """While one is prepared, the last change waits."""
+    number = controller.number
+    for _ in range(200):
+        controller.restart()
+    screen.next_shape()
+    assert controller.number == number
+    wait(screen, lambda: controller.number == number + 1)
+    assert controller.scene.impactor.shape == "flat"
+
+
+def test_a_run_that_goes_astray_is_kept_and_told_of(
+    screen: Screen, controller: Controller, kept: list[Result]
+) -> None:
+    """As in test_session.py: drag that grows values 10^9-fold each step."""
+    wild = ("model.damping=absolute", "numerics.damping_time=1e-2", "numerics.dt=5e-5")
+    begin(screen, scene_of(0.01, *wild))
+    wait(screen, lambda: controller.ended)
+    assert screen.state == "failed"
+    assert "diverged" in screen.message
+    assert controller.failures == [screen.message]
+    assert [result.run["ended_by"] for result in kept] == [Ending.DIVERGED]
+
+
+def test_a_long_message_is_a_strip_at_the_foot_with_whole_lines() -> None:
+    image = np.zeros((360, 640, 3), dtype=np.uint8)
+    strip(image, "a message of many words that says what is wrong " * 4, "light")
+    rows, columns = np.nonzero(image.any(axis=-1))
+    assert rows.max() == 359
+    assert rows.min() > 200
+    assert np.ptp(columns) == 639
+    words = np.all(image < 100, axis=-1) & image.any(axis=-1)
+    assert words[:, 10:630].any()
+    assert not words[:, 632:].any()
+
+
+def test_the_panel_lies_in_the_middle_and_holds_its_words() -> None:
+    image = np.zeros((720, 1280, 3), dtype=np.uint8)
+    panel(image, [("A", "first"), ("Space", "second, which is longer")], "light")
+    rows, columns = np.nonzero(image.any(axis=-1))
+    assert rows.min() + rows.max() == pytest.approx(719, abs=1)
+    assert columns.min() + columns.max() == pytest.approx(1279, abs=1)
+    words = np.all(image < 100, axis=-1) & image.any(axis=-1)
+    assert words.any()
+    assert not words[:, columns.max() - 15 :].any()
