@@ -193,9 +193,9 @@ def test_every_key_of_a_scene_has_been_decided():
     assert free == {
         "block": {"columns", "rows"},
         "foam": {
-            "locking_strain", "densification_a", "densification_b", "crushed_tensile_fraction",
-            "crushed_tensile_stress", "crushed_strength", "rate", "rate_exponent",
-            "strength_scatter", "strength_seed",
+            "law", "locking_strain", "densification_a", "densification_b",
+            "crushed_tensile_fraction", "crushed_tensile_stress", "crushed_strength", "rate",
+            "rate_exponent", "strength_scatter", "strength_seed",
         },
         "base": {"kind", "friction"},
         "numerics": {

@@ -42,7 +42,6 @@ class Impactor(Part):
     own `distance`, with the numbers of `surface`.
     """
 
-    shape: str
     label: ClassVar[str]
     """What people call it."""
     controls: ClassVar[tuple[Control, ...]] = ()
@@ -67,6 +66,7 @@ class Impactor(Part):
         fix="below 0 the impactor would start inside the block; "
         "0 is first contact; lengths are in metres",
     )
+    shape: str
 
     def outline(self) -> np.ndarray:
         """Return the vertices (n, 2) [m], counter-clockwise, about mid-width and lowest level.
