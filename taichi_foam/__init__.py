@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from taichi_foam.scene import Scene
     from taichi_foam.shim2000.reproduce import reproduce
     from taichi_foam.shim2000.tests import paper_scene
-    from taichi_foam.simulation.simulate import init, run, run_many, simulate, simulate_many
+    from taichi_foam.simulation.simulate import init, resume, run, run_many, simulate, simulate_many
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -49,6 +49,7 @@ __all__ = [
     "load_scene",
     "paper_scene",
     "reproduce",
+    "resume",
     "run",
     "run_many",
     "simulate",
@@ -70,6 +71,7 @@ _HOMES = {
     "load_scene": "catalogue",
     "paper_scene": "shim2000.tests",
     "reproduce": "shim2000.reproduce",
+    "resume": "simulation.simulate",
     "run": "simulation.simulate",
     "run_many": "simulation.simulate",
     "simulate": "simulation.simulate",

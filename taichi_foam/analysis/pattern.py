@@ -351,7 +351,7 @@ def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int
 
 def _column_x(block: Block) -> Array:
     """(columns,) x of the cells' centres in the reference configuration [m]."""
-    return np.asarray((np.arange(block.columns) - (block.columns - 1) / 2) * block.dx, np.float64)
+    return block.positions[:, 0, 0]
 
 
 def _ends(impactor: Impactor) -> tuple[float, float]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import shutil
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -11,6 +14,7 @@ from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import replay, serve
 from taichi_foam.cli.options import (
     Arch,
+    Checkpoint,
     Choices,
     Dt,
     Frames,
@@ -24,12 +28,21 @@ from taichi_foam.cli.options import (
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_where, warn_of_residual
 from taichi_foam.errors import RunError
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.folders import check_output_folder, file_name, output_folder
+from taichi_foam.results.folders import (
+    CHECKPOINT,
+    RUN_FILES,
+    check_output_folder,
+    file_name,
+    output_folder,
+)
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.version import __version__
+
+if TYPE_CHECKING:
+    from taichi_foam.simulation.simulate import ProgressCallback
 
 _app = typer.Typer(
     add_completion=False,
@@ -62,9 +75,10 @@ def run_script(scene: Scene) -> None:
         no_film: NoFilm = False,
         frames: Frames = False,
         live: Live = False,
+        checkpoint: Checkpoint = None,
     ) -> None:
         overrides = _overrides(set_, dt, no_film, frames)
-        _run(scene, out, choices, overrides, arch, threads, overwrite, live)
+        _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint)
 
     script()
 
@@ -100,10 +114,35 @@ def run_command(
     no_film: NoFilm = False,
     frames: Frames = False,
     live: Live = False,
+    checkpoint: Checkpoint = None,
 ) -> None:
     """Run one scene and write its result: histories, snapshots, measures, a GIF and an MP4."""
     overrides = _overrides(set_, dt, no_film, frames)
-    _run(scene, out, choices, overrides, arch, threads, overwrite, live)
+    _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint)
+
+
+@_app.command("resume")
+def resume_command(
+    folder: Annotated[str, typer.Argument(metavar="RUN_DIR", help="Folder of a run.")],
+    threads: Threads = None,
+    checkpoint: Checkpoint = None,
+) -> None:
+    """Continue a run that was killed or interrupted, from the checkpoint in its folder."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    bars = Bars(errors)
+    with exit_codes(errors):
+        from taichi_foam.engine import runtime
+        from taichi_foam.simulation import simulate
+        from taichi_foam.simulation.checkpoint import Checkpoint as Stored
+
+        stored = Stored.load(Path(folder))
+        check_output_folder(folder, needed_bytes=storage_bytes(stored.scene), own=RUN_FILES)
+        runtime.start(stored.arch, threads)
+        _compute_and_save(
+            stored.scene.name,
+            lambda on_progress: simulate.resume(folder, on_progress, every=checkpoint),
+            folder, False, RUN_FILES, bars, console, errors,
+        )  # fmt: skip
 
 
 @_app.command("scenes")
@@ -187,6 +226,7 @@ def _run(
     threads: int | None,
     overwrite: bool,
     live: bool,
+    every: float | None,
 ) -> None:
     """Load, check, compute, save, show."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
@@ -206,37 +246,72 @@ def _run(
 
         check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
         runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
-        failure = None
-        with bars.computing(scene.name) as on_progress:
-            try:
-                result = simulate.run(scene, on_progress)
-            except RunError as error:
-                if not error.results:
-                    raise
-                result, failure = error.results[0], error
-        # measures take a while to load: after the run, not before it
-        from taichi_foam.cli import tables
-
-        cut = _save(result, folder, overwrite, bars, with_films=failure is None)
-        console.print(tables.key_figures(scene, result.summary))
-        say_where(console, folder)
-        if failure is None:
-            warn_of_residual(errors, result.summary["energy_residual"])
-        if failure is not None:
-            raise RunError(f"{failure}; what was computed until then is in {folder}")
-        if cut:
-            errors.print(f"interrupted: what there was is in {folder}", soft_wrap=True)
-            raise typer.Exit(INTERRUPTED)
+        (Path(folder) / CHECKPOINT).unlink(missing_ok=True)  # to be overwritten: do not go on
+        _compute_and_save(
+            scene.name,
+            lambda on_progress: simulate.run(scene, on_progress, checkpoint=folder, every=every),
+            folder, overwrite, (CHECKPOINT,), bars, console, errors,
+        )  # fmt: skip
 
 
-def _save(result: Result, folder: str, overwrite: bool, bars: Bars, with_films: bool) -> bool:
-    """Write the result's folder; return whether Ctrl-C came, in the run or since."""
+def _compute_and_save(
+    name: str,
+    compute: Callable[[ProgressCallback], Result],
+    folder: str,
+    overwrite: bool,
+    own: Collection[str],
+    bars: Bars,
+    console: Console,
+    errors: Console,
+) -> None:
+    """Compute with a progress bar, write the folder, show the figures."""
+    failure = None
+    with bars.computing(name) as on_progress:
+        try:
+            result = compute(on_progress)
+        except RunError as error:
+            if not error.results:
+                raise
+            result, failure = error.results[0], error
+    # measures take a while to load: after the run, not before it
+    from taichi_foam.cli import tables
+
+    cut = _save(result, folder, overwrite, own, bars, with_films=failure is None)
+    console.print(tables.key_figures(result.scene, result.summary))
+    say_where(console, folder)
+    if failure is None:
+        warn_of_residual(errors, result.summary["energy_residual"])
+    if failure is not None:
+        raise RunError(f"{failure}; what was computed until then is in {folder}")
+    if cut:
+        errors.print(
+            f"interrupted: what there was is in {folder}; `taichi-foam resume {folder}` goes on",
+            soft_wrap=True,
+        )
+        raise typer.Exit(INTERRUPTED)
+
+
+def _save(
+    result: Result,
+    folder: str,
+    overwrite: bool,
+    own: Collection[str],
+    bars: Bars,
+    with_films: bool,
+) -> bool:
+    """Write the result's folder; return whether Ctrl-C came, in the run or since.
+
+    A run that was interrupted keeps its checkpoint.
+    """
     from taichi_foam.picture import films
     from taichi_foam.shim2000 import tests
 
-    with output_folder(folder, overwrite) as staging:
+    with output_folder(folder, overwrite, own) as staging:
         with held_interrupts() as pressed:
             result.write(staging)
+            kept = Path(folder) / CHECKPOINT
+            if result.ending is Ending.INTERRUPTED and kept.is_file():
+                shutil.copy2(kept, staging / CHECKPOINT)
         if pressed.is_set() or result.ending is Ending.INTERRUPTED:
             return True
         frames = films.frames_to_draw(result) if with_films else 0

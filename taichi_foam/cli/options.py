@@ -30,6 +30,14 @@ Choices = Annotated[
 Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
 Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
+Checkpoint = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Wall time between checkpoints, from which `resume` continues; default 60; inf: only "
+        "when it is interrupted.",
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
 NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
 Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]

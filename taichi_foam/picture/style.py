@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from taichi_foam.errors import UserError
 from taichi_foam.results.folders import whole_file
 
-BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, YELLOW, GREY = (
-    "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#F0E442", "#8C8C8C",
+BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, GREY = (
+    "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#8C8C8C",
 )  # fmt: skip
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 INK = "#202124"

@@ -13,13 +13,25 @@ import re
 import secrets
 import shutil
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from taichi_foam.errors import UserError
 from taichi_foam.units import si_scale
 
 _PREFIX = ".taichi-foam-"
+
+CHECKPOINT = "checkpoint.npz"
+"""Name of the file that a run can be continued from."""
+
+RUN_FILES = (
+    "scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json",
+    "film.mp4", "film.gif", "frames", CHECKPOINT,
+)  # fmt: skip
+"""Names in the folder of a run that the run itself has made."""
+
+# A file that `whole_file` was writing when its process was killed.
+_LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.partial(\..+)?$")
 
 # What the system says, and what to do about it.
 _REASONS = {
@@ -38,12 +50,18 @@ _REASONS = {
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
-def check_output_folder(path: str | Path, overwrite: bool = False, needed_bytes: int = 0) -> None:
+def check_output_folder(
+    path: str | Path,
+    overwrite: bool = False,
+    needed_bytes: int = 0,
+    own: Collection[str] = (),
+) -> None:
     """Refuse, before anything is computed, an output folder that could not be written at the end.
 
     path          the folder that the result shall become; it need not exist, nor its parents
     overwrite     allow a folder with content, to be replaced as a whole
     needed_bytes  room (bytes) that the result needs; on overwriting, the old one is still there
+    own           names in the folder that the run has made itself: they may be replaced anyway
 
     Raises UserError: the path is a file, a mount point or malformed; the folder has content and
     `overwrite` is false; the folder to replace is the current folder, a parent of it, the home
@@ -52,7 +70,7 @@ def check_output_folder(path: str | Path, overwrite: bool = False, needed_bytes:
     target = _resolve(path)
     with _explained(target):
         parent = _existing_parent(target)
-        _check_target(target, overwrite)
+        _check_target(target, overwrite, own)
         # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
         probe = parent / f"{_PREFIX}{secrets.token_hex(6)}.probe"
         probe.mkdir()
@@ -67,18 +85,20 @@ def check_output_folder(path: str | Path, overwrite: bool = False, needed_bytes:
 
 
 @contextlib.contextmanager
-def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+def output_folder(
+    path: str | Path, overwrite: bool = False, own: Collection[str] = ()
+) -> Iterator[Path]:
     """Write a folder as a whole: `with output_folder("runs/a") as folder: ...`.
 
     Yields a new temporary folder beside `path`. When the block ends well, it is renamed to `path`:
-    a folder already there must be empty, or, with `overwrite`, is moved aside, replaced, then
-    deleted. When the block fails in any way (Ctrl-C too), the temporary folder and the parents made
-    for it are removed, and what was at `path` is as before.
+    a folder already there must be empty, or hold nothing but `own`, or, with `overwrite`, is moved
+    aside, replaced, then deleted. When the block fails in any way (Ctrl-C too), the temporary
+    folder and the parents made for it are removed, and what was at `path` is as before.
 
     Raises UserError as `check_output_folder` does, and for a disk that fills up or refuses while
     the block writes; any other exception of the block passes through unchanged.
     """
-    check_output_folder(path, overwrite)
+    check_output_folder(path, overwrite, own=own)
     target = _resolve(path)
     token = secrets.token_hex(6)
     staging = target.parent / f"{_PREFIX}{token}.partial"
@@ -96,7 +116,7 @@ def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
                 raise _explain(error, target) from error
             raise
         with _explained(target):
-            _check_target(target, overwrite)  # somebody may have filled it meanwhile
+            _check_target(target, overwrite, own)  # somebody may have filled it meanwhile
             _swap(staging, target, aside=target.parent / f"{_PREFIX}{token}.old")
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
@@ -160,7 +180,7 @@ def _missing_parents(target: Path) -> list[Path]:
     return [folder for folder in reversed(target.parents) if not folder.exists()]
 
 
-def _check_target(target: Path, overwrite: bool) -> None:
+def _check_target(target: Path, overwrite: bool, own: Collection[str] = ()) -> None:
     """Refuse what is at `target` if it may not be replaced. Raises UserError, OSError."""
     if not target.exists():
         return
@@ -171,11 +191,19 @@ def _check_target(target: Path, overwrite: bool) -> None:
             f"output folder {target}: a mount point cannot be replaced as a whole. "
             f"Fix: choose a folder inside it, such as {target / 'run'}."
         )
-    if not any(target.iterdir()):
+    found = sorted(entry.name for entry in target.iterdir())
+    if not found:
         return
-    if not overwrite:
+    others = [name for name in found if name not in own and not (own and _LEFTOVER.match(name))]
+    if others and own and not overwrite:
         raise UserError(
-            f"output folder {target}: it exists and is not empty. "
+            f"output folder {target}: it holds what is not the run's: {', '.join(others)}. "
+            "Fix: move that elsewhere."
+        )
+    if others and not overwrite:
+        also = f"; resume continues the run of its {CHECKPOINT}" if CHECKPOINT in found else ""
+        raise UserError(
+            f"output folder {target}: it exists and is not empty{also}. "
             "Fix: choose another folder, or pass overwrite=True to replace it as a whole.",
             argument="overwrite=True",
         )

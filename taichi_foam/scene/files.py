@@ -27,6 +27,14 @@ def scene_from_toml(path: Path) -> Scene:
     return Scene.checked(read_toml(path), str(path))
 
 
+def scene_from_text(text: str, source: str) -> Scene:
+    """The scene of TOML text from `source`. Raises UserError: not TOML, or no scene."""
+    try:
+        return Scene.checked(tomllib.loads(text), source)
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{source}: not valid TOML: {error}") from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the data of a TOML file, not yet validated."""
     try:

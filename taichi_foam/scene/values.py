@@ -51,6 +51,15 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     return found
 
 
+def by_key(data: Mapping[str, Any], head: str = "") -> dict[str, Any]:
+    """Nested data of a scene as values by dotted key."""
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        nested = by_key(value, f"{head}{name}.") if isinstance(value, Mapping) else None
+        found |= {head + name: value} if nested is None else nested
+    return found
+
+
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key in nested dictionaries, making tables on the way."""
     *heads, last = key.split(".")

@@ -17,12 +17,14 @@ from taichi_foam.analysis.history import history_of
 from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
-from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING
+from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING, State
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
+from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.version import __version__
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
@@ -65,6 +67,7 @@ class Run:
     status: int = RUNNING
     time: float = 0.0
     report: dict[str, float] = field(default_factory=dict)
+    resumed: int = 0
 
     @property
     def ended(self) -> bool:
@@ -116,6 +119,19 @@ class Run:
             late.append(rows[max(since - before, 0) :])
         return np.concatenate(late[::-1]) if late else np.empty((0, len(ROW_COLUMNS)))
 
+    def checkpoint(self, state: State, wall: Wall) -> Checkpoint:
+        """The run as it stands, in the state that its lattice has."""
+        return Checkpoint(
+            scene=self.scene,
+            state=state,
+            arch=str(runtime.settings()["arch"]),
+            rows=self.rows_since(0),
+            snapshots=self.snapshots,
+            seconds=wall.seconds - self.begun.seconds,
+            node_stages=wall.node_stages - self.begun.node_stages,
+            resumed=self.resumed,
+        )
+
 
 class Slots:
     """The places of a borrowed lattice's batch, the runs in them, and the size of calls.
@@ -137,16 +153,20 @@ class Slots:
     def runs(self) -> list[Run]:
         return [run for run in self._places if run is not None]
 
-    def fill(self, waiting: list[tuple[int, Scene]]) -> None:
-        """Load scenes, each with its index, from the end of `waiting` into empty places."""
+    def fill(
+        self, waiting: list[tuple[int, Scene]], checkpoints: Checkpoints | None = None
+    ) -> None:
+        """Load scenes, each with its index, from the end of `waiting` into empty places.
+
+        One that has a checkpoint goes on from there. Raises UserError: it cannot.
+        """
         lattice = self._lattice
         for b in range(lattice.batch):
             if self._places[b] is None and waiting:
                 index, scene = waiting.pop()
-                transfer.load(lattice, b, scene)
-                first = [transfer.snapshot(lattice, b)]
-                begun = replace(self._wall)
-                self._places[b] = Run(scene, index, begun, lattice.batch, snapshots=first)
+                arch = str(runtime.settings()["arch"])
+                stored = checkpoints.stored(index, scene, arch) if checkpoints else None
+                self._places[b] = self._begun(b, index, scene, stored)
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
             transfer.set_pause(lattice, np.zeros(lattice.batch))
@@ -154,21 +174,55 @@ class Slots:
             transfer.harvest(lattice)
             self._is_compiled = True
 
+    def _begun(self, b: int, index: int, scene: Scene, stored: Checkpoint | None) -> Run:
+        """The run of a scene that place `b` now holds."""
+        lattice, wall = self._lattice, self._wall
+        if stored is None:
+            transfer.load(lattice, b, scene)
+            first = [transfer.snapshot(lattice, b)]
+            return Run(scene, index, replace(wall), lattice.batch, snapshots=first)
+        transfer.load(lattice, b, scene, stored.state)
+        begun = Wall(
+            seconds=wall.seconds - stored.seconds, node_stages=wall.node_stages - stored.node_stages
+        )
+        clock = stored.state.clock
+        return Run(
+            scene, index, begun, lattice.batch,
+            rows=[stored.rows],
+            snapshots=stored.snapshots,
+            status=int(clock["status"]),
+            time=clock["time"],
+            report={"steps": clock["steps"]},
+            resumed=stored.resumed + 1,
+        )  # fmt: skip
+
+    def checkpoints(self, only_ended: bool = False) -> list[tuple[int, Checkpoint]]:
+        """The runs as they stand, each with its index."""
+        return [
+            (run.index, run.checkpoint(transfer.take(self._lattice, b), self._wall))
+            for b, run in enumerate(self._places)
+            if run is not None and (run.ended or not only_ended)
+        ]
+
     def advance(self, seconds: float, until: float = math.inf) -> None:
         """One call of the engine, which takes about `seconds` of wall time.
 
         It ends sooner for a run whose next snapshot is due or whose rows on the device are full,
         or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs.
+        Ctrl-C is heard when they have got there.
         """
         pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
         transfer.set_pause(self._lattice, np.array(pauses))
         most_steps = int(np.clip(self._steps_per_second * seconds, 1, MOST_STEPS))
-        start = time.perf_counter()
-        self._advance(self._lattice, most_steps)
-        ti.sync()
-        took = time.perf_counter() - start
-        self._wall.seconds += took
-        taken = self._collect()
+        with held_interrupts() as pressed:
+            start = time.perf_counter()
+            self._advance(self._lattice, most_steps)
+            ti.sync()
+            took = time.perf_counter() - start
+            self._wall.seconds += took
+            taken = self._collect()
+        if pressed.is_set():
+            raise KeyboardInterrupt
         # what one call costs apart from its steps says little of how fast these go, so that calls
         # cut short by a pause do not count
         if taken >= most_steps or took > seconds:
@@ -224,10 +278,16 @@ def borrowed_slots(
                 transfer.unload(lattice, b)
 
 
-def advance_all(scenes: Sequence[Scene], wall: Wall) -> Iterator[list[Run]]:
+def advance_all(
+    scenes: Sequence[Scene], wall: Wall, checkpoints: Checkpoints | None = None
+) -> Iterator[list[Run]]:
     """Advance scenes call by call; yields the runs on the device after each.
 
-    A run is yielded for the last time with the status that ended it.
+    A run is yielded for the last time with the status that ended it. With `checkpoints` runs go on
+    from those that are there, and leave some: as time goes by, when they are interrupted, and, of
+    several scenes, when they have ended.
+
+    Raises UserError: a checkpoint cannot be continued.
     """
     runtime.start()
     groups: dict[tuple[int, int, Features], list[int]] = {}
@@ -238,11 +298,20 @@ def advance_all(scenes: Sequence[Scene], wall: Wall) -> Iterator[list[Run]]:
         waiting = [(index, scenes[index]) for index in group][::-1]
         batch = _batch_size(len(waiting), columns * rows)
         with borrowed_slots(batch, columns, rows, features, wall) as slots:
-            while waiting or slots.runs:
-                slots.fill(waiting)
-                slots.advance(CALL_SECONDS)
-                yield slots.runs
-                slots.clear_ended()
+            try:
+                while waiting or slots.runs:
+                    slots.fill(waiting, checkpoints)
+                    slots.advance(CALL_SECONDS)
+                    if checkpoints is not None:
+                        due = checkpoints.are_due()
+                        if due or (len(scenes) > 1 and any(run.ended for run in slots.runs)):
+                            checkpoints.save(slots.checkpoints(only_ended=not due))
+                    yield slots.runs
+                    slots.clear_ended()
+            except (KeyboardInterrupt, GeneratorExit):
+                if checkpoints is not None:
+                    checkpoints.save(slots.checkpoints())
+                raise
 
 
 def _batch_size(scenes: int, nodes: int) -> int:
@@ -272,6 +341,7 @@ def result_of(run: Run, wall: Wall) -> Result:
             "dt_max_s": run.report["longest"],
             "max_overlap_m": run.report["overlap"],
             "batch": run.batch,
+            "resumed": run.resumed,
             "wall_s": seconds,
             "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),

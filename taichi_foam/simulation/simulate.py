@@ -11,6 +11,7 @@ they come; `run` and `run_many` return results. All take `arch` and `threads`, w
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError
@@ -19,6 +20,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.batches import Run, Wall
+from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,8 @@ def run(
     scene: Scene,
     on_progress: ProgressCallback | None = None,
     *,
+    checkpoint: str | Path | None = None,
+    every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -108,17 +112,51 @@ def run(
 
     Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED.
 
+    Args:
+        scene: what to run.
+        on_progress: called after each call of the engine.
+        checkpoint: folder for a checkpoint of the run, from which it goes on if there is one:
+            written every `every` seconds of wall time, and when it is interrupted.
+        every: see `checkpoint` [s]; None: a minute; inf: only when it is interrupted.
+        arch, threads: as `init`.
+
     Raises:
-        UserError: as `init`.
+        UserError: as `init`, or a checkpoint cannot be continued.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    return run_many([scene], on_progress, arch=arch, threads=threads)[0]
+    kept = None if checkpoint is None else Checkpoints([Path(checkpoint)], every)
+    return _run_all([scene], on_progress, kept, arch, threads)[0]
+
+
+def resume(
+    path: str | Path,
+    on_progress: ProgressCallback | None = None,
+    *,
+    every: float | None = None,
+    arch: str | None = None,
+    threads: int | None = None,
+) -> Result:
+    """Continue the run whose checkpoint lies in the folder `path`, and return its result.
+
+    It is the result of an unbroken run, to the last bit; `arch` is by default that of the run.
+
+    Raises:
+        UserError: there is no checkpoint, it is damaged, or of another version or kind of device.
+        RunError: as `run`.
+    """
+    stored = Checkpoint.load(Path(path))
+    return run(
+        stored.scene, on_progress, checkpoint=path, every=every, arch=arch or stored.arch,
+        threads=threads,
+    )  # fmt: skip
 
 
 def run_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
+    checkpoint: str | Path | None = None,
+    every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
 ) -> list[Result]:
@@ -127,16 +165,36 @@ def run_many(
     Ctrl-C ends it early: there are then results of the scenes that were begun; the ending of those
     that had not ended is INTERRUPTED.
 
+    Args:
+        scenes: what to run.
+        on_progress: called after each call of the engine.
+        checkpoint: folder for checkpoints, a folder in it for each scene, named by its place. Runs
+            go on from those that are there; what has ended is not computed again.
+        every, arch, threads: as `run`.
+
     Raises:
-        UserError: as `init`.
+        UserError: as `run`.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
+    kept = None
+    if checkpoint is not None:
+        kept = Checkpoints([Path(checkpoint) / f"{n:05d}" for n in range(len(scenes))], every)
+    return _run_all(scenes, on_progress, kept, arch, threads)
+
+
+def _run_all(
+    scenes: Sequence[Scene],
+    on_progress: ProgressCallback | None,
+    checkpoints: Checkpoints | None,
+    arch: str | None,
+    threads: int | None,
+) -> list[Result]:
     init(arch, threads)
     wall = Wall()
     begun: dict[int, Run] = {}
     results: dict[int, Result] = {}
     try:
-        for runs in batches.advance_all(scenes, wall):
+        for runs in batches.advance_all(scenes, wall, checkpoints):
             begun.update((run.index, run) for run in runs)
             for run in runs:
                 if run.ended:

@@ -1,0 +1,190 @@
+"""Checkpoints: a run as far as it has come, stored so that it can go on in another process.
+
+A checkpoint is one file, `checkpoint.npz` in a folder of the run's own, replaced as a whole. It
+holds the scene, the state of the lattice, and the rows and snapshots so far. What follows from it
+is the same to the last bit as if the run had never stopped, whatever the number of threads, alone
+or in a batch.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.engine.state import State
+from taichi_foam.errors import UserError
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.folders import CHECKPOINT, whole_file
+from taichi_foam.scene import Scene
+from taichi_foam.scene.files import scene_from_text, scene_to_toml
+from taichi_foam.scene.values import by_key
+from taichi_foam.version import __version__
+
+FORMAT = 1
+
+EVERY = 60.0
+"""Wall time between two checkpoints, and before the first, unless told otherwise [s]."""
+
+LARGEST_SHARE = 0.05
+"""Writing takes no more than this share of the time: checkpoints of large runs are rarer."""
+
+_DAMAGE = (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run between two calls of the engine.
+
+    arch         what it is computed on: states of a CPU and of a GPU are laid out differently
+    rows         (n, ROW_COLUMNS) of the history so far
+    snapshots    so far
+    seconds      wall time that the engine has taken
+    node_stages  that it has computed
+    resumed      how often the run has been continued
+    """
+
+    scene: Scene
+    state: State
+    arch: str
+    rows: NDArray[np.float64]
+    snapshots: list[Snapshot]
+    seconds: float
+    node_stages: int
+    resumed: int
+
+    def save(self, folder: Path) -> None:
+        """Write it into `folder`, which is made if need be. Raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True)
+        arrays: dict[str, Any] = {
+            "format": FORMAT,
+            "version": __version__,
+            "scene": scene_to_toml(self.scene),
+            "arch": self.arch,
+            "rows": self.rows,
+            "counts": np.array([self.seconds, self.node_stages, self.resumed]),
+        }
+        for field in fields(Snapshot):
+            values = [getattr(snapshot, field.name) for snapshot in self.snapshots]
+            arrays[f"snapshot.{field.name}"] = np.array(values)
+        arrays |= {f"state.{name}": array for name, array in self.state.to_arrays().items()}
+        with whole_file(folder / CHECKPOINT) as partial:
+            np.savez(partial, **arrays)
+
+    @classmethod
+    def load(cls, folder: Path) -> Checkpoint:
+        """Read the checkpoint in `folder`.
+
+        Raises UserError: there is none, it is damaged, or another version has written it.
+        """
+        path = folder / CHECKPOINT
+        if not path.is_file():
+            raise UserError(_absent(folder))
+        try:
+            with np.load(path) as archive:
+                written = int(archive["format"]), str(archive["version"])
+                if written != (FORMAT, __version__):
+                    raise UserError(
+                        f"{path}: written by taichi_foam {written[1]} (format {written[0]}), which "
+                        f"{__version__} (format {FORMAT}) cannot continue to the last bit. "
+                        f"Fix: continue with {written[1]}, or run the scene again."
+                    )
+                arrays = dict(archive)
+            snapshots = _parts(arrays, "snapshot.")
+            seconds, node_stages, resumed = arrays["counts"].tolist()
+            return cls(
+                scene=scene_from_text(str(arrays["scene"]), str(path)),
+                state=State.from_arrays(_parts(arrays, "state.")),
+                arch=str(arrays["arch"]),
+                rows=arrays["rows"],
+                snapshots=[
+                    Snapshot(**{name: values[n] for name, values in snapshots.items()})
+                    for n in range(len(snapshots["time"]))
+                ],
+                seconds=seconds,
+                node_stages=int(node_stages),
+                resumed=int(resumed),
+            )
+        except _DAMAGE as error:
+            raise UserError(
+                f"{path}: not a complete checkpoint ({error}). Fix: run the scene again."
+            ) from error
+
+
+def _parts(arrays: dict[str, Any], prefix: str) -> dict[str, Any]:
+    return {
+        name.removeprefix(prefix): array
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
+
+
+def _absent(folder: Path) -> str:
+    if not folder.is_dir():
+        return f"{folder}: there is no such folder. Fix: name the folder of a run."
+    if (folder / "summary.json").is_file():
+        return f"{folder}: the run in it has ended; there is nothing to continue."
+    return f"{folder}: holds no {CHECKPOINT}: nothing to continue. Fix: run the scene again."
+
+
+class Checkpoints:
+    """Where the runs of a batch keep their checkpoints, and when.
+
+    folders  one for each scene, in their order
+    every    wall time between two checkpoints [s], by default EVERY
+    """
+
+    def __init__(self, folders: Sequence[Path], every: float | None = None) -> None:
+        """Raises UserError for an interval that is not above 0."""
+        every = EVERY if every is None else every
+        if not every > 0:
+            raise UserError(
+                f"checkpoint interval = {every:g}: must be above 0 s; inf writes one only when a "
+                "run is interrupted"
+            )
+        self.folders, self.every = list(folders), every
+        self._next = time.perf_counter() + every
+
+    def stored(self, index: int, scene: Scene, arch: str) -> Checkpoint | None:
+        """The checkpoint of scene number `index`, None if there is none.
+
+        Raises UserError: it is damaged, or of another version, scene or kind of device.
+        """
+        folder = self.folders[index]
+        if not (folder / CHECKPOINT).is_file():
+            return None
+        found = Checkpoint.load(folder)
+        if found.scene != scene:
+            there, here = by_key(found.scene.model_dump()), by_key(scene.model_dump())
+            key = next(key for key in {**there, **here} if there.get(key) != here.get(key))
+            raise UserError(
+                f"{folder / CHECKPOINT}: of another scene, with {key} = {there.get(key)!r} instead "
+                f"of {here.get(key)!r}. Fix: choose another folder, or remove the file."
+            )
+        if (found.arch == "cpu") != (arch == "cpu"):
+            raise UserError(
+                f"{folder / CHECKPOINT}: computed on {found.arch}, which {arch} cannot continue to "
+                f"the last bit. Fix: continue with arch='{found.arch}'."
+            )
+        return found
+
+    def are_due(self) -> bool:
+        """Whether it is time for the next ones."""
+        return time.perf_counter() >= self._next
+
+    def save(self, checkpoints: Sequence[tuple[int, Checkpoint]]) -> None:
+        """Write checkpoints, each with its scene's number. A disk that refuses stops no run."""
+        start = time.perf_counter()
+        for index, checkpoint in checkpoints:
+            with contextlib.suppress(OSError):  # the run itself is worth more
+                checkpoint.save(self.folders[index])
+        now = time.perf_counter()
+        self._next = now + max(self.every, (now - start) / LARGEST_SHARE)

@@ -1,0 +1,240 @@
+"""Runs that are cut off and continued end as if nothing had happened, to the last bit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench import bench, small_scene
+
+import taichi_foam
+from taichi_foam.engine import cpu, transfer
+from taichi_foam.engine.state import State
+from taichi_foam.errors import UserError
+from taichi_foam.records.ending import Ending
+from taichi_foam.results.folders import CHECKPOINT
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Foam, Model, Numerics, Output, Scene, Wedge
+from taichi_foam.simulation import checkpoint as checkpoint_module
+from taichi_foam.simulation.simulate import Progress, resume, run, run_many
+
+
+def impact(velocity: float = 15.0, end: float = 5e-3, **parts: object) -> Scene:
+    """A wedge that breaks and crushes a small block, whose pieces touch."""
+    given: dict[str, object] = {
+        "impactor": Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=velocity),
+        "model": Model(shear_failure="always"),
+        "numerics": Numerics(end=end),
+        "output": Output(history_interval=5e-5, snapshot_interval=1e-3),
+    }
+    return small_scene(**{**given, **parts})
+
+
+def interrupt_at(fraction: float) -> Callable[[Progress], None]:
+    def press(progress: Progress) -> None:
+        if progress.fraction >= fraction:
+            raise KeyboardInterrupt
+
+    return press
+
+
+def assert_same(one: Result, other: Result) -> None:
+    for name, column in one.history.items():
+        np.testing.assert_array_equal(column, other.history[name], err_msg=name)
+    assert len(one.snapshots) == len(other.snapshots)
+    for a, b in zip(one.snapshots, other.snapshots, strict=True):
+        for name, values in vars(a).items():
+            np.testing.assert_array_equal(values, getattr(b, name), err_msg=name)
+    assert one.ending == other.ending
+    for key in ("steps", "dt_min_s", "dt_max_s", "max_overlap_m"):
+        assert one.run[key] == other.run[key]
+
+
+@pytest.mark.parametrize("advance", [cpu.advance_fused, cpu.advance_staged])
+def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
+    """Taken, turned into arrays and back, put into a lattice that held something else."""
+    scene = impact()
+    with bench(scene) as loaded:
+        loaded.step(900, advance)
+        kept = transfer.take(loaded.lattice, 0)
+        whole = loaded.step(600, advance)
+        work = loaded.lattice.state.work.to_numpy()
+        neighbours = kept.neighbours
+    assert len(neighbours["pairs"]) > 0
+    assert kept.clock["broken"] > 5
+    again = State.from_arrays(kept.to_arrays())
+    with bench(impact(9.0)) as loaded:
+        loaded.step(300)
+        transfer.load(loaded.lattice, 0, scene, again)
+        transfer.set_pause(loaded.lattice, np.full(1, 1e30))
+        np.testing.assert_array_equal(transfer.take(loaded.lattice, 0).position, kept.position)
+        other = cpu.advance_staged if advance is cpu.advance_fused else cpu.advance_fused
+        continued = loaded.step(600, other)
+        for name, values in vars(whole).items():
+            np.testing.assert_array_equal(values, getattr(continued, name), err_msg=name)
+        np.testing.assert_array_equal(loaded.lattice.state.work.to_numpy(), work)
+
+
+# foam that flows, and options whose state is more than the defaults'
+OPTIONS = {
+    "default": {},
+    "rate and scatter": {"foam": Foam(rate=3000.0, strength_scatter=0.2, crushed_strength=0.1)},
+    "no contact": {"model": Model(self_contact=False, shear_failure="always")},
+}
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_an_interrupted_run_goes_on_as_if_it_had_not_been(options: str, tmp_path: Path) -> None:
+    scene = impact(**OPTIONS[options])
+    whole = run(scene)
+    for fraction in (0.2, 0.55):  # the second interrupts what continued the first
+        cut = run(scene, interrupt_at(fraction), checkpoint=tmp_path)
+        assert cut.ending is Ending.INTERRUPTED
+        assert len(cut.history["time_s"]) < len(whole.history["time_s"])
+    continued = resume(tmp_path)
+    assert_same(whole, continued)
+    assert continued.run["resumed"] == 2
+    assert whole.run["resumed"] == 0
+
+
+def test_runs_of_a_batch_go_on_together_or_alone(tmp_path: Path) -> None:
+    """One has ended when the others are interrupted."""
+    scenes = [impact(15.0), impact(14.0, end=1e-3), impact(13.0), impact(12.0)]
+    alone = [run(scene) for scene in scenes]
+    run_many(scenes, interrupt_at(0.6), checkpoint=tmp_path)
+    assert_same(alone[2], resume(tmp_path / "00002"))
+    together = run_many(scenes, checkpoint=tmp_path)
+    for one, other in zip(alone, together, strict=True):
+        assert_same(one, other)
+
+
+def test_checkpoints_come_as_time_goes_by(tmp_path: Path) -> None:
+    seen: list[float] = []
+
+    def watch(progress: Progress) -> None:
+        file = tmp_path / CHECKPOINT
+        if file.is_file():
+            seen.append(file.stat().st_mtime_ns)
+
+    scene = impact(end=0.02)
+    run(scene, watch, checkpoint=tmp_path, every=1e-3)
+    assert len(set(seen)) > 2
+    assert sorted(os.listdir(tmp_path)) == [CHECKPOINT]
+    assert_same(run(scene), resume(tmp_path))  # from the last one before the end
+
+
+def cut_off(folder: Path) -> Scene:
+    scene = impact()
+    run(scene, interrupt_at(0.3), checkpoint=folder)
+    return scene
+
+
+def test_another_scene_is_refused_with_what_differs(tmp_path: Path) -> None:
+    scene = cut_off(tmp_path)
+    with pytest.raises(UserError, match=r"impactor\.mass = 0\.1 instead of 0\.2"):
+        run(scene.with_values(impactor__mass=0.2), checkpoint=tmp_path)
+
+
+def test_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cut_off(tmp_path)
+    monkeypatch.setattr(checkpoint_module, "__version__", "99.0")
+    with pytest.raises(UserError, match=r"written by taichi_foam .* 99\.0"):
+        resume(tmp_path)
+
+
+def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such folder"):
+        resume(tmp_path / "nowhere")
+    with pytest.raises(UserError, match=f"holds no {CHECKPOINT}"):
+        resume(tmp_path)
+    file = tmp_path / CHECKPOINT
+    cut_off(tmp_path)
+    whole = file.read_bytes()
+    for damaged in (b"", b"no zip file", whole[: len(whole) // 2]):
+        file.write_bytes(damaged)
+        with pytest.raises(UserError, match="not a complete checkpoint"):
+            resume(tmp_path)
+    with pytest.raises(UserError, match="checkpoint interval = 0"):
+        run(impact(), checkpoint=tmp_path / "new", every=0.0)
+
+
+# The command line
+
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
+SCENE = """
+name = "cut off"
+[block]
+width = 0.05
+height = 0.1
+columns = 10
+rows = 20
+[impactor]
+shape = "wedge"
+angle_deg = 60
+shank_width = 0.02
+mass = 0.1
+velocity = 15.0
+[numerics]
+end = 0.02
+dt = 2e-7
+[output]
+film = false
+"""
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "taichi_foam", *arguments],
+        cwd=folder, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def finish(process: subprocess.Popen) -> str:
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    return out
+
+
+def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -> None:
+    """Killed twice, by a signal that nobody can hear; continued on another number of threads."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    run_cut = ("run", "scene.toml", "--out", "cut", "--checkpoint", "0.05", "--threads", "2")
+    for arguments in (run_cut, ("resume", "cut", "--checkpoint", "0.05", "--threads", "1")):
+        process = start(tmp_path, *arguments)
+        file = tmp_path / "cut" / CHECKPOINT
+        before = file.stat().st_mtime_ns if file.is_file() else 0
+        while process.poll() is None:
+            if file.is_file() and file.stat().st_mtime_ns != before:
+                break
+            time.sleep(0.005)
+        process.kill()
+        assert process.wait() == -signal.SIGKILL
+        process.communicate()
+    finish(start(tmp_path, "resume", "cut", "--threads", "2"))
+    finish(start(tmp_path, "run", "scene.toml", "--out", "whole"))
+    cut, whole = tmp_path / "cut", tmp_path / "whole"
+    assert (cut / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
+    assert sorted(os.listdir(cut)) == sorted(os.listdir(whole))
+    done = start(tmp_path, "resume", "cut")
+    _, err = done.communicate(timeout=60)
+    assert (done.returncode, "has ended" in err) == (2, True)
+
+
+def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    cut_off(folder)
+    (folder / "notes.txt").write_text("mine")
+    done = start(tmp_path, "resume", "run")
+    _, err = done.communicate(timeout=60)
+    assert done.returncode == 2
+    assert "notes.txt" in err
+    assert "Traceback" not in err
+    assert sorted(os.listdir(folder)) == [CHECKPOINT, "notes.txt"]
