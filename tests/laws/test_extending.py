@@ -1,0 +1,131 @@
+"""The law and the shape of docs/extending.md, each in one file and registered by one line."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from bench import small_scene
+
+import taichi_foam as tf
+from taichi_foam.laws.bond import FOAMS
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.picture import raster
+from taichi_foam.scene import Base, Cylinder, Model, Numerics, Output, Start
+from taichi_foam.scene.files import scene_from_text, scene_to_toml
+
+PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
+OUTPUT = Output(history_interval=1e-5, snapshot_interval=1e-3)
+
+
+def module_of(part: str, folder: Path) -> ModuleType:
+    """What the page shows between its marks, as a module from a file."""
+    text = PAGE.read_text(encoding="utf-8")
+    found = re.search(rf"<!-- {part}: begin -->\n```python\n(.*?)```\n<!-- {part}: end", text, re.S)
+    assert found is not None
+    file = folder / f"{part}_of_the_page.py"
+    file.write_text(found.group(1), encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def law(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+    brittle = module_of("law", tmp_path_factory.mktemp("law"))
+    FOAMS.register(brittle.BrittleFoam)
+    yield brittle
+    FOAMS.remove("brittle")
+
+
+@pytest.fixture(scope="module")
+def shape(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+    ellipse = module_of("shape", tmp_path_factory.mktemp("shape"))
+    SHAPES.register(ellipse.Ellipse)
+    yield ellipse
+    SHAPES.remove("ellipse")
+
+
+def test_a_block_of_the_new_law_swings_as_a_spring(law: ModuleType) -> None:
+    """A gripped block, stretched upwards a little, in its lowest longitudinal mode or so.
+
+    The strain energy at the start is E e^2 / 2 times the volume of its bonds, whose count is known;
+    the ledger closes.
+    """
+    strain = 1e-3
+    scene = small_scene(
+        foam=law.BrittleFoam(youngs_modulus=2e6, shear_modulus=5e5),
+        base=Base(kind="gripped"),
+        model=Model(self_contact=False),
+        start=Start(deformation_gradient=((1.0, 0.0), (0.0, 1.0 + strain))),
+        numerics=Numerics(end=2e-3, damping_time=0.0, safety=0.1),  # an eighth: order 4
+        output=OUTPUT,
+    )
+    block = scene.block
+    result = tf.run(scene)
+    upright = block.columns * (block.rows - 1)
+    volume = block.dx * block.dy * block.thickness
+    energy = 0.5 * 2e6 * strain**2 * upright * volume
+    assert result.history.strain_J[0] == pytest.approx(energy, rel=1e-9)
+    assert result.history.foam_kinetic_J.max() > 0.5 * energy
+    np.testing.assert_allclose(result.history.residual_J, 0.0, atol=1e-6 * energy)
+    assert result.history.broken_bonds[-1] == 0
+
+
+def test_it_breaks_where_it_says(law: ModuleType) -> None:
+    for strain, broken in ((0.029, False), (0.031, True)):
+        scene = small_scene(
+            foam=law.BrittleFoam(fracture_strain=0.03),
+            model=Model(self_contact=False),
+            start=Start(deformation_gradient=((1.0, 0.0), (0.0, 1.0 - strain))),
+            numerics=Numerics(end=1e-5, dt=1e-6),
+            output=Output(history_interval=1e-6, snapshot_interval=1e-6),
+        )
+        first_steps = tf.run(scene).history.broken_bonds[:3]
+        assert (first_steps.max() > 0) == broken
+
+
+def test_scene_files_and_messages_know_the_law(law: ModuleType) -> None:
+    scene = small_scene(foam=law.BrittleFoam(fracture_strain=0.02))
+    assert scene_from_text(scene_to_toml(scene), "here") == scene
+    with pytest.raises(tf.UserError, match=r"foam\.fracture_strain = 3: must be .*at most 0\.5"):
+        scene.with_values(foam__fracture_strain=3)
+    with pytest.raises(tf.UserError, match="must be one of crushable, brittle"):
+        scene.with_values(foam__law="britle")
+
+
+def test_an_ellipse_with_equal_axes_is_a_cylinder(shape: ModuleType) -> None:
+    """Distance and normal are exact then; the runs differ by rounding only."""
+    common = {
+        "numerics": Numerics(end=1.5e-3), "model": Model(self_contact=False), "output": OUTPUT,
+    }  # fmt: skip
+    of_both = [
+        tf.run(small_scene(impactor=impactor, **common))
+        for impactor in (
+            shape.Ellipse(half_width=0.015, half_height=0.015, mass=0.1, velocity=5.0),
+            Cylinder(radius=0.015, mass=0.1, velocity=5.0),
+        )
+    ]
+    ellipse, cylinder = (result.history for result in of_both)
+    assert cylinder.contact_force_N.max() > 1.0
+    np.testing.assert_allclose(ellipse.velocity_m_s, cylinder.velocity_m_s, atol=1e-2)
+    np.testing.assert_allclose(ellipse.residual_J, 0.0, atol=1e-3)
+
+
+def test_it_is_drawn_and_stored(shape: ModuleType, tmp_path: Path) -> None:
+    scene = small_scene(
+        impactor=shape.Ellipse(mass=0.1, velocity=5.0), numerics=Numerics(end=2e-4), output=OUTPUT
+    )
+    result = tf.run(scene)
+    loaded = tf.load(result.save(tmp_path / "run"))
+    assert loaded.scene == scene
+    picture = raster.frame(loaded.snapshots[-1], scene, (256, 144))
+    assert picture.std() > 10
