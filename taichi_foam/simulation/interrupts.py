@@ -12,10 +12,12 @@ from collections.abc import Iterator
 def held_interrupts() -> Iterator[threading.Event]:
     """Let the block end although Ctrl-C is pressed; the event then tells that it was.
 
-    Outside the main thread, where Ctrl-C never arrives, nothing changes.
+    Where Ctrl-C never arrives, outside the main thread or in a process that ignores it, nothing
+    changes.
     """
     pressed = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield pressed
         return
     before = signal.signal(signal.SIGINT, lambda number, frame: pressed.set())

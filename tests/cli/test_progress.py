@@ -66,6 +66,17 @@ def test_ctrl_c_waits_for_the_block_to_end() -> None:
         signal.raise_signal(signal.SIGINT)
 
 
+def test_a_process_that_ignores_interrupts_goes_on_ignoring_them() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with held_interrupts() as pressed:
+            signal.raise_signal(signal.SIGINT)
+        assert not pressed.is_set()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_importing_the_package_and_asking_for_help_loads_nothing_heavy(tmp_path) -> None:
     program = (
         "import sys, taichi_foam, taichi_foam.cli\n"
