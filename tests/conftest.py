@@ -5,6 +5,7 @@ Hand-made histories and lattices have answers that are known without a simulatio
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -21,6 +22,10 @@ from taichi_foam.scene import Block, FlatBlock, Scene
 
 MakeSnapshot = Callable[..., Snapshot]
 MakeResult = Callable[..., Result]
+
+# Most of the time of the tests goes into compiling: without these passes it takes half as long, and
+# every number is the same (`test_one_and_two_threads_agree` runs with and without them).
+os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 
 # A shell that starts a job in the background has it ignore Ctrl-C, and so all that it starts; the
 # tests of Ctrl-C need it.

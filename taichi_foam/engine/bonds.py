@@ -28,15 +28,14 @@ def slot_of(lattice: ti.template(), i, last):
 
 
 @ti.func
-def _above(member: ti.template(), b, i, k):
-    """Of a node field: each lane's number of the node above it."""
-    return lanes.from_above(member[b, i, k], member[b, i, k + 1][0])
+def _above(here: ti.template(), member: ti.template(), b, i, k):
+    """Of a node field whose pack is `here`: each lane's number of the node above it."""
+    return lanes.from_above(here, member[b, i, k + 1][0])
 
 
 @ti.func
-def _below(member: ti.template(), b, i, k):
-    """Of a node field: each lane's number of the node below it."""
-    here = member[b, i, k]
+def _below(here: ti.template(), member: ti.template(), b, i, k):
+    """Of a node field whose pack is `here`: each lane's number of the node below it."""
     return lanes.from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
 
 
@@ -79,7 +78,7 @@ def normal_forces(lattice: ti.template(), stage, b, i, k, strip, p: ti.template(
     )
     b_length, b_strain, b_force = _normal_force(
         lattice, B, stage, b, i, k, strip,
-        _above(trial.x, b, i, k) - x, _above(trial.y, b, i, k) - y, p,
+        _above(x, trial.x, b, i, k) - x, _above(y, trial.y, b, i, k) - y, p,
     )  # fmt: skip
     return a_length, a_strain, a, b_length, b_strain, b_force
 
@@ -206,18 +205,19 @@ def bond_pack(
     weights_b = lattice.state.bond_b[b, i, k].weights
     x, y = trial[b, i, k].x, trial[b, i, k].y
     right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
-    up_x, up_y = _above(trial.x, b, i, k), _above(trial.y, b, i, k)
-    right_up_x, right_up_y = _above(trial.x, b, i + 1, k), _above(trial.y, b, i + 1, k)
+    up_x, up_y = _above(x, trial.x, b, i, k), _above(y, trial.y, b, i, k)
+    right_up_x = _above(right_x, trial.x, b, i + 1, k)
+    right_up_y = _above(right_y, trial.y, b, i + 1, k)
     reach_x, reach_y = right_x - x, right_y - y
     rise_x, rise_y = up_x - x, up_y - y
     u, v = trial[b, i, k].u, trial[b, i, k].v
     across_x = _column_across(
         lattice, weights_a, rise_x, right_up_x - right_x,
-        x - _below(trial.x, b, i, k), right_x - _below(trial.x, b, i + 1, k),
+        x - _below(x, trial.x, b, i, k), right_x - _below(right_x, trial.x, b, i + 1, k),
     )  # fmt: skip
     across_y = _column_across(
         lattice, weights_a, rise_y, right_up_y - right_y,
-        y - _below(trial.y, b, i, k), right_y - _below(trial.y, b, i + 1, k),
+        y - _below(y, trial.y, b, i, k), right_y - _below(right_y, trial.y, b, i + 1, k),
     )  # fmt: skip
     force_x, force_y, shear = _bond_forces(
         lattice, A, stage, b, i, k, strip, a_length, a_strain, a_normal, reach_x, reach_y,
@@ -229,16 +229,18 @@ def bond_pack(
         crossing = shear * (1.0 / p.cell.y)
         lattice.scratch.crossing[sweep, slot, k].ax = crossing * reach_x
         lattice.scratch.crossing[sweep, slot, k].ay = crossing * reach_y
-    left_up_x, left_up_y = _above(trial.x, b, i - 1, k), _above(trial.y, b, i - 1, k)
+    left_x, left_y = trial[b, i - 1, k].x, trial[b, i - 1, k].y
+    left_up_x = _above(left_x, trial.x, b, i - 1, k)
+    left_up_y = _above(left_y, trial.y, b, i - 1, k)
     across_x = _column_across(
-        lattice, weights_b, reach_x, right_up_x - up_x, x - trial[b, i - 1, k].x, up_x - left_up_x
+        lattice, weights_b, reach_x, right_up_x - up_x, x - left_x, up_x - left_up_x
     )
     across_y = _column_across(
-        lattice, weights_b, reach_y, right_up_y - up_y, y - trial[b, i - 1, k].y, up_y - left_up_y
+        lattice, weights_b, reach_y, right_up_y - up_y, y - left_y, up_y - left_up_y
     )
     force_x, force_y, shear = _bond_forces(
         lattice, B, stage, b, i, k, strip, b_length, b_strain, b_normal, rise_x, rise_y,
-        _above(trial.u, b, i, k) - u, _above(trial.v, b, i, k) - v, across_x, across_y, p,
+        _above(u, trial.u, b, i, k) - u, _above(v, trial.v, b, i, k) - v, across_x, across_y, p,
     )  # fmt: skip
     force[sweep, slot, k].bx = force_x
     force[sweep, slot, k].by = force_y
@@ -260,7 +262,7 @@ def stiffen_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template())
     force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
     force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
     fx, fy, stiff = _stiffening(
-        lattice, B, b, i, k, _above(trial.x, b, i, k) - x, _above(trial.y, b, i, k) - y, p
+        lattice, B, b, i, k, _above(x, trial.x, b, i, k) - x, _above(y, trial.y, b, i, k) - y, p
     )
     force[sweep, slot, k].bx = force[sweep, slot, k].bx + fx
     force[sweep, slot, k].by = force[sweep, slot, k].by + fy
@@ -323,7 +325,9 @@ def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     motion = ti.static(lattice.state.motion)
     x, y = motion[b, i, k].x, motion[b, i, k].y
     _flow(lattice, A, b, i, k, motion[b, i + 1, k].x - x, motion[b, i + 1, k].y - y, p)
-    _flow(lattice, B, b, i, k, _above(motion.x, b, i, k) - x, _above(motion.y, b, i, k) - y, p)
+    _flow(
+        lattice, B, b, i, k, _above(x, motion.x, b, i, k) - x, _above(y, motion.y, b, i, k) - y, p
+    )
 
 
 @ti.func
