@@ -76,8 +76,9 @@ class Run:
 
     @property
     def next_snapshot(self) -> float:
-        """Time of the next snapshot [s]: a multiple of the interval, the first at the start."""
-        return len(self.snapshots) * self.scene.output.snapshot_interval
+        """Time of the next snapshot [s]: the first multiple of the interval after the last one."""
+        interval = self.scene.output.snapshot_interval
+        return interval * (math.floor(self.snapshots[-1].time / interval + 1e-9) + 1)
 
     @property
     def fraction(self) -> float:

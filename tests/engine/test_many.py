@@ -110,3 +110,14 @@ def test_one_failure_stops_no_other() -> None:
 def test_no_scenes_give_no_results() -> None:
     assert run_many([]) == []
     assert list(simulate_many([])) == []
+
+
+def test_a_step_as_long_as_the_interval_of_snapshots_ends_too() -> None:
+    """Rounding lets steps pass over an instant now and then."""
+    scene = small_scene(
+        numerics=Numerics(end=3e-5, dt=1e-6),
+        output=Output(history_interval=1e-6, snapshot_interval=1e-6),
+    )
+    times = [snapshot.time for snapshot in run(scene).snapshots]
+    assert times == sorted(set(times))
+    assert len(times) >= 25
