@@ -85,7 +85,7 @@ def test_options_come_in_order(
     """Scene < --choices < --dt < --set, and later --set beats earlier."""
     scenes: list[Scene] = []
 
-    def record(scene: Scene, on_progress: object) -> Result:
+    def record(scene: Scene, on_progress: object, **more: object) -> Result:
         scenes.append(scene)
         raise RunError("recorded")
 
@@ -168,12 +168,12 @@ import sys
 from taichi_foam.simulation import simulate
 from taichi_foam.cli import main
 begin = simulate.run
-def run(scene, on_progress):
+def run(scene, on_progress, **more):
     def watched(progress):
         if progress.time > 1e-3:
             print("stepping", flush=True)
         on_progress(progress)
-    return begin(scene, watched)
+    return begin(scene, watched, **more)
 simulate.run = run
 main()
 """
