@@ -6,7 +6,7 @@ from bench import small_scene
 from test_same_numbers import assert_same_results, impacts
 
 from taichi_foam.errors import RunError
-from taichi_foam.scene import Block, FlatBlock, Numerics, Scene
+from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.simulate import Progress, run, run_many, simulate_many
 
