@@ -26,7 +26,7 @@ these times sqrt(5 mm / cell), so that a bond holds the same energy per area of 
 (K e_t^2 / 2) dx (crack band, Bazant and Oh 1983). In cells of 10 mm a flat face of 50 mm covers
 four mass points, 40 mm: that row is as much about contact as about foam. Readings: Eq. 27 as
 printed, dashpots of one size, a shear coefficient of 18, friction 0.15, no rate (`MODEL` in
-`convergence.py`).
+`validation/verification/convergence.py`).
 """
 
 COLUMNS = (
