@@ -1,7 +1,7 @@
 """The command line: `taichi-foam run`, `serve`, `reproduce` ..., and `python scenes/wedge.py`.
 
-Exit codes: 0 done; 1 a run failed (what was computed is saved); 2 the request cannot be (nothing
-was computed or written); 130 Ctrl-C (what there is has been saved).
+Exit codes: 0 done; 1 a run failed (what was computed is saved); 2 the request cannot be met
+(nothing was computed or written); 130 Ctrl-C (what there is has been saved).
 """
 
 from __future__ import annotations

@@ -1,1 +1,4 @@
-"""Fields and kernels of the lattice: what `taichi_foam.simulation.batches` drives."""
+"""The lattice on the device: model, state and scratch, and the kernels that step them.
+
+`taichi_foam.simulation.batches` calls it; nothing here knows results, files or pictures.
+"""

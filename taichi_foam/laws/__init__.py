@@ -1,4 +1,5 @@
-"""The physics, as small functions that know no fields: each is tested alone against a closed form.
+"""The physics: bond laws, impactor shapes, contact; each is tested alone against a closed form.
 
-All are `ti.func`; lengths in m, stresses in Pa, tension positive.
+A law or a shape has the values of a scene's table, and the functions that kernels call (`ti.func`).
+Lengths in m, stresses in Pa, tension positive.
 """

@@ -1,1 +1,1 @@
-"""Watching a run while it computes: the run in a process of its own, a viewer at the other end."""
+"""Watching a run while it is computed: in a window, a notebook or a browser."""

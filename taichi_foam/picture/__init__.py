@@ -1,0 +1,1 @@
+"""Pictures of snapshots and results: frames, films, montages, and figures for print."""

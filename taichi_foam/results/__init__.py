@@ -1,1 +1,1 @@
-"""A run in memory and on disk: results and their folders."""
+"""What a run leaves on disk: results, and the folders that they are saved to and loaded from."""

@@ -1,7 +1,7 @@
 """Scenes: one impact on one foam block, as typed, frozen, validated values in SI units.
 
 Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end.
-A value that cannot be raises `pydantic.ValidationError`; `scene.messages.explain` turns that
+A value that is not allowed raises `pydantic.ValidationError`; `scene.messages.explain` turns that
 into text for people.
 """
 

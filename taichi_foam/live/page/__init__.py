@@ -1,1 +1,1 @@
-"""A page in the browser: one run that all who look at it share, with its picture and its curve."""
+"""The live page in a browser: one run that all viewers share, with its picture and its curve."""
