@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
 from taichi_foam.units import si_scale
@@ -14,8 +15,8 @@ from taichi_foam.units import si_scale
 MOST_KEYS, LONGEST = 2, 40
 #: Last parts of keys that say too little alone: width of what? kind of what?
 _VAGUE = frozenset({"width", "height", "kind", "x", "rate", "friction"})
-#: Keys that every impactor has. The others are the sizes of its shape, and go with it.
-_OF_ALL_SHAPES = Impactor.model_fields.keys()
+#: Keys that stand for others: all that only this shape of impactor or this law of the foam has.
+_KINDS = {"impactor.shape": Impactor, "foam.law": BondFoam}
 #: What runs of different titles need no words for: the draw of chance, and the end, which shows.
 _BY_THE_WAY = frozenset({"foam.strength_seed", "numerics.end"})
 #: Units that take a prefix.
@@ -85,10 +86,11 @@ def _differences(
     flat = [_flat(scene.model_dump()) for scene in scenes]
     every = dict.fromkeys(key for one in flat for key in one)
     keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
-    if "impactor.shape" in keys:
-        sizes = [key for key in keys if key.startswith("impactor.")]
-        sizes = [key for key in sizes if key.partition(".")[2] not in _OF_ALL_SHAPES]
-        keys = [key for key in keys if key not in sizes]
+    for kind, base in _KINDS.items():
+        if kind in keys:
+            part = kind.partition(".")[0]
+            common = {f"{part}.{field}" for field in base.model_fields}
+            keys = [key for key in keys if key in common or not key.startswith(f"{part}.")]
     if not any(one.get("foam.strength_scatter") for one in flat):
         said |= {"foam.strength_seed"}
     keys = [key for key in keys if key not in said]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 
 from taichi_foam import load_scene
+from taichi_foam.laws.bond import FOAMS
 from taichi_foam.picture.naming import names, told_apart
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Foam, Scene
 from taichi_foam.shim2000 import tests
 
 FOLDERS = ("a", "b", "c", "d")
@@ -116,6 +119,23 @@ def test_a_shape_hides_its_own_sizes_only() -> None:
     assert told_apart([wedge, heavy]) == ("mass = 6 kg, wedge", "mass = 7 kg, cylinder")
     many = ["impactor.mass=7", "impactor.x=0.01", "foam.rate=none"]
     assert told_apart([wedge, load_scene(cylinder, overrides=many)]) is None
+
+
+def test_a_law_hides_its_own_constants_only() -> None:
+    class OtherFoam(Foam):
+        law: Literal["other"] = "other"
+        stickiness: float = 1.0
+        springiness: float = 2.0
+
+    FOAMS.register(OtherFoam)
+    try:
+        wedge = paper("wedge-2.86")
+        other = wedge.model_copy(update={"foam": OtherFoam(shear_modulus=0.8e6, rate=None)})
+        assert told_apart([wedge, other]) == (
+            "law = crushable, shear_modulus = 840 kPa", "law = other, shear_modulus = 800 kPa"
+        )  # fmt: skip
+    finally:
+        FOAMS.remove("other")
 
 
 def test_names_are_what_differs_among_three_and_four() -> None:
