@@ -37,7 +37,7 @@ vec2 = ti.types.vector(2, ti.f64)
 # Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "bad_node", "overlap")
 
-# Of a node, as `_put_nodes` and `_take_nodes` take them: position, velocity, increment, stretch of
+# Of a node, as `_take_nodes` gives them: position, velocity, increment, stretch of
 # both springs, room, surface; of its bonds A and B: worst strain and time of breaking.
 NODE_NUMBERS, BOND_NUMBERS = 10, 4
 
@@ -103,19 +103,15 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
 
 def put(lattice: Lattice, b: int, state: State) -> None:
     """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
-    columns, rows = lattice.columns, lattice.rows
-    nodes = np.empty((columns, rows, NODE_NUMBERS))
-    nodes[..., 0:2], nodes[..., 2:4] = state.position, state.velocity
-    nodes[..., 4:6], nodes[..., 6:8] = state.increment, state.stretch
-    nodes[..., 8], nodes[..., 9] = state.room, state.surface
-    bonds = np.full((columns, rows, BOND_NUMBERS), np.nan)
-    bonds[:-1, :, 0], bonds[:, :-1, 1] = state.worst_a, state.worst_b
-    bonds[:-1, :, 2], bonds[:, :-1, 3] = state.break_time_a, state.break_time_b
     strips = np.zeros((lattice.strips, 10))
     if len(state.work):
         strips[:, :8], strips[:, 8], strips[:, 9] = state.work, state.fracture, state.overlap
     numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
-    _put_nodes(lattice, b, nodes, bonds)
+    # each array as it is: copies of a big lattice would be as large as the lattice itself
+    nodes = (state.position, state.velocity, state.increment, state.stretch)
+    bonds = (state.worst_a, state.worst_b, state.break_time_a, state.break_time_b)
+    arrays = (*nodes, state.room, state.surface, *bonds)
+    _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
     _put_rest(lattice, b, strips, numbers)
     if lattice.features.self_contact:
         _put_neighbours(lattice, b, state.neighbours)
@@ -126,7 +122,11 @@ def _values(numbers: Mapping[str, float], names: tuple[str, ...]) -> list[float]
 
 
 @ti.kernel
-def _put_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
+def _put_nodes(
+    lattice: ti.template(), b: ti.i32, position: Stack, velocity: Stack, increments: Stack,
+    stretch: Stack, rooms: Table, surfaces: Table, worst_a: Table, worst_b: Table,
+    break_time_a: Table, break_time_b: Table,
+):  # fmt: skip
     """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
     for i in range(-1, lattice.columns + 1):
         p = lattice.model.parameters[b]
@@ -137,11 +137,11 @@ def _put_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                 v, increment, slip = vec2(0.0), vec2(0.0), vec2(0.0)
                 room, surface = NEVER, 0
                 if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
-                    x = vec2(nodes[i, j, 0], nodes[i, j, 1])
-                    v = vec2(nodes[i, j, 2], nodes[i, j, 3])
-                    increment = vec2(nodes[i, j, 4], nodes[i, j, 5])
-                    slip = vec2(nodes[i, j, 6], nodes[i, j, 7])
-                    room, surface = nodes[i, j, 8], ti.i32(nodes[i, j, 9])
+                    x = vec2(position[i, j, 0], position[i, j, 1])
+                    v = vec2(velocity[i, j, 0], velocity[i, j, 1])
+                    increment = vec2(increments[i, j, 0], increments[i, j, 1])
+                    slip = vec2(stretch[i, j, 0], stretch[i, j, 1])
+                    room, surface = rooms[i, j], ti.i32(surfaces[i, j])
                 for motion in ti.static((lattice.state.motion, lattice.scratch.trial)):
                     motion[b, i, k].x[lane] = x.x
                     motion[b, i, k].y[lane] = x.y
@@ -158,13 +158,15 @@ def _put_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                     lattice.scratch.push[b, i, k].y[lane] = 0.0
                 for axis in ti.static(range(2)):
                     bond = ti.static(lattice.state.bonds[axis])
+                    worsts = ti.static((worst_a, worst_b)[axis])
+                    break_times = ti.static((break_time_a, break_time_b)[axis])
                     condition = ABSENT
                     worst, broken_at = 0.0, 0.0
                     columns = lattice.columns - ti.static(1 - axis)
                     rows = lattice.rows - ti.static(axis)
                     if i >= 0 and i < columns and j >= 0 and j < rows:
-                        worst = bonds[i, j, axis]
-                        broken_at = bonds[i, j, 2 + axis]
+                        worst = worsts[i, j]
+                        broken_at = break_times[i, j]
                         condition = WHOLE
                         if not ti.math.isnan(broken_at):
                             condition = BROKEN
