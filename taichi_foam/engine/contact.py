@@ -56,8 +56,8 @@ def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
 def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()):
     """Forces [N] of the impactor and the floor on a node, as the `reaction` of its lane.
 
-    Work and lift are added to the strip's. The first stage of a step also latches the friction
-    springs: slid off beyond mu N, and slack where there is no touch.
+    Work and the force on the impactor are added to the strip's. The first stage of a step also
+    latches the friction springs: slid off beyond mu N, and slack where there is no touch.
     """
     now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
     speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)

@@ -28,7 +28,6 @@ from taichi_foam.engine.scratch import (
 TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
 
 vec3 = ti.types.vector(3, ti.f64)
-vec4 = ti.types.vector(4, ti.f64)
 vec8 = ti.types.vector(8, ti.f64)
 
 
