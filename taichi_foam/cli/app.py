@@ -135,11 +135,11 @@ def resume_command(
         from taichi_foam.simulation import simulate
         from taichi_foam.simulation.checkpoint import Checkpoint as Stored
 
-        stored = Stored.load(Path(folder))
-        check_output_folder(folder, needed_bytes=storage_bytes(stored.scene), own=RUN_FILES)
-        runtime.start(stored.arch, threads)
+        scene, arch = Stored.head(Path(folder))
+        check_output_folder(folder, needed_bytes=storage_bytes(scene), own=RUN_FILES)
+        runtime.start(arch, threads)
         _compute_and_save(
-            stored.scene.name,
+            scene.name,
             lambda on_progress: simulate.resume(folder, on_progress, every=checkpoint),
             folder, False, RUN_FILES, bars, console, errors,
         )  # fmt: skip

@@ -9,6 +9,7 @@ from typing import Any
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
+from taichi_foam.scene.values import by_key
 from taichi_foam.units import si_scale
 
 #: A name holds so many keys at most, of values that are no longer than so many letters.
@@ -83,7 +84,7 @@ def _differences(
     scenes: Sequence[Scene], said: frozenset[str] = frozenset()
 ) -> tuple[str, ...] | None:
     """All that differs but keys `said` otherwise, in words for each; None for more than a few."""
-    flat = [_flat(scene.model_dump()) for scene in scenes]
+    flat = [by_key(scene.model_dump(exclude={"name", "output"})) for scene in scenes]
     every = dict.fromkeys(key for one in flat for key in one)
     keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
     for kind, base in _KINDS.items():
@@ -106,19 +107,6 @@ def _differences(
     if any(len(phrase) > LONGEST for part in parts for phrase in part):
         return None
     return tuple(", ".join(part) for part in parts)
-
-
-def _flat(table: dict[str, Any], head: str = "") -> dict[str, Any]:
-    """The values of nested tables by dotted key, without name and output."""
-    found: dict[str, Any] = {}
-    for name, value in table.items():
-        if head + name in ("name", "output"):
-            continue
-        if isinstance(value, dict):
-            found |= _flat(value, f"{head}{name}.")
-        else:
-            found[head + name] = value
-    return found
 
 
 def _choice_set(flat: dict[str, Any]) -> str | None:

@@ -12,7 +12,7 @@ import contextlib
 import time
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,13 @@ class Checkpoint:
         with whole_file(folder / CHECKPOINT) as partial:
             np.savez(partial, **arrays)
 
+    @staticmethod
+    def head(folder: Path) -> tuple[Scene, str]:
+        """Scene and arch of the checkpoint in `folder`, the rest unread; raises as `load`."""
+        with _opened(folder) as archive:
+            source = str(folder / CHECKPOINT)
+            return scene_from_text(str(archive["scene"]), source), str(archive["arch"])
+
     @classmethod
     def load(cls, folder: Path) -> Checkpoint:
         """Read the checkpoint in `folder`.
@@ -86,18 +93,8 @@ class Checkpoint:
         Raises UserError: there is none, it is damaged, or another version has written it.
         """
         path = folder / CHECKPOINT
-        if not path.is_file():
-            raise UserError(_absent(folder))
-        try:
-            with np.load(path) as archive:
-                written = int(archive["format"]), str(archive["version"])
-                if written != (FORMAT, __version__):
-                    raise UserError(
-                        f"{path}: written by taichi_foam {written[1]} (format {written[0]}), which "
-                        f"{__version__} (format {FORMAT}) cannot continue to the last bit. "
-                        f"Fix: continue with {written[1]}, or run the scene again."
-                    )
-                arrays = dict(archive)
+        with _opened(folder) as archive:
+            arrays = dict(archive)
             snapshots = _parts(arrays, "snapshot.")
             seconds, node_stages, resumed = arrays["counts"].tolist()
             return cls(
@@ -113,10 +110,28 @@ class Checkpoint:
                 node_stages=int(node_stages),
                 resumed=int(resumed),
             )
-        except _DAMAGE as error:
-            raise UserError(
-                f"{path}: not a complete checkpoint ({error}). Fix: run the scene again."
-            ) from error
+
+
+@contextlib.contextmanager
+def _opened(folder: Path) -> Iterator[Any]:
+    """The archive of the checkpoint in `folder`. Raises UserError as `Checkpoint.load`."""
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        raise UserError(_absent(folder))
+    try:
+        with np.load(path) as archive:
+            written = int(archive["format"]), str(archive["version"])
+            if written != (FORMAT, __version__):
+                raise UserError(
+                    f"{path}: written by taichi_foam {written[1]} (format {written[0]}), which "
+                    f"{__version__} (format {FORMAT}) cannot continue to the last bit. "
+                    f"Fix: continue with {written[1]}, or run the scene again."
+                )
+            yield archive
+    except _DAMAGE as error:
+        raise UserError(
+            f"{path}: not a complete checkpoint ({error}). Fix: run the scene again."
+        ) from error
 
 
 def _parts(arrays: dict[str, Any], prefix: str) -> dict[str, Any]:

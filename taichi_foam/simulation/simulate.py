@@ -144,9 +144,9 @@ def resume(
         UserError: there is no checkpoint, it is damaged, or of another version or kind of device.
         RunError: as `run`.
     """
-    stored = Checkpoint.load(Path(path))
+    scene, kept_arch = Checkpoint.head(Path(path))
     return run(
-        stored.scene, on_progress, checkpoint=path, every=every, arch=arch or stored.arch,
+        scene, on_progress, checkpoint=path, every=every, arch=arch or kept_arch,
         threads=threads,
     )  # fmt: skip
 
