@@ -295,7 +295,7 @@ def axis_of(text: str) -> dict[str, Any]:
 def work(scene: Scene) -> float:
     """About how much a drop computes [node steps], from what its scene says alone."""
     block, foam, numerics = scene.block, scene.foam, scene.numerics
-    speed = math.sqrt(foam.youngs_modulus / foam.density)
+    speed = math.sqrt(foam.youngs_modulus / block.density)
     dt = numerics.dt if isinstance(numerics.dt, float) else 0.25 * min(block.dx, block.dy) / speed
     until = numerics.latest_end
     if numerics.end == "rebound":
