@@ -18,9 +18,11 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import partial
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.sweeps.chunk import Done, Solve, compute_chunk
 from taichi_foam.sweeps.store import Store
 
@@ -232,9 +234,10 @@ def _client(
         "memory_limit": 0,
         "silence_logs": logging.CRITICAL + 1,
     }
-    with contextlib.ExitStack() as stack:
+    stack = contextlib.ExitStack()
+    try:
+        stack.enter_context(_quiet())
         if scheduler is not None:
-            stack.enter_context(_quiet())
             try:
                 client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
             except (OSError, ValueError) as error:
@@ -246,7 +249,6 @@ def _client(
             return
         stack.enter_context(dask.config.set(settings))
         stack.callback(shutil.rmtree, scratch, ignore_errors=True)
-        stack.enter_context(_quiet())
         with _interrupts_for_this_thread_only():
             if workers is None:
                 cluster = LocalCluster(
@@ -257,6 +259,9 @@ def _client(
                 cluster = LocalCluster(n_workers=workers, security=True, **common)
         stack.enter_context(cluster)
         yield stack.enter_context(Client(cluster, set_as_default=False))
+    finally:
+        with held_interrupts():  # workers take a moment to end
+            stack.close()
 
 
 @contextlib.contextmanager
@@ -269,6 +274,7 @@ def _interrupts_for_this_thread_only() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    resource_tracker.ensure_running()  # where it is not, starting a process unblocks them again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         yield

@@ -17,6 +17,7 @@ from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError, installed
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
+from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.sweeps import estimate, table
 from taichi_foam.sweeps.chunk import Done, Engine, Solve
@@ -198,7 +199,8 @@ def sweep(
         try:
             _compute(store, solve, pending, bars, workers, scheduler)
         except KeyboardInterrupt:
-            _collect_if_possible(found)
+            with held_interrupts():
+                _collect_if_possible(found)
             raise KeyboardInterrupt(_words_of_rest(found)) from None
         except (RunError, UserError):
             _collect_if_possible(found)

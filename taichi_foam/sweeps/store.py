@@ -190,10 +190,12 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
                     )
             _remove_leftovers(folder)
             (folder / CHUNKS).mkdir(exist_ok=True)
-            yield store
-            _remove_leftovers(folder)
-            with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
-                (folder / LOCK).unlink()
+            try:
+                yield store
+            finally:
+                _remove_leftovers(folder)
+                with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
+                    (folder / LOCK).unlink()
     finally:
         # An empty folder that was made for this goes again; one with a sweep in it stays.
         if not (folder / MARK).exists():
