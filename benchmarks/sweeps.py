@@ -40,6 +40,9 @@ from taichi_foam.sweeps.table import MACHINE
 # Durations of drops that only wait: exp(N(log median, sigma)).
 MEDIAN_S, SIGMA = 5e-3, 1.0
 
+PATIENCE_S = 20.0
+"""How long a worker may live on without its client: a kernel that compiles cannot be left."""
+
 FIGURES = 25
 """Measures of a drop that only waits, about as many as a real one has."""
 
@@ -251,8 +254,9 @@ def started(words: Sequence[str]) -> Iterator[subprocess.Popen]:
     finally:
         process.kill()
         process.wait()
-        time.sleep(2.0)
-        left = session(process.pid)
+        begun = time.perf_counter()
+        while (left := session(process.pid)) and time.perf_counter() - begun < PATIENCE_S:
+            time.sleep(0.2)
         for pid in left:
             os.kill(pid, signal.SIGKILL)
         assert not left, f"processes outlive the one that started them: {left}"

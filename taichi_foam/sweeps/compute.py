@@ -15,13 +15,16 @@ import secrets
 import shutil
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
 from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.sweeps.chunk import Done, Solve, compute_chunk
 from taichi_foam.sweeps.store import Store
@@ -48,7 +51,7 @@ Inbox = queue.SimpleQueue[Callable[[], None]]
 def compute(
     store: Store,
     solve: Solve,
-    on_done: Callable[[Done], None],
+    on_drops: Callable[[int], None],
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -57,8 +60,8 @@ def compute(
 
     Args:
         store: the sweep, claimed.
-        solve: what computes scenes; it is sent to the workers.
-        on_done: called in this thread after each chunk.
+        solve: what computes scenes; it is sent to workers that are other processes.
+        on_drops: called in this thread with how many more drops have been computed.
         workers: processes on this machine; None: in this thread.
         scheduler: address of a Dask scheduler whose workers share the folder; instead of `workers`.
 
@@ -69,7 +72,11 @@ def compute(
     """
     inbox: Inbox = queue.SimpleQueue()
     with _client(store, inbox, workers, scheduler) as client:
-        _Computing(store, solve, on_done, client, inbox, in_caller=not (workers or scheduler)).run()
+        if workers is None and scheduler is None:
+            with _by_name(solve, on_drops) as named:
+                _Computing(store, compute_chunk, named, lambda count: None, client, inbox).run()
+        else:
+            _Computing(store, _in_one_thread, solve, on_drops, client, inbox).run()
 
 
 class _Computing:
@@ -78,17 +85,15 @@ class _Computing:
     def __init__(
         self,
         store: Store,
+        task: Callable[..., Done],
         solve: Solve,
-        on_done: Callable[[Done], None],
+        on_drops: Callable[[int], None],
         client: Client,
         inbox: Inbox,
-        in_caller: bool,
     ) -> None:
         self._store = store
-        self._task = partial(
-            compute_chunk if in_caller else _in_one_thread, str(store.folder), store.plan.hash
-        )
-        self._solve, self._on_done = solve, on_done
+        self._task = partial(task, str(store.folder), store.plan.hash)
+        self._solve, self._on_drops = solve, on_drops
         self._client, self._inbox = client, inbox
         self._waiting = iter(store.pending())
         self._flying: dict[int, Any] = {}
@@ -115,7 +120,7 @@ class _Computing:
         room = _AHEAD * max(1, sum(self._client.nthreads().values())) - len(self._flying)
         for _, chunk in zip(range(room), self._waiting, strict=False):
             future = self._client.submit(
-                self._task, chunk, self._solve, key=(self._group, chunk), pure=False
+                self._task, chunk, self._solve, key=(self._group, chunk), priority=-chunk
             )
             self._flying[chunk] = future
             future.add_done_callback(partial(self._report, chunk))
@@ -127,7 +132,7 @@ class _Computing:
         """Note what has become of a chunk, and hand over the next."""
         if future.status == "finished":
             self._lost_on_end = 0
-            self._on_done(future.result())
+            self._on_drops(future.result().drops)
         else:
             self._check_scheduler()
             self._lose(chunk, future)
@@ -193,6 +198,36 @@ class _Caller(Executor):
             # to the caller, whom it is meant for; the event loop would fall over it
             future.set_exception(RuntimeError("interrupted"))
             raise
+
+
+_named: dict[str, Solve] = {}
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A solver of this process, which goes through Dask as a name."""
+
+    name: str
+
+    def __call__(self, scenes: Sequence[Scene]) -> Iterable[tuple[int, Result]]:
+        return _named[self.name](scenes)
+
+
+@contextlib.contextmanager
+def _by_name(solve: Solve, on_drops: Callable[[int], None]) -> Iterator[_Named]:
+    """A solver of this process that tells of each drop, for as long as the block lasts."""
+
+    def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
+        for place, result in solve(scenes):
+            yield place, result
+            on_drops(1)
+
+    name = secrets.token_hex(4)
+    _named[name] = told
+    try:
+        yield _Named(name)
+    finally:
+        del _named[name]
 
 
 _alone: ThreadPoolExecutor | None = None

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from taichi_foam.simulation import simulate
 from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.sweeps import estimate, table
-from taichi_foam.sweeps.chunk import Done, Engine, Solve
+from taichi_foam.sweeps.chunk import Engine, Solve
 from taichi_foam.sweeps.compute import compute
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design, Member
@@ -256,15 +256,7 @@ def _compute(
         return
     what = f"{pending:,} of {len(store.design):,} drops"
     with bars.counting("computing", what, pending, "drops") as advance:
-        compute(store, solve, _counted(advance), workers=workers, scheduler=scheduler)
-
-
-def _counted(advance: Callable[[], None]) -> Callable[[Done], None]:
-    def take(done: Done) -> None:
-        for _ in range(done.drops):
-            advance()
-
-    return take
+        compute(store, solve, advance, workers=workers, scheduler=scheduler)
 
 
 def _collect_if_possible(found: Sweep) -> None:

@@ -29,6 +29,8 @@ PARQUET, CSV = "results.parquet", "results.csv"
 # Rows of a row group: many shards are put together, so that readers have few of them.
 _GROUP_ROWS = 65_536
 
+MEMBER = "member"
+_HEAD = (MEMBER, "scene", "repeat", "varied", "ending", "failure")
 _LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
 
 
@@ -96,6 +98,14 @@ def read(paths: Sequence[Path], columns: Sequence[str]) -> pa.Table:
     return _joined(parts, schema)
 
 
+def measures(paths: Sequence[Path], axes: Sequence[str]) -> list[str]:
+    """Columns of shards that are neither axes nor say which drop it is."""
+    import pyarrow.parquet as pq
+
+    names = dict.fromkeys(name for path in paths for name in pq.read_schema(path).names)
+    return [name for name in names if name not in (*axes, *_HEAD)]
+
+
 def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
     """Write results.parquet and results.csv of shards and of `more` rows; returns how many rows.
 
@@ -146,7 +156,7 @@ def _head(
 ) -> dict[str, Any]:
     """The columns that say which drop a row is of."""
     shown = {key: _cell(value) for key, value in axes.items()}
-    return {"member": number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
+    return {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
 
 
 def _cell(value: Any) -> Any:
