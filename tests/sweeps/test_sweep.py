@@ -64,7 +64,7 @@ def test_the_table_has_a_row_for_each_drop_and_a_column_for_each_kind(swept: Swe
     assert pd.isna(by.loc[3.0, "pieces"])
     text = pd.read_csv(swept.folder / "results.csv", keep_default_na=False, na_values=[""])
     assert text["scene"].tolist() == found["scene"].tolist()
-    assert text["max_displacement_m"].tolist()[:8:2] == found["max_displacement_m"].tolist()[:8:2]
+    assert text["max_displacement_m"].equals(found["max_displacement_m"])
     assert swept.standing == run.Standing(9, 9, failed=2, lost=0, at_work=False)
 
 
@@ -191,11 +191,13 @@ def test_a_disk_that_fills_up_keeps_what_is_complete(
     monkeypatch.setattr(table, "whole_file", full)
     with pytest.raises(UserError, match=r"No space left on device\. Fix: make room; what is comp"):
         tf.sweep(PLAN, tmp_path / "s", solve=Solver())
-    assert Sweep.open(tmp_path / "s").standing.done == 6
+    # what the worker was given before may come to its end
+    there = Sweep.open(tmp_path / "s").standing.done
+    assert there in (6, 7)
     monkeypatch.undo()
     solver = Solver()
     assert tf.sweep(PLAN, tmp_path / "s", solve=solver).standing.done == 9
-    assert sorted(solver.asked) == [3.5, 3.75, 4.0]
+    assert sorted(solver.asked) == [3.5, 3.75, 4.0][: 9 - there]
 
 
 def test_a_chunk_that_cannot_be_computed_is_told_and_tried_again(tmp_path: Path) -> None:
