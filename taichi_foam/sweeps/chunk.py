@@ -1,6 +1,6 @@
 """One task of a sweep: a chunk of drops, computed and written where the worker is.
 
-`compute_chunk` runs in whatever process the scheduler chose. Only counts travel back.
+`compute_chunk` runs in whatever process the scheduler chose. Nothing travels back.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import socket
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -40,17 +39,7 @@ class Engine:
         return simulate.simulate_many(scenes, arch=self.arch, threads=self.threads)
 
 
-@dataclass(frozen=True)
-class Done:
-    """What a chunk came to: drops, how many of them failed, and wall time [s]."""
-
-    chunk: int
-    drops: int
-    failed: int
-    seconds: float
-
-
-def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> Done:
+def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> None:
     """Compute a chunk of the sweep in a folder and write it, complete or not at all.
 
     A drop that fails, or whose values make no scene, has a row with the reason.
@@ -59,7 +48,6 @@ def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> Done
         UserError: the folder is not seen from here, or not by the same versions.
         OSError: it cannot be written.
     """
-    begun = time.perf_counter()
     store = _opened(folder, plan_hash)
     members: list[Member] = []
     rows: dict[int, dict[str, Any]] = {}
@@ -79,11 +67,8 @@ def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> Done
             _save(store, member.number, result)
     if kept.histories != "none":
         table.write_histories(store.history_file(chunk), histories, kept.histories)
-    ordered = [rows[number] for number in sorted(rows)]
-    table.write_rows(store.chunk_file(chunk), ordered)
+    table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)])
     store.lost_file(chunk).unlink(missing_ok=True)
-    failed = sum(row["failure"] is not None for row in ordered)
-    return Done(chunk, len(ordered), failed, time.perf_counter() - begun)
 
 
 @functools.lru_cache(maxsize=1)

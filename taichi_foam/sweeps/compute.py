@@ -26,7 +26,7 @@ from taichi_foam.errors import RunError, UserError, installed
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.interrupts import held_interrupts
-from taichi_foam.sweeps.chunk import Done, Solve, compute_chunk
+from taichi_foam.sweeps.chunk import Solve, compute_chunk
 from taichi_foam.sweeps.store import Store
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class _Computing:
     def __init__(
         self,
         store: Store,
-        task: Callable[..., Done],
+        task: Callable[..., None],
         solve: Solve,
         on_drops: Callable[[int], None],
         client: Client,
@@ -130,9 +130,14 @@ class _Computing:
 
     def _take(self, chunk: int, future: Any) -> None:
         """Note what has become of a chunk, and hand over the next."""
-        if future.status == "finished":
+        there = future.status == "finished" or self._store.chunk_file(chunk).exists()
+        if not there and future.status in ("lost", "pending"):
+            # its worker died when it had said that it was done: it is computed again
+            future.add_done_callback(partial(self._report, chunk))
+            return
+        if there:
             self._lost_on_end = 0
-            self._on_drops(future.result().drops)
+            self._on_drops(len(self._store.design.numbers(chunk)))
         else:
             self._check_scheduler()
             self._lose(chunk, future)
@@ -234,7 +239,7 @@ _alone: ThreadPoolExecutor | None = None
 _making = threading.Lock()
 
 
-def _in_one_thread(*args: Any) -> Done:
+def _in_one_thread(*args: Any) -> None:
     """Compute a chunk in the one thread of this process that calls Taichi.
 
     A worker may have several threads: Taichi takes calls of one.
@@ -243,7 +248,7 @@ def _in_one_thread(*args: Any) -> Done:
     with _making:
         if _alone is None:
             _alone = ThreadPoolExecutor(1)
-    return _alone.submit(compute_chunk, *args).result()
+    _alone.submit(compute_chunk, *args).result()
 
 
 @contextlib.contextmanager
