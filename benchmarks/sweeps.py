@@ -10,6 +10,7 @@ The first gives figures of scheduling alone: its solver sleeps, for times that a
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import shutil
@@ -165,19 +166,20 @@ def real(drops: int, rows: int, folder: Path) -> None:
         some = [s.with_values(numerics__end=2e-3) for s in scenes[first : first + 64]]
         for _ in simulate_many(some):
             pass
-    begun = time.perf_counter()
+    begun, begun_cpu = time.perf_counter(), time.process_time()
     for _ in simulate_many(scenes):
         pass
-    alone = time.perf_counter() - begun
-    begun = time.perf_counter()
+    alone, alone_cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
+    begun, begun_cpu = time.perf_counter(), time.process_time()
     with memory() as seen:
         done = tf.sweep(plan, folder, bars=Bars(Console(stderr=True)))
-    took = time.perf_counter() - begun
+    took, cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
     assert done.standing.done == len(scenes)
     print(
         f"{len(scenes):,} drops of {2 * rows} x {rows} mass points, in chunks of "
         f"{design.plan.chunk}, in this process:\n"
         f"  simulate_many {alone:.1f} s, the sweep {took:.1f} s: {took / alone:.3f} times\n"
+        f"  processor time {alone_cpu:.1f} s and {cpu:.1f} s: {cpu / alone_cpu:.3f} times\n"
         f"  memory: {growth(seen)}"
     )
 
@@ -206,16 +208,17 @@ def kills(count: int, drops: int, folder: Path, seed: int) -> None:
     print(f"unbroken, in one process: {time.perf_counter() - begun:.1f} s", flush=True)
     draw = random.Random(seed)
     out = folder / "killed"
+    told = {"client": kill_client, "worker": kill_worker, "scheduler": kill_scheduler}
     for number in range(count):
-        victim = ("client", "worker", "scheduler")[number % 3]
-        wait = draw.uniform(2.0, 14.0)
+        victim = tuple(told)[number % 3]
+        # any instant, the start among them, or one at which chunks come
+        moment = Moment(draw.random() < 0.7, draw.uniform(0.3, 6.0))
         before = chunk_files(out)
-        told = {"client": kill_client, "worker": kill_worker, "scheduler": kill_scheduler}
-        told[victim](plan, out, wait)
+        told[victim](plan, out, moment)
         after = chunk_files(out)
         again = [name for name, found in before.items() if after.get(name) != found]
         assert not again, f"computed twice: {again}"
-        print(f"kill {number + 1}: {victim} after {wait:.1f} s; {len(after)} chunks", flush=True)
+        print(f"kill {number + 1}: {victim}; {len(before)} chunks, {len(after)} now", flush=True)
     before = chunk_files(out)
     run_to_end(plan, out, ["--workers", "2"])
     after = chunk_files(out)
@@ -289,20 +292,35 @@ def workers_of(leader: int) -> list[int]:
     return found
 
 
-def kill_client(plan: Path, out: Path, wait: float) -> None:
-    with started(command(plan, out, ["--workers", "2"])) as client:
-        sleep_or_end(client, wait)
+@dataclass(frozen=True)
+class Moment:
+    """When to kill: so many seconds [s] after the start, or after the first new chunk."""
+
+    after_news: bool
+    seconds: float
+
+    def wait(self, client: subprocess.Popen, out: Path) -> None:
+        there = len(chunk_files(out))
+        while self.after_news and client.poll() is None and len(chunk_files(out)) == there:
+            time.sleep(0.02)
+        sleep_or_end(client, self.seconds)
 
 
-def kill_worker(plan: Path, out: Path, wait: float) -> None:
+def kill_client(plan: Path, out: Path, moment: Moment) -> None:
     with started(command(plan, out, ["--workers", "2"])) as client:
-        sleep_or_end(client, wait)
+        moment.wait(client, out)
+
+
+def kill_worker(plan: Path, out: Path, moment: Moment) -> None:
+    """One of two, and some seconds later the client, too."""
+    with started(command(plan, out, ["--workers", "2"])) as client:
+        moment.wait(client, out)
         for pid in workers_of(client.pid)[:1]:
             os.kill(pid, signal.SIGKILL)
-        sleep_or_end(client, 6.0)  # Dask gives its chunk to another
+        sleep_or_end(client, moment.seconds)  # Dask gives its chunk to another
 
 
-def kill_scheduler(plan: Path, out: Path, wait: float) -> None:
+def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
     """Scheduler and workers as processes of their own, as on a cluster."""
     dask = [sys.executable, "-m", "dask"]
     with tempfile.TemporaryDirectory() as scratch:
@@ -317,14 +335,12 @@ def kill_scheduler(plan: Path, out: Path, wait: float) -> None:
                 *dask, "worker", "--nthreads", "1", "--nworkers", "2", "--no-dashboard",
                 "--death-timeout", "5", "--host", "127.0.0.1", "--local-directory", scratch, *where,
             ]  # fmt: skip
-            import json
-
             address = json.loads(told.read_text(encoding="utf-8"))["address"]
             with (
                 started(worker) as workers,
                 started(command(plan, out, ["--scheduler", address])) as client,
             ):
-                sleep_or_end(client, wait)
+                moment.wait(client, out)
                 scheduler.kill()
                 client.wait(timeout=60)  # it says that the scheduler is gone
                 workers.wait(timeout=60)
@@ -396,7 +412,7 @@ def main() -> None:
         elif options.real:
             real(options.real, options.rows, folder / "real")
         elif options.kills:
-            kills(options.kills, 120, folder, options.seed)
+            kills(options.kills, 300, folder, options.seed)
         else:
             scheduling(options.drops, options.workers, options.chunk, folder / "waiting")
     finally:

@@ -146,10 +146,12 @@ def collect_command(
 def show_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
     measure: Annotated[
-        str, typer.Argument(metavar="MEASURE", help="A column of the table, e.g. max_displacement_m.")
+        str,
+        typer.Argument(metavar="MEASURE", help="A column, e.g. max_displacement_m."),
     ],
     x: Annotated[
-        str | None, typer.Option("--x", metavar="KEY", help="Axis to the right; default: the first.")
+        str | None,
+        typer.Option("--x", metavar="KEY", help="Axis to the right; default the first."),
     ] = None,
     by: Annotated[
         str | None, typer.Option("--by", metavar="KEY", help="Second axis: a curve for each value.")
@@ -224,9 +226,12 @@ def _say_estimate(
     assert found.core_seconds is not None
     count = cores(workers, threads)
     shown = Table(box=None, show_header=False, pad_edge=False)
-    shown.add_row("drops", f"{found.drops:,}, in {found.chunks:,} chunks")
+    chunks = f"{found.chunks:,} chunk{'' if found.chunks == 1 else 's'}"
+    shown.add_row("drops", f"{found.drops:,}, in {chunks}")
     took = time_text(found.core_seconds / count)
-    shown.add_row("time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine")
+    shown.add_row(
+        "time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine"
+    )
     shown.add_row("disk", f"at most {size_text(found.bytes)}")
     console.print(shown)
 

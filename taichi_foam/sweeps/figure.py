@@ -63,8 +63,8 @@ def shown(
     """A measure over the axis `x`, a curve for each value of `by`; or over both as a map.
 
     Medians, and bands from 5 to 95 %, over all drops that share these values. A drop without an
-    answer counts as larger than any. Drops of a sample are gathered into bins along `x`, and stand as
-    points of their own.
+    answer counts as larger than any. Drops of a sample are gathered into bins along `x`, and
+    stand as points of their own.
 
     Args:
         measure: a column of the table that holds numbers.
@@ -177,14 +177,11 @@ def _name_curves(
         axis.set_xlim(right[0], right[1] * (right[1] / right[0]) ** 0.12)
     else:
         axis.set_xlim(right[0], right[1] + 0.12 * (right[1] - right[0]))
-    axis.text(
-        1.0, 1.02, f"by {_label_of_axis(by, scene)}", transform=axis.transAxes, ha="right", color=INK
-    )
+    words = f"by {_label_of_axis(by, scene)}"
+    axis.text(1.0, 1.02, words, transform=axis.transAxes, ha="right", color=INK)
 
 
-def _draw_map(
-    figure: Figure, axis: Axes, drops: _Drops, measure: str, x: str, by: str
-) -> None:
+def _draw_map(figure: Figure, axis: Axes, drops: _Drops, measure: str, x: str, by: str) -> None:
     across, up = _places(drops.axes[x]), _places(drops.axes[by])
     at = [across[_hashable(v)] for v in drops.axes[x]]
     high = [up[_hashable(v)] for v in drops.axes[by]]

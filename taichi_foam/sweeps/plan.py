@@ -59,7 +59,8 @@ Method = Literal["latin-hypercube", "sobol"]
 class Axis(Part):
     """One key of the scene and the values that it takes: listed, or a range.
 
-    A range has `count` values, both its ends among them; of a plan with a `sample`, that draws them.
+    A range has `count` values, both its ends among them. Where the plan has a `sample`, that draws
+    them.
     """
 
     key: str = Field(description="dotted key of the scene")
@@ -133,7 +134,7 @@ class Plan(Part):
     name: str | None = Field(None, min_length=1, max_length=100)
     scene: str | dict[str, Any]
     choices: str | None = None
-    set: dict[str, Any] = {}
+    set: dict[str, Any] = Field({}, description="values of the scene by dotted key")
     axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
     sample: Sample | None = None
     repeats: Repeats = Repeats()

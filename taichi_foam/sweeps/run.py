@@ -1,8 +1,8 @@
 """A whole sweep: check everything, compute what is missing, put the rows into one table.
 
-    import taichi_foam as tf
-    done = tf.sweep("plan.toml", "sweeps/cushion")
-    done.to_pandas()
+import taichi_foam as tf
+done = tf.sweep("plan.toml", "sweeps/cushion")
+done.to_pandas()
 """
 
 from __future__ import annotations
@@ -220,6 +220,7 @@ def prepare(
     Raises UserError.
     """
     with installed("a sweep", "taichi-foam[sweep]"):
+        import cryptography  # noqa: F401
         import distributed  # noqa: F401
         import pyarrow  # noqa: F401
     if workers is not None and scheduler is not None:

@@ -62,9 +62,7 @@ class Design:
         ranges = [axis for axis in plan.axes if axis.is_range]
         for axis in ranges:
             _check_range(axis, known.get(axis.key))
-        whole = {
-            axis.key for axis in ranges if isinstance(known.get(axis.key), int)
-        }
+        whole = {axis.key for axis in ranges if isinstance(known.get(axis.key), int)}
         # each level is a list of combinations: keys, and their values together
         levels: list[tuple[list[str], Sequence[Sequence[Any]]]] = [
             ([axis.key], _numbers(axis, known.get(axis.key)))
@@ -157,17 +155,24 @@ def _check_range(axis: Axis, usual: Any) -> None:
 
 
 def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
-    assert axis.low is not None and axis.high is not None and axis.count is not None
+    low, high = _ends(axis)
+    assert axis.count is not None  # the plan has seen to it
     space = np.geomspace if axis.spacing == "log" else np.linspace
-    values = space(axis.low, axis.high, axis.count)
+    values = space(low, high, axis.count)
     if is_whole:
         values = np.rint(values).astype(int)
         if len(np.unique(values)) < len(values):
             raise UserError(
-                f"axis {axis.key}: takes whole numbers, and {axis.low:g} to {axis.high:g} has not "
+                f"axis {axis.key}: takes whole numbers, and {low:g} to {high:g} has not "
                 f"{axis.count} of them; take a smaller count"
             )
     return [[value] for value in values.tolist()]
+
+
+def _ends(axis: Axis) -> tuple[float, float]:
+    assert axis.low is not None  # the plan has seen to it
+    assert axis.high is not None
+    return axis.low, axis.high
 
 
 def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any]]:
@@ -182,12 +187,9 @@ def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any
         unit = kind(len(ranges), seed=np.random.default_rng(sample.seed)).random(sample.count)
     columns = []
     for axis, u in zip(ranges, unit.T, strict=True):
-        low, high = axis.low, axis.high
-        assert low is not None and high is not None
-        if axis.spacing == "log":
-            values = low * (high / low) ** u
-        else:
-            values = low + u * (high - low)
+        low, high = _ends(axis)
+        is_log = axis.spacing == "log"
+        values = low * (high / low) ** u if is_log else low + u * (high - low)
         if axis.key in whole:
             values = np.floor(low + u * (high - low + 1)).clip(low, high).astype(int)
         columns.append(values.tolist())

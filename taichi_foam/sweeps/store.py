@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.folders import whole_file
@@ -143,9 +142,7 @@ class Store:
     @property
     def bytes(self) -> int:
         """What it takes on disk."""
-        return sum(
-            entry.stat().st_size for entry in self.folder.rglob("*") if entry.is_file()
-        )
+        return sum(entry.stat().st_size for entry in self.folder.rglob("*") if entry.is_file())
 
 
 @contextlib.contextmanager
@@ -262,5 +259,3 @@ def _is_leftover(path: Path) -> bool:
 def _is_ours_before_the_mark(path: Path) -> bool:
     """Whether a sweep that was killed before it had marked its folder may have left it."""
     return path.name == LOCK or (_is_leftover(path) and path.name.startswith(f".{Path(MARK).stem}"))
-
-

@@ -111,7 +111,6 @@ def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Pa
 
     It holds no more than a row group of them at a time. Raises OSError.
     """
-    import pyarrow as pa
     import pyarrow.csv as pc
     import pyarrow.parquet as pq
 

@@ -158,5 +158,5 @@ def test_axes_read_from_the_command_line(text: str, axis: dict) -> None:
 
 @pytest.mark.parametrize("text", ["a.b", "a.b=", "=1:2:3", "a=1:2", "a=1:2:x", "a=1:2:3:log:4"])
 def test_axes_that_do_not_read_so_are_refused(text: str) -> None:
-    with pytest.raises(UserError, match="must read KEY=|a range reads KEY="):
+    with pytest.raises(UserError, match=r"must read KEY=|a range reads KEY="):
         axis_of(text)
