@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_foam.errors import UserError
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -59,12 +60,16 @@ def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> None
     kept = store.plan.keep
     histories: dict[int, Record] = {}
     for place, result in solve([member.scene for member in members]):
+        if result.ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
         member = members[place]
         rows[member.number] = table.row(member, result)
         if kept.histories != "none":
             histories[member.number] = result
         if kept.full == "all" or member.number in kept.full:
             _save(store, member.number, result)
+    if len(rows) < len(store.design.numbers(chunk)):
+        raise RuntimeError("the solver has not given a result for every scene")
     if kept.histories != "none":
         table.write_histories(store.history_file(chunk), histories, kept.histories)
     table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)])

@@ -117,7 +117,8 @@ class _Computing:
 
     def _hand_over(self) -> None:
         """Keep the workers busy: those that are there now, and at least one that may come."""
-        room = _AHEAD * max(1, sum(self._client.nthreads().values())) - len(self._flying)
+        workers: Any = self._client.nthreads()
+        room = _AHEAD * max(1, sum(workers.values())) - len(self._flying)
         for _, chunk in zip(range(room), self._waiting, strict=False):
             future = self._client.submit(
                 self._task, chunk, self._solve, key=(self._group, chunk), priority=-chunk
@@ -257,7 +258,7 @@ def _client(
 ) -> Iterator[Client]:
     """A client of the scheduler that is wanted."""
     with installed("a sweep", "taichi-foam[sweep]"):
-        import dask
+        import dask.config
         from distributed import Client, LocalCluster
     scratch = store.folder / ".workers.partial"
     settings = {

@@ -67,7 +67,8 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
             paces.append((time.perf_counter() - begun) / work(scene))
             on_drop()
     mean = float(np.mean([work(scene) for scene in _some(design, _LOOKED_AT)]))
-    return Estimate(found.drops, found.chunks, found.bytes, len(design) * mean * np.mean(paces))
+    seconds = len(design) * mean * float(np.mean(paces))
+    return Estimate(found.drops, found.chunks, found.bytes, seconds)
 
 
 def check_room(folder: Path, plan: Plan) -> None:

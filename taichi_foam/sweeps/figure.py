@@ -156,7 +156,7 @@ def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
         axis.plot(centres, median, "o-", color=colour, markersize=5)
         there = np.flatnonzero(np.isfinite(median))
         if name and there.size:
-            ends.append((centres[there[-1]], median[there[-1]], name, colour))
+            ends.append((centres[there[-1]], float(median[there[-1]]), name, colour))
     _scale(axis, "x", x, places, drops)
     _name_curves(axis, ends, by, drops.scene)
 

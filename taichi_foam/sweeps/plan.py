@@ -112,10 +112,10 @@ class Sample(Part):
 class Repeats(Part):
     """Each combination so many times, with a difference that no measurement could tell."""
 
-    count: int = Field(1, ge=1, le=100_000)
+    count: int = Field(default=1, ge=1, le=100_000)
     vary: Literal["velocity", "seed"] = "velocity"
     within: float = Field(
-        0.005, gt=0, lt=1, description="velocities differ by at most this part of their own"
+        default=0.005, gt=0, lt=1, description="velocities differ by at most this part of their own"
     )
 
 
@@ -124,7 +124,7 @@ class Keep(Part):
 
     histories: Literal["none", "float32", "float64"] = "none"
     full: _Numbers | Literal["all"] = Field(
-        (), description="numbers of members whose whole results are kept"
+        default=(), description="numbers of members whose whole results are kept"
     )
 
 

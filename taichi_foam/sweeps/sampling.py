@@ -184,7 +184,9 @@ def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any
     kind = qmc.Sobol if sample.method == "sobol" else qmc.LatinHypercube
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Sobol: counts that are no power of two
-        unit = kind(len(ranges), seed=np.random.default_rng(sample.seed)).random(sample.count)
+        # SciPy calls it rng from 1.15 on, and takes the older name, too
+        more: Any = {"seed": np.random.default_rng(sample.seed)}
+        unit = kind(len(ranges), **more).random(sample.count)
     columns = []
     for axis, u in zip(ranges, unit.T, strict=True):
         low, high = _ends(axis)

@@ -37,7 +37,7 @@ _LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
 def row(member: Member, result: Result) -> dict[str, Any]:
     """The row of a drop that was computed."""
     ending = result.ending
-    failure = f"{ending.meaning}; {ending.remedy}" if ending.failed else None
+    failure = f"{ending.meaning}; {ending.remedy}" if ending and ending.failed else None
     measures: Mapping[str, Any] = {}
     try:
         measures = result.summary
@@ -45,7 +45,7 @@ def row(member: Member, result: Result) -> dict[str, Any]:
         failure = failure or f"no measures: {type(error).__name__}: {error}"
     return {
         **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
-        "ending": ending.value,
+        "ending": ending and ending.value,
         "failure": failure,
         **{key: _cell(value) for key, value in measures.items() if key not in _LEFT_OUT},
     }

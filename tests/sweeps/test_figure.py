@@ -33,7 +33,7 @@ def test_a_curve_has_the_median_and_its_band_the_spread(swept: Sweep) -> None:
     # a drop at more than 3.9 m/s has no answer, and two of three then have no median
     np.testing.assert_allclose(curve.get_xdata(), velocities)
     np.testing.assert_allclose(curve.get_ydata(), [*velocities[:4], np.nan])
-    edges = axes.collections[0].get_paths()[0].vertices
+    edges = np.asarray(axes.collections[0].get_paths()[0].vertices)
     at_first = edges[np.isclose(edges[:, 0], 2.1), 1]
     # from the 5 to the 95 % quantile of three repeats within 0.5 %
     assert at_first.max() == pytest.approx(2.1 * (1 + 0.9 * 0.005))
