@@ -140,8 +140,8 @@ def resume_command(
             runtime.start(arch, threads)
             _compute_and_save(
                 scene.name,
-                lambda on_progress: simulate.run_claimed(
-                    scene, claim, on_progress, every=checkpoint
+                lambda on_progress: simulate.run(
+                    scene, on_progress, checkpoint=claim, every=checkpoint
                 ),
                 claim, folder, bars, console, errors,
             )  # fmt: skip
@@ -263,7 +263,7 @@ def _run(
             runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
             _compute_and_save(
                 scene.name,
-                lambda on_progress: simulate.run_claimed(scene, claim, on_progress, every=every),
+                lambda on_progress: simulate.run(scene, on_progress, checkpoint=claim, every=every),
                 claim, folder, bars, console, errors,
             )  # fmt: skip
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from taichi_foam.analysis.measures import summary
 from taichi_foam.errors import UserError
+from taichi_foam.results.folders import Claim
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import nearest
@@ -116,11 +117,11 @@ class _Test:
 
 
 def compute(
-    scenes: Sequence[Scene], count: int, bars: Bars, checkpoints: Path | None = None
+    scenes: Sequence[Scene], count: int, bars: Bars, claim: Claim | None = None
 ) -> Computed:
     """Run every test `count` times, all side by side. Ctrl-C keeps what has finished.
 
-    Runs go on from the folder of checkpoints, if one is given.
+    With a claim they leave checkpoints in its folder, and go on from those that are there.
 
     A run that fails is left out of its ensemble, and told in `failure`.
 
@@ -132,7 +133,7 @@ def compute(
     interrupted = False
     with bars.computing(f"{len(asked)} impacts") as on_progress:
         try:
-            for place, result in simulate.simulate_many(asked, on_progress, checkpoint=checkpoints):
+            for place, result in simulate.simulate_many(asked, on_progress, checkpoint=claim):
                 tests[place // count].take(place % count, result)
         except KeyboardInterrupt:
             interrupted = True

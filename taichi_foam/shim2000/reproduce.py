@@ -24,7 +24,7 @@ from taichi_foam.picture import films as film_files
 from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
 from taichi_foam.results.files import write_json
-from taichi_foam.results.folders import claimed
+from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
@@ -123,11 +123,10 @@ def reproduce(
     }
     with claimed(out, request, overwrite, needed) as claim:
         runtime.start(arch, threads)
-        checkpoints = claim.work / "runs"
         if ensemble is None:
-            computed = _compute(scenes, bars, checkpoints)
+            computed = _compute(scenes, bars, claim)
         else:
-            computed = ensembles.compute(scenes, ensemble, bars, checkpoints)
+            computed = ensembles.compute(scenes, ensemble, bars, claim)
         content = _content(computed, ensemble) | {
             "choices": choices,
             "overrides": [f"{key}={value}" for key, value in values.items()],
@@ -194,13 +193,13 @@ def _listed() -> str:
     return ", ".join(case_folder(name) for name in NAMES)
 
 
-def _compute(scenes: Sequence[Scene], bars: Bars, checkpoints: Path) -> Computed:
+def _compute(scenes: Sequence[Scene], bars: Bars, claim: Claim) -> Computed:
     """Run each test once, all as one batch, and sort what comes out."""
     failure = None
     what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
     with bars.computing(what) as on_progress:
         try:
-            results = simulate.run_many(scenes, on_progress, checkpoint=checkpoints)
+            results = simulate.run_many(scenes, on_progress, checkpoint=claim)
         except RunError as error:
             results, failure = error.results, str(error)
         except Interrupted as error:

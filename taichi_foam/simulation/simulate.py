@@ -9,9 +9,12 @@ they come; `run` and `run_many` return results. All take `arch` and `threads`, w
 `init` does; None takes what already runs, else the CPU with all its cores.
 """
 
+import contextlib
+import hashlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -21,6 +24,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import Result, request_of, snapshots_bytes
 from taichi_foam.scene import Scene
+from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.batches import Run, Wall
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints, work_in
@@ -76,7 +80,7 @@ def simulate_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
-    checkpoint: str | Path | None = None,
+    checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
@@ -93,8 +97,8 @@ def simulate_many(
     Args:
         scenes: what to run.
         on_progress: called after each call of the engine.
-        checkpoint: folder for checkpoints, a folder in it for each scene, named by its place. Runs
-            go on from those that are there; what has ended is yielded and not computed again.
+        checkpoint: folder for checkpoints, or a claim of one that is held. Runs go on from those
+            that are there; what has ended is yielded and not computed again.
         every, arch, threads: as `run`.
 
     Raises:
@@ -105,20 +109,21 @@ def simulate_many(
         _check_memory(scenes[:1])  # how many are held at a time is the caller's
     wall = Wall()
     finished = 0
-    for runs in batches.advance_all(scenes, wall, _numbered(checkpoint, len(scenes), every)):
-        ended = [run for run in runs if run.ended]
-        finished += len(ended)
-        if on_progress is not None:
-            on_progress(_progress(runs, wall, finished, len(scenes)))
-        for run in ended:
-            yield run.index, batches.result_of(run, wall)
+    with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+        for runs in batches.advance_all(scenes, wall, _numbered(claim, len(scenes), every)):
+            ended = [run for run in runs if run.ended]
+            finished += len(ended)
+            if on_progress is not None:
+                on_progress(_progress(runs, wall, finished, len(scenes)))
+            for run in ended:
+                yield run.index, batches.result_of(run, wall)
 
 
 def run(
     scene: Scene,
     on_progress: ProgressCallback | None = None,
     *,
-    checkpoint: str | Path | None = None,
+    checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
@@ -133,7 +138,7 @@ def run(
         checkpoint: folder for a checkpoint of the run, from which it goes on if there is one:
             written every `every` seconds of wall time, when it is interrupted and when it ends.
             Snapshots lie there too, instead of in memory. The folder is that of the result to come:
-            `Result.save` to it takes the checkpoint away.
+            `Result.save` to it takes the checkpoint away. A claim that is held will do too.
         every: see `checkpoint` [s]; None: a minute; inf: only when it ends or is interrupted.
         arch, threads: as `init`.
 
@@ -141,23 +146,12 @@ def run(
         UserError: as `init`, or a checkpoint cannot be continued.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    if checkpoint is None:
-        return _run_one(scene, on_progress, None, arch, threads)
-    with claimed(checkpoint, request_of(scene)) as claim:
-        return run_claimed(scene, claim, on_progress, every=every, arch=arch, threads=threads)
-
-
-def run_claimed(
-    scene: Scene,
-    claim: Claim,
-    on_progress: ProgressCallback | None = None,
-    *,
-    every: float | None = None,
-    arch: str | None = None,
-    threads: int | None = None,
-) -> Result:
-    """Run `scene` as `run` does, with checkpoints in the folder of work of a claim."""
-    return _run_one(scene, on_progress, Checkpoints([claim.work], every), arch, threads)
+    with _claimed(checkpoint, lambda: request_of(scene)) as claim:
+        kept = None if claim is None else Checkpoints([claim.work], every)
+        try:
+            return _run_all([scene], on_progress, kept, arch, threads)[0]
+        except Interrupted as interrupted:
+            return interrupted.results[0]
 
 
 def resume(
@@ -185,7 +179,7 @@ def run_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
-    checkpoint: str | Path | None = None,
+    checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
@@ -200,29 +194,36 @@ def run_many(
             ending of those that had not ended is INTERRUPTED.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
-    kept = _numbered(checkpoint, len(scenes), every)
-    return _run_all(scenes, on_progress, kept, arch, threads)
+    with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+        kept = _numbered(claim, len(scenes), every)
+        return _run_all(scenes, on_progress, kept, arch, threads)
 
 
-def _run_one(
-    scene: Scene,
-    on_progress: ProgressCallback | None,
-    checkpoints: Checkpoints | None,
-    arch: str | None,
-    threads: int | None,
-) -> Result:
-    """The result of a scene, be it interrupted."""
-    try:
-        return _run_all([scene], on_progress, checkpoints, arch, threads)[0]
-    except Interrupted as interrupted:
-        return interrupted.results[0]
+@contextlib.contextmanager
+def _claimed(
+    checkpoint: str | Path | Claim | None, request: Callable[[], dict[str, Any]]
+) -> Iterator[Claim | None]:
+    """The claim of a folder for checkpoints, which may be held already. None: none are wanted."""
+    if checkpoint is None or isinstance(checkpoint, Claim):
+        yield checkpoint
+        return
+    with claimed(checkpoint, request()) as claim:
+        yield claim
 
 
-def _numbered(checkpoint: str | Path | None, count: int, every: float | None) -> Checkpoints | None:
+def _requests_of(scenes: Sequence[Scene]) -> dict[str, Any]:
+    """What stands for many scenes where a folder is claimed for their checkpoints."""
+    digest = hashlib.sha256()
+    for scene in scenes:
+        digest.update(scene_to_toml(scene).encode())
+    return {"scenes": len(scenes), "scenes_sha256": digest.hexdigest()}
+
+
+def _numbered(claim: Claim | None, count: int, every: float | None) -> Checkpoints | None:
     """Folders for the checkpoints of many scenes, named by their places."""
-    if checkpoint is None:
+    if claim is None:
         return None
-    return Checkpoints([Path(checkpoint) / f"{n:05d}" for n in range(count)], every)
+    return Checkpoints([claim.work / f"{n:05d}" for n in range(count)], every)
 
 
 def _run_all(
