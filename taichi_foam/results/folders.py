@@ -315,9 +315,10 @@ def _tidy(target: Path, request: Mapping[str, Any]) -> None:
         # it was killed while the files moved up; without a manifest they are no result
         moved.arrived(target).remove(target)
     goes_on = request_in(target) == request
-    for path in (*target.iterdir(), *work.iterdir()):
-        stays = path.name == LOCK or (goes_on and path.name not in (_MOVING, _STAGING))
-        if LEFTOVER.match(path.name) or (path.parent == work and not stays):
+    for path in [*_leftovers(target), *_leftovers(work)]:
+        _remove(path)
+    for path in list(work.iterdir()):
+        if path.name in (_MOVING, _STAGING) or not (goes_on or path.name == LOCK):
             _remove(path)
     with whole_file(work / _REQUEST) as partial:
         write_json(partial, request)
@@ -328,6 +329,14 @@ def _remove_cleared(target: Path) -> None:
     for path in target.glob(f".{UNFINISHED}.*.partial"):
         if LEFTOVER.match(path.name) and Manifest.read(target) is not None:
             shutil.rmtree(path, ignore_errors=True)
+
+
+def _leftovers(folder: Path) -> Iterator[Path]:
+    """What a killed process was writing into a folder, and into those that its manifest lists."""
+    if folder.is_dir() and not folder.is_symlink():
+        yield from (path for path in folder.iterdir() if LEFTOVER.match(path.name))
+        for name in (Manifest.read(folder) or Manifest()).folders:
+            yield from _leftovers(folder / name)
 
 
 def _remove(path: Path) -> None:

@@ -63,7 +63,7 @@ class _Records:
         self._mapped = None
         with self.path.open("r+b" if self.path.is_file() else "w+b") as file:
             file.seek(place * self.kind.itemsize)
-            file.write(record.tobytes())
+            file.write(record.view(np.uint8).data)
             file.truncate()
 
     def read(self, place: int) -> Any:

@@ -309,6 +309,11 @@ def advance_all(
     runtime.start()
     groups: dict[tuple[int, int, Features], list[int]] = {}
     for index, scene in enumerate(scenes):
+        if checkpoints is not None and checkpoints.has_ended(index):
+            stored = checkpoints.stored(index, scene, str(runtime.settings()["arch"]))
+            assert stored is not None
+            yield [_ended_run(index, stored, wall)]
+            continue
         block = scene.block
         groups.setdefault((block.columns, block.rows, features_of(scene)), []).append(index)
     for (columns, rows, features), group in groups.items():
@@ -331,6 +336,22 @@ def advance_all(
                 if checkpoints is not None:
                     checkpoints.save(slots.checkpoints())
                 raise
+
+
+def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
+    """A run that had ended when its checkpoint was written: nothing is to be computed."""
+    state, begun = stored.state, Wall(wall.seconds - stored.seconds, 0, 0)
+    begun.node_stages = wall.node_stages - stored.node_stages
+    return Run(
+        stored.scene, index, begun, 1,
+        rows=[stored.rows],
+        snapshots=stored.snapshots,
+        recorded=stored.snapshots[-1].time,
+        status=int(state.clock["status"]),
+        time=state.clock["time"],
+        report={**state.clock, "overlap": float(state.overlap.max(initial=0.0))},
+        resumed=stored.resumed,
+    )  # fmt: skip
 
 
 def _batch_size(scenes: int, nodes: int) -> int:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.engine.state import State
+from taichi_foam.engine.state import RUNNING, State
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import whole_file
 from taichi_foam.results.folders import UNFINISHED, request_in
@@ -78,6 +78,7 @@ class Checkpoint:
             "rows": self.rows,
             "counts": np.array([self.seconds, self.node_stages, self.resumed]),
             "snapshots": len(self.snapshots),
+            "ended": self.state.clock["status"] != RUNNING,
         }
         self.snapshots.sync()  # what the checkpoint counts has to be there
         arrays |= {f"state.{name}": array for name, array in self.state.to_arrays().items()}
@@ -179,6 +180,17 @@ class Checkpoints:
             )
         self.folders, self.every = list(folders), every
         self._next = time.perf_counter() + every
+
+    def has_ended(self, index: int) -> bool:
+        """Whether the checkpoint of scene number `index` is of a run that had ended.
+
+        Raises UserError: it is damaged, or of another version.
+        """
+        folder = self.folders[index]
+        if not (folder / CHECKPOINT).is_file():
+            return False
+        with _opened(folder) as archive:
+            return bool(archive["ended"])
 
     def stored(self, index: int, scene: Scene, arch: str) -> Checkpoint | None:
         """The checkpoint of scene number `index`, None if there is none.
