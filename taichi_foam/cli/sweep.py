@@ -13,8 +13,8 @@ from typer.core import TyperGroup
 from taichi_foam.cli.options import Arch, Choices, Set, Threads
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError, installed
-from taichi_foam.records.ending import Ending
-from taichi_foam.results.folders import check_output_folder, file_name
+from taichi_foam.results.files import file_name
+from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import storage_bytes
 from taichi_foam.simulation.progress import Bars
 
@@ -191,8 +191,6 @@ def again_command(
             result = found.again(member, on_progress, threads=threads)
         from taichi_foam.cli import tables
 
-        if result.ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
         result.save(target)
         console.print(tables.key_figures(result.scene, result.summary))
         console.print(f"in {target}", soft_wrap=True, markup=False)

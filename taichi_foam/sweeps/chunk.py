@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import socket
 from collections.abc import Callable, Iterable, Sequence
@@ -15,6 +14,8 @@ from typing import Any
 from taichi_foam.errors import UserError
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
+from taichi_foam.results.folders import UNFINISHED
+from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation import simulate
@@ -89,7 +90,5 @@ def _opened(folder: str, plan_hash: str) -> Store:
 def _save(store: Store, number: int, result: Result) -> None:
     """Keep a whole result; one that a killed chunk had saved has the same bits already."""
     folder = store.run_folder(number)
-    folder.parent.mkdir(exist_ok=True)
-    if not folder.exists():
-        with contextlib.suppress(FileExistsError):
-            result.save(folder)
+    if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
+        result.save(folder, overwrite=True)

@@ -23,11 +23,11 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.sweeps.chunk import Solve, compute_chunk
-from taichi_foam.sweeps.store import Store
+from taichi_foam.sweeps.store import SCRATCH, Store
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -260,7 +260,7 @@ def _client(
     with installed("a sweep", "taichi-foam[sweep]"):
         import dask.config
         from distributed import Client, LocalCluster
-    scratch = store.folder / ".workers.partial"
+    scratch = store.folder / SCRATCH
     settings = {
         "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
         # no pages about the cluster

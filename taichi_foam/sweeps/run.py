@@ -15,9 +15,9 @@ from typing import Any
 
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
-from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.sweeps import estimate, table
 from taichi_foam.sweeps.chunk import Engine, Solve

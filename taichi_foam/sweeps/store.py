@@ -24,14 +24,16 @@ from functools import cached_property
 from pathlib import Path
 
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import LEFTOVER, whole_file, write_json
 from taichi_foam.results.locks import LOCK, is_locked, locked
-from taichi_foam.results.result import write_json
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design
 from taichi_foam.version import __version__
 
 MARK = "sweep.json"
+SCRATCH = ".workers"
+"""Name of the folder in which workers keep what they need while they live."""
+
 CHUNKS, HISTORIES, RUNS, LOST = "chunks", "histories", "runs", "lost"
 _FORMAT = 1
 
@@ -239,23 +241,18 @@ def _numbers(folder: Path, suffix: str) -> list[int]:
 
 def _remove_leftovers(folder: Path) -> None:
     """Remove what killed processes were writing."""
-    for place in (folder, *(folder / name for name in (CHUNKS, HISTORIES, RUNS, LOST))):
-        if not place.is_dir():
-            continue
-        for path in place.iterdir():
-            if _is_leftover(path):
+    runs = folder / RUNS
+    places = [folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST))]
+    places += runs.iterdir() if runs.is_dir() else []
+    for place in places:
+        for path in place.iterdir() if place.is_dir() else ():
+            if path.name == SCRATCH or LEFTOVER.match(path.name):
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
                 else:
                     path.unlink(missing_ok=True)
 
 
-def _is_leftover(path: Path) -> bool:
-    """Whether `whole_file` or `output_folder` has made it and not come to its end."""
-    name = path.name
-    return name.startswith(".") and ".partial" in name
-
-
 def _is_ours_before_the_mark(path: Path) -> bool:
     """Whether a sweep that was killed before it had marked its folder may have left it."""
-    return path.name == LOCK or (_is_leftover(path) and path.name.startswith(f".{Path(MARK).stem}"))
+    return path.name == LOCK or bool(LEFTOVER.match(path.name))

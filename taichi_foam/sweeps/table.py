@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import installed
 from taichi_foam.records.record import Record
-from taichi_foam.results.folders import whole_file
-from taichi_foam.results.result import Result, plain
+from taichi_foam.results.files import plain, whole_file
+from taichi_foam.results.result import Result
 from taichi_foam.sweeps.sampling import Design, Member
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from drops import Solver, axis, plan_of
 
 import taichi_foam as tf
 from taichi_foam.errors import RunError, UserError
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import whole_file
 from taichi_foam.results.locks import locked
 from taichi_foam.sweeps import estimate, run, store
 from taichi_foam.sweeps.run import Sweep
@@ -116,8 +116,8 @@ def test_what_a_killed_process_left_is_removed_and_a_cut_shard_computed_again(
     litter = [".sweep.0a1b2c3d.partial.json", "chunks/.000001.0a1b2c3d.partial.parquet", "lock"]
     for name in litter:
         (folder / name).write_bytes(b"cut")
-    (folder / "runs" / ".taichi-foam-0a1b2c3d4e5f.partial").mkdir(parents=True)
-    (folder / ".workers.partial" / "dask-scratch-space").mkdir(parents=True)
+    (folder / "runs" / "00000003" / ".unfinished.0a1b2c3d.partial").mkdir(parents=True)
+    (folder / ".workers" / "dask-scratch-space").mkdir(parents=True)
     shard = swept.store.chunk_file(2)
     whole = shard.read_bytes()
     shard.write_bytes(whole[:-20])
@@ -126,7 +126,7 @@ def test_what_a_killed_process_left_is_removed_and_a_cut_shard_computed_again(
     assert sorted(solver.asked) == [3.0, 3.25]
     assert shard.read_bytes() == whole
     assert not [name for name in names(folder) if "partial" in name or name == "lock"]
-    assert not [path for path in folder.rglob("*") if "partial" in path.name]
+    assert not [path for path in folder.rglob("*") if path.name.startswith(".")]
 
 
 def test_another_plan_is_refused_with_the_difference(swept: Sweep) -> None:
