@@ -36,6 +36,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
+from taichi_foam.sweeps.estimate import bytes_in
 from taichi_foam.sweeps.table import MACHINE
 
 # Durations of drops that only wait: exp(N(log median, sigma)).
@@ -138,7 +139,7 @@ def scheduling(drops: int, workers: int, chunk: int | None, folder: Path) -> Non
         f"{1e3 * (took - ideal) * workers / drops:.2f} ms of a worker more for each drop\n"
         f"  client and scheduler: {growth(seen)}\n"
         f"  the same call again, all being there: {again:.1f} s\n"
-        f"  {files:,} files, {done.store.bytes / 1e6:.1f} MB"
+        f"  {files:,} files, {bytes_in(folder) / 1e6:.1f} MB"
     )
 
 

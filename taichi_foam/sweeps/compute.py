@@ -102,6 +102,8 @@ class _Computing:
         self._group = f"chunk-{secrets.token_hex(4)}"
 
     def run(self) -> None:
+        from distributed.comm import CommClosedError
+
         try:
             self._hand_over()
             while self._flying:
@@ -109,6 +111,8 @@ class _Computing:
                     self._inbox.get(timeout=1.0)()
                 except queue.Empty:
                     self._check_scheduler()
+        except CommClosedError:
+            raise RunError(_words_of_loss(self._store)) from None
         finally:
             with contextlib.suppress(Exception):  # nobody may be there any more
                 self._client.cancel(list(self._flying.values()), force=True)
@@ -169,12 +173,16 @@ class _Computing:
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
-            raise RunError(f"the scheduler is gone; {_again(self._store)}")
+            raise RunError(_words_of_loss(self._store))
 
 
 def _words_of_lost(store: Store, count: int) -> str:
     chunks = "1 chunk" if count == 1 else f"{count} chunks"
     return f"{chunks} could not be computed, see {store.folder / 'lost'}; {_again(store)}"
+
+
+def _words_of_loss(store: Store) -> str:
+    return f"the scheduler is gone; {_again(store)}"
 
 
 def _again(store: Store) -> str:

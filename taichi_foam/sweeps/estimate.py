@@ -18,6 +18,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.sweeps.chunk import Solve
 from taichi_foam.sweeps.plan import Plan, work
 from taichi_foam.sweeps.sampling import Design
+from taichi_foam.sweeps.store import MARK
 from taichi_foam.units import si_scale
 
 # Members that are looked at for a mean.
@@ -75,13 +76,18 @@ def check_room(folder: Path, plan: Plan) -> None:
     """Refuse a sweep that the disk cannot hold, as UserError. What is there of it counts."""
     found = room(Design(plan))
     place = next(path for path in (folder, *folder.parents) if path.is_dir())
-    there = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    there = bytes_in(folder) if (folder / MARK).is_file() else 0
     free = shutil.disk_usage(place).free + there
     if free < found.bytes:
         raise UserError(
             f"{folder}: the sweep needs about {size_text(found.bytes)}, but the disk has "
             f"{size_text(free)} free. Fix: free some space, choose another disk, or keep less."
         )
+
+
+def bytes_in(folder: Path) -> int:
+    """What a folder takes on disk."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def size_text(count: float) -> str:

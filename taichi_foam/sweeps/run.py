@@ -26,7 +26,7 @@ from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design, Member
 from taichi_foam.sweeps.store import Store, claimed
 
-MOST_CHECKED = 20_000
+MOST_CHECKED = 10_000
 """Drops whose scenes are built before any is computed; of more, as many spread evenly."""
 
 
@@ -205,7 +205,8 @@ def sweep(
         except (RunError, UserError):
             _collect_if_possible(found)
             raise
-        found.collect()
+        if pending or not (folder / table.PARQUET).is_file():
+            found.collect()
     return found
 
 

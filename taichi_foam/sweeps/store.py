@@ -141,11 +141,6 @@ class Store:
         """Whether a process computes it now."""
         return is_locked(self.folder)
 
-    @property
-    def bytes(self) -> int:
-        """What it takes on disk."""
-        return sum(entry.stat().st_size for entry in self.folder.rglob("*") if entry.is_file())
-
 
 @contextlib.contextmanager
 def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
