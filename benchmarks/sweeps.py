@@ -366,6 +366,10 @@ def chunk_files(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+# Files with wall times in them; the numbers of the first are those of the Parquet file.
+_TIMED = ("results.csv", "summary.json", "manifest.json")
+
+
 def compare(one: Path, other: Path) -> list[str]:
     """In what two sweeps differ on disk, wall times apart."""
     names = {str(path.relative_to(one)) for path in one.rglob("*")}
@@ -375,8 +379,8 @@ def compare(one: Path, other: Path) -> list[str]:
         first, second = one / name, other / name
         if name.endswith(".parquet"):
             same = _stable(first).equals(_stable(second))
-        elif first.is_dir() or first.name in ("results.csv", "summary.json"):
-            continue  # the numbers of the first are those of the Parquet file; wall times
+        elif first.is_dir() or first.name in _TIMED:
+            continue
         else:
             same = first.read_bytes() == second.read_bytes()
         if not same:
