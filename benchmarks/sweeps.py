@@ -334,7 +334,7 @@ def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
                 time.sleep(0.1)
             worker = [
                 *dask, "worker", "--nthreads", "1", "--nworkers", "2", "--no-dashboard",
-                "--death-timeout", "5", "--host", "127.0.0.1", "--local-directory", scratch, *where,
+                "--death-timeout", "60", "--host", "127.0.0.1", "--local-directory", scratch, *where,
             ]  # fmt: skip
             address = json.loads(told.read_text(encoding="utf-8"))["address"]
             with (
@@ -344,7 +344,7 @@ def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
                 moment.wait(client, out)
                 scheduler.kill()
                 client.wait(timeout=60)  # it says that the scheduler is gone
-                workers.wait(timeout=60)
+                workers.wait(timeout=120)
 
 
 def sleep_or_end(process: subprocess.Popen, seconds: float) -> None:

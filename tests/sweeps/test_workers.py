@@ -75,7 +75,7 @@ def cluster(scratch: Path) -> Iterator[tuple[subprocess.Popen, str]]:
         while not told.exists():
             time.sleep(0.1)
         working = [
-            *dask, "worker", "--nthreads", "2", "--no-dashboard", "--death-timeout", "5",
+            *dask, "worker", "--nthreads", "2", "--no-dashboard", "--death-timeout", "60",
             "--host", "127.0.0.1", "--local-directory", str(scratch), *where,
         ]  # fmt: skip
         with sweeps.started(working):
@@ -99,7 +99,8 @@ def test_a_cluster_that_runs_already_writes_the_same_until_it_is_lost(
         wait_for_chunks(tmp_path / "t", 2)
         scheduler.kill()
         _, err = client.communicate(timeout=60)
-    assert client.returncode == 1
+    assert client.returncode == 1, err
+    assert len(err.splitlines()) == 1, err
     (line,) = err.splitlines()
     assert line.startswith("error: the scheduler is gone; what is complete is in ")
     half = Sweep.open(tmp_path / "t")
