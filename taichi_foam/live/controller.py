@@ -316,9 +316,3 @@ class Controller:
 def offered_shapes() -> tuple[str, ...]:
     """The shapes of impactors that a live view offers: those with sizes to change."""
     return tuple(name for name, kind in SHAPES.items() if kind.controls)
-
-
-def renamed(scene: Scene, name: str) -> Scene:
-    """A scene under another name: it stands for what was measured, which a change ends."""
-    short = name if len(name) <= 100 else f"{name[:99]}…"
-    return scene.model_copy(update={"name": short})

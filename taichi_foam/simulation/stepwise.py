@@ -68,6 +68,38 @@ class Drop:
             self._slots.advance(min(seconds - spent, CALL_SECONDS), until)
             spent = time.perf_counter() - start
 
+    def catch(self, seconds: float, until: float = math.inf) -> Snapshot | None:
+        """As `advance`, but stop where a row of the history is due, and return that instant.
+
+        The row is there then: the one step that follows has written it. None if the instant has
+        not come yet. The last instant of a run has a row of its own.
+        """
+        if self.has_last_row:
+            self.advance(seconds, min(until, self._next_row))
+            if self.has_last_row and not self.ended:
+                return None
+        caught = self.now()
+        if not self.ended:
+            self.advance(seconds, math.nextafter(self.time, math.inf))
+        return caught
+
+    @property
+    def has_last_row(self) -> bool:
+        """Whether no row is due: what is due at an instant is written by the next step."""
+        return self.time < self._next_row
+
+    @property
+    def last_row(self) -> float:
+        """Time of the latest row of the history [s]; NaN before the first."""
+        return float(self._run.rows[-1][-1, 0]) if self._run.rows else math.nan
+
+    @property
+    def _next_row(self) -> float:
+        """When the row after the latest is due [s]."""
+        interval = self.scene.output.history_interval
+        rows = self._run.rows
+        return interval * (math.floor(self.last_row / interval + 1e-9) + 1) if rows else 0.0
+
     def now(self) -> Snapshot:
         """This instant, which is not recorded. Raises ValueError once closed."""
         self._check_open()

@@ -33,7 +33,7 @@ _TYPES = {
     "js": "text/javascript; charset=utf-8",
     "svg": "image/svg+xml",
 }
-_ASSETS = ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg")
+_ASSETS = ("page.css", "page.js", "controls.js", "typed.js", "curve.js", "tables.js", "icon.svg")
 _PLOTLY = "plotly.min.js"
 # Looked for on import: a missing package is told before the page is served.
 _PLOTLY_FOLDER = resources.files("plotly") / "package_data"

@@ -17,7 +17,7 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 import taichi_foam
-from taichi_foam.live.pictures import HEADER
+from taichi_foam.live.pictures import LENGTH
 
 PATIENCE = 60.0  # a busy machine that compiles [s]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
@@ -132,9 +132,10 @@ class Viewer:
             self.last[message["kind"]] = message
             return message
         self.say(do="next")
-        drop, seconds, sunk = HEADER.unpack(content[: HEADER.size])
-        image = content[HEADER.size :]
-        return {"kind": "picture", "drop": drop, "time": seconds, "sunk": sunk, "image": image}
+        (length,) = LENGTH.unpack_from(content)
+        readouts, image = content[LENGTH.size :][:length], content[LENGTH.size + length :]
+        self.last["picture"] = {"kind": "picture", **json.loads(readouts), "image": image}
+        return self.last["picture"]
 
     def wait_for(self, kind: str, is_it: Callable[[dict[str, Any]], Any] = bool) -> dict[str, Any]:
         """The first message of a kind that `is_it`."""

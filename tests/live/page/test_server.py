@@ -29,7 +29,15 @@ def test_everything_that_the_page_is_made_of_is_served(served: Served) -> None:
     page = served.get("/")
     assert page.headers["content-type"].startswith("text/html")
     assert "default-src 'self'" in page.headers["content-security-policy"]
-    for name in ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg"):
+    for name in (
+        "page.css",
+        "page.js",
+        "controls.js",
+        "typed.js",
+        "curve.js",
+        "tables.js",
+        "icon.svg",
+    ):
         answer = served.get(f"/assets/{name}")
         assert (answer.status_code, bool(answer.content)) == (200, True)
     plotly = served.get("/assets/plotly.min.js")
@@ -292,18 +300,31 @@ def test_drops_are_saved_and_a_killed_worker_is_replaced(tmp_path: Path) -> None
             viewer.wait_for("numbers", lambda m: m["state"] == "running")
             # a drop that the next one cuts short is kept
             viewer.say(do="drop", shape="cylinder", values={"impactor.velocity": 3})
-            viewer.see(lambda last: last["scene"]["changes"] == ["cylinder", "velocity 3 m/s"])
+            viewer.see(lambda last: last["scene"]["name"] == "cylinder, 3 m/s")
+            early = viewer.wait_for("picture", lambda m: m["drop"] == 2 and m["time"] > 0)
             viewer.say(do="pace", rate=None)
             viewer.see(lambda last: last["numbers"]["state"] == "ended")
+            end = viewer.see(lambda last: last["picture"]["time"] > 0.199)["picture"]
             viewer.see(lambda last: sum(bool(d["folder"]) for d in last["drops"]["drops"]) == 2)
             ended = [(drop["number"], drop["ended"]) for drop in viewer.last["drops"]["drops"]]
             assert ended == [(2, "end time"), (1, "cut short")]
-        names = ["paper-wedge-2.86-001", "paper-wedge-2.86-002"]
-        assert sorted(path.name for path in tmp_path.iterdir()) == names
+        names = ["paper-wedge-2.86-001", "cylinder-3-m-s-001"]
+        assert {path.name for path in tmp_path.iterdir()} == set(names)
         result = Result.load(tmp_path / names[1])
         assert result.scene.impactor is not None
         assert (result.scene.impactor.shape, result.scene.impactor.velocity) == ("cylinder", 3.0)
         assert result.history["time_s"][-1] == pytest.approx(0.2, rel=1e-2)
+        # what is read out beside a picture is one row of the history
+        history = result.history
+        for told in (early, end):
+            row = int(np.argmin(np.abs(history["time_s"] - told["time"])))
+            for name in ("time_s", "displacement_m", "velocity_m_s"):
+                shown = told[name.partition("_")[0]]
+                assert shown == pytest.approx(history[name][row], rel=1e-5)
+            for name, energy in told["energies"].items():
+                assert energy == pytest.approx(history[name][row], rel=1e-5, abs=1e-12)
+        smoothed = history["deceleration_smoothed_m_s2"][-1]
+        assert end["deceleration"] == pytest.approx(smoothed, rel=1e-5)
         for name in ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.json"):
             assert (
                 server.get(f"/drops/2/{name}").content == (tmp_path / names[1] / name).read_bytes()
