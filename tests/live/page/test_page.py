@@ -263,7 +263,7 @@ def test_what_is_typed_is_what_drops(page: Page, server: Served) -> None:
                 lambda last, v=velocity: last["scene"]["name"] == f"wedge, {v:.6g} m/s"
             )
             assert told["settings"]["values"]["impactor.velocity"] == velocity
-            page.until(lambda v=velocity: field.get_property("value") == str(v))
+            page.until(lambda v=velocity, f=field: f.get_property("value") == str(v))
             page.until(lambda v=velocity: page.text("#name") == f"wedge, {v:.6g} m/s")
         other.see(lambda last: last["numbers"]["state"] == "ended")
         about = "velocity 0.1 m/s"
