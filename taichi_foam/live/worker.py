@@ -84,6 +84,8 @@ class _Worker:
                     self._go_on()
             except Exception as error:
                 self._fail(_words(error))
+        if self._drop is not None and not self._is_over:
+            self._drop.save_checkpoint()  # the viewer has gone, and not asked for what there is
 
     def _listen(self, wait: float | None) -> bool:
         """Do what the viewer wants, waiting so long [s] for it; False if it wants no more."""
@@ -151,10 +153,18 @@ class _Worker:
         self._is_paused, self._step_to = False, None
         try:
             from taichi_foam.engine import runtime
+            from taichi_foam.simulation.checkpoint import CHECKPOINT
             from taichi_foam.simulation.stepwise import Drop
 
             runtime.start(self._arch, self._threads)
-            self._drop = Drop(command.scene)
+            keeping = command.keeping
+            if keeping is None:
+                self._drop = Drop(command.scene)
+            else:
+                if not keeping.goes_on:
+                    (keeping.folder / CHECKPOINT).unlink(missing_ok=True)
+                folder, every = keeping.folder, keeping.every
+                self._drop = Drop(command.scene, checkpoint=folder, every=every)
         except UserError as error:
             self._send(Refused(str(error)))
         except Exception as error:
@@ -194,6 +204,8 @@ class _Worker:
 
     def _finish(self) -> None:
         self._is_over = True
+        if self._drop is not None:
+            self._drop.save_checkpoint()
         result = None if self._drop is None else _result(self._drop)
         self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
 

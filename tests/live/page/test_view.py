@@ -37,7 +37,7 @@ class _Session:
         self.rows = np.empty((0, len(ROW_COLUMNS)))
         self.before, self.drops = drops, 0
 
-    def start(self, scene: Any) -> int:
+    def start(self, scene: Any, keeping: Any) -> int:
         self.drops += 1
         return self.before + self.drops
 
