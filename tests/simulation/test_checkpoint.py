@@ -129,7 +129,7 @@ def test_checkpoints_come_as_time_goes_by(tmp_path: Path) -> None:
 
     scene = impact(end=0.02)
     run(scene, watch, checkpoint=tmp_path, every=1e-3)
-    assert len(set(seen)) > 2
+    assert len(set(seen)) > 1
     assert_same(run(scene), resume(tmp_path))
 
 
