@@ -37,7 +37,7 @@ EVERY = 60.0
 LARGEST_SHARE = 0.05
 """Writing takes no more than this share of the time: checkpoints of large runs are rarer."""
 
-_DAMAGE = (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error)
+_DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
