@@ -34,6 +34,9 @@ MOST_STEPS = 1_000_000
 # Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
 MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
 MOST_LATTICES = {"cpu": 64, "gpu": 4096}
+# On a CPU so many for each thread: enough that no thread waits for long when a lattice pauses, and
+# few enough that some scenes end long before others begin.
+LATTICES_PER_THREAD = 8
 
 ENDINGS = {
     RUNNING: Ending.INTERRUPTED,
@@ -317,8 +320,12 @@ def advance_all(
 
 def _batch_size(scenes: int, nodes: int) -> int:
     """Lattices at a time: a power of two, so that few sizes are ever compiled."""
-    device = "cpu" if runtime.settings()["arch"] == "cpu" else "gpu"
-    most = max(1, min(MOST_LATTICES[device], MOST_NODES[device] // nodes))
+    settings = runtime.settings()
+    device = "cpu" if settings["arch"] == "cpu" else "gpu"
+    most = min(MOST_LATTICES[device], MOST_NODES[device] // nodes)
+    if device == "cpu":
+        most = min(most, LATTICES_PER_THREAD * int(settings["threads"]))
+    most = max(1, most)
     return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
 
 
