@@ -1,9 +1,9 @@
-"""The two ways in which a request can end badly, and what to say of a package that is missing."""
+"""The ways in which a request can end badly, and what to say of a package that is missing."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 
@@ -28,6 +28,18 @@ class RunError(Exception):
     def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.results = list(results)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while several scenes ran.
+
+    `results` holds what they gave until then, as `results.result.Result`, by place in what was
+    asked for; scenes that had not begun are not among them.
+    """
+
+    def __init__(self, results: Mapping[int, Any]) -> None:
+        super().__init__(f"{len(results)} scenes had begun or ended")
+        self.results = dict(results)
 
 
 @contextlib.contextmanager
