@@ -5,7 +5,6 @@
 
 import contextlib
 import math
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
-from taichi_foam.version import __version__
+from taichi_foam.simulation.provenance import provenance
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
@@ -392,10 +391,6 @@ def result_of(run: Run, wall: Wall) -> Result:
             "wall_s": seconds,
             "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),
-            "taichi_foam": __version__,
-            "taichi": ".".join(map(str, ti.__version__)),
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-            "machine": platform.platform(),
+            **provenance(run.scene),
         },
     )
