@@ -1,11 +1,8 @@
-"""The version of this package, in one place, and the commit that a development version stands for."""
+"""The version of this package, and the commit that a development version stands for."""
 
 from __future__ import annotations
 
-import json
-import subprocess
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 __version__ = "0.2.0.dev0"
@@ -13,9 +10,9 @@ __version__ = "0.2.0.dev0"
 
 @cache
 def version() -> str:
-    """The version; of a development version with its commit if that is known: 0.2.0.dev0+g1a2b3c4d5.
+    """The version; of a development version with its commit, as 0.2.0.dev0+g1a2b3c4d5.
 
-    It is known of a checkout, and of what pip has installed from a repository. A checkout with
+    The commit is known of a checkout, and of what pip has installed from a repository. A checkout with
     changes that are not committed says so: 0.2.0.dev0+g1a2b3c4d5.changed.
     """
     if "dev" not in __version__:
@@ -26,6 +23,8 @@ def version() -> str:
 
 def _of_checkout(root: Path) -> str | None:
     """The commit of the checkout in which the package lies, if it lies in one."""
+    import subprocess  # here, since it takes longer to load than all else that the package loads
+
     if not (root / ".git").exists():
         return None
     describe = ["git", "-C", str(root), "describe", "--always", "--abbrev=9", "--exclude=*"]
@@ -40,8 +39,11 @@ def _of_checkout(root: Path) -> str | None:
 
 def _of_installation() -> str | None:
     """The commit that pip installed from a repository."""
+    import json
+    from importlib import metadata
+
     try:
-        told = distribution("taichi-foam").read_text("direct_url.json")
+        told = metadata.distribution("taichi-foam").read_text("direct_url.json")
         return str(json.loads(told or "{}")["vcs_info"]["commit_id"])[:9]
-    except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
+    except (metadata.PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
         return None
