@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import replay, serve
 from taichi_foam.cli.options import (
@@ -35,7 +36,6 @@ from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import ProgressCallback
@@ -84,7 +84,7 @@ def run_script(scene: Scene) -> None:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"taichi-foam {__version__}")
+        typer.echo(f"taichi-foam {package.version()}")
         raise typer.Exit
 
 

@@ -5,7 +5,6 @@
 
 import contextlib
 import math
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
-from taichi_foam.version import __version__
+from taichi_foam.simulation.provenance import provenance
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
@@ -35,6 +34,9 @@ MOST_STEPS = 1_000_000
 # Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
 MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
 MOST_LATTICES = {"cpu": 64, "gpu": 4096}
+# On a CPU so many for each thread: enough that no thread waits for long when a lattice pauses, and
+# few enough that some scenes end long before others begin.
+LATTICES_PER_THREAD = 8
 
 ENDINGS = {
     RUNNING: Ending.INTERRUPTED,
@@ -356,8 +358,12 @@ def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
 
 def _batch_size(scenes: int, nodes: int) -> int:
     """Lattices at a time: a power of two, so that few sizes are ever compiled."""
-    device = "cpu" if runtime.settings()["arch"] == "cpu" else "gpu"
-    most = max(1, min(MOST_LATTICES[device], MOST_NODES[device] // nodes))
+    settings = runtime.settings()
+    device = "cpu" if settings["arch"] == "cpu" else "gpu"
+    most = min(MOST_LATTICES[device], MOST_NODES[device] // nodes)
+    if device == "cpu":
+        most = min(most, LATTICES_PER_THREAD * int(settings["threads"]))
+    most = max(1, most)
     return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
 
 
@@ -385,10 +391,6 @@ def result_of(run: Run, wall: Wall) -> Result:
             "wall_s": seconds,
             "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),
-            "taichi_foam": __version__,
-            "taichi": ".".join(map(str, ti.__version__)),
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-            "machine": platform.platform(),
+            **provenance(run.scene),
         },
     )

@@ -147,7 +147,7 @@ def test_another_scene_is_refused_with_what_differs(tmp_path: Path) -> None:
 
 def test_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_off(tmp_path)
-    monkeypatch.setattr(checkpoint_module, "__version__", "99.0")
+    monkeypatch.setattr(checkpoint_module, "version", lambda: "99.0")
     with pytest.raises(UserError, match=r"written by taichi_foam .* 99\.0"):
         resume(tmp_path)
 
