@@ -1,8 +1,10 @@
-"""The two ways in which a request can end badly, and what to say of a package that is missing."""
+"""How a request can end badly, what a run may warn of, and what to say of a missing package."""
 
 from __future__ import annotations
 
 import contextlib
+import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -28,6 +30,18 @@ class RunError(Exception):
     def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.results = list(results)
+
+
+class RunWarning(UserWarning):
+    """A run has ended, and there is something to say against its figures (`Result.warnings`)."""
+
+
+def warn_of_run(text: str) -> None:
+    """Give a `RunWarning` at the line, outside the package, that asked for the run."""
+    depth, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"].startswith("taichi_foam."):
+        depth, frame = depth + 1, frame.f_back
+    warnings.warn(text, RunWarning, stacklevel=depth)
 
 
 @contextlib.contextmanager

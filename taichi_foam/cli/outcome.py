@@ -4,25 +4,32 @@ from __future__ import annotations
 
 import contextlib
 import os
+import warnings
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from taichi_foam.errors import RunError, UserError
+from taichi_foam.errors import RunError, RunWarning, UserError
+
+if TYPE_CHECKING:
+    from taichi_foam.results.result import Result
 
 FAILED, REFUSED, INTERRUPTED = 1, 2, 130
-
-# An energy residual beyond this tells of a step size that is too large.
-_RESIDUAL_LIMIT = 0.01
 
 
 @contextlib.contextmanager
 def exit_codes(console: Console) -> Iterator[None]:
-    """Print what ends the block badly, without a traceback, and leave with its exit code."""
+    """Print what ends the block badly, without a traceback, and leave with its exit code.
+
+    What Python's `warnings` would say of runs the commands say themselves.
+    """
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RunWarning)
+            yield
     except UserError as error:
         raise _told(console, _with_options(error), REFUSED) from None
     except RunError as error:
@@ -50,14 +57,10 @@ def say_where(console: Console, folder: str) -> None:
     console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
 
 
-def warn_of_residual(errors: Console, residual: float | None) -> None:
-    """Say so if more of the impact energy is unaccounted for than a good step size leaves."""
-    if residual is not None and abs(residual) > _RESIDUAL_LIMIT:
-        errors.print(
-            f"warning: {abs(residual):.1%} of the impact energy is unaccounted for; do not trust "
-            "this run; take a smaller --dt, or auto",
-            soft_wrap=True,
-        )
+def say_warnings(errors: Console, result: Result) -> None:
+    """Say what makes a result's figures doubtful, each on a line."""
+    for text in result.warnings:
+        errors.print(f"warning: {text}", soft_wrap=True, markup=False)
 
 
 def _with_options(error: UserError) -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import RunError
+from taichi_foam.errors import RunError, warn_of_run
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -110,7 +110,8 @@ def run(
 ) -> Result:
     """Run `scene` to its end and return everything it gave.
 
-    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED.
+    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED. A
+    `RunWarning` says what makes its figures doubtful, if anything does (`Result.warnings`).
 
     Args:
         scene: what to run.
@@ -208,8 +209,17 @@ def _run_all(
         if not results:
             raise
     ordered = [results[index] for index in sorted(results)]
+    for result in ordered:
+        _warn(result)
     _raise_on_failure(list(begun.values()), ordered)
     return ordered
+
+
+def _warn(result: Result) -> None:
+    """Warn once of what there is to say against a result."""
+    if not result.warnings or (result.ending is not None and result.ending.failed):
+        return  # of a failure its error tells
+    warn_of_run("\n  ".join((f"{result.scene.name}:", *result.warnings)))
 
 
 def _progress(runs: list[Run], wall: Wall, finished: int, of: int) -> Progress:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from taichi_foam.analysis import measures
+from taichi_foam.analysis import impact, measures
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Numerics, Scene, Wedge
@@ -117,7 +117,7 @@ def test_a_gap_delays_and_deepens_nothing(braked) -> None:
     """Contact 1.234 ms after the start, between two rows: all measures count from there."""
     gap = V0 * 1.234e-3
     late = braked(FlatBlock(velocity=V0, gap=gap), contact=1.234e-3)
-    found = measures.impact(late)
+    found = impact.impact(late)
     assert found is not None
     assert found.contact == pytest.approx(1.234e-3, rel=1e-9)
     assert found.duration == pytest.approx(STOP, rel=1e-9)
@@ -218,7 +218,7 @@ def test_initial_peak_is_the_first_of_a_flat_face(braked) -> None:
 
 def test_an_impactor_that_never_touches_has_no_impact(make_result) -> None:
     result = make_result(time=np.linspace(0, 0.01, 11), velocity_m_s=3.0)
-    assert measures.impact(result) is None
+    assert impact.impact(result) is None
 
 
 # --- energy -----------------------------------------------------------------------------------
