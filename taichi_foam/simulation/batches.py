@@ -340,6 +340,7 @@ def result_of(run: Run, wall: Wall) -> Result:
             "steps": int(run.report["steps"]),
             "dt_min_s": run.report["shortest"],
             "dt_max_s": run.report["longest"],
+            "dt_stable_min_s": run.report["stable"],
             "max_overlap_m": run.report["overlap"],
             "batch": run.batch,
             "resumed": run.resumed,

@@ -29,7 +29,7 @@ from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
 from taichi_foam.version import __version__
 
-FORMAT = 1
+FORMAT = 2
 
 EVERY = 60.0
 """Wall time between two checkpoints, and before the first, unless told otherwise [s]."""
