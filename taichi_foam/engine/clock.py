@@ -89,9 +89,9 @@ def close_step(
 ):
     """Move the clock on, and stop a lattice that has diverged.
 
-    Of the step: the furthest motion squared [m2], the stiffest bond and the largest crush at its end
-    [N/m, a fraction], by the forces of the last stage, the bonds that break, and the first node that has diverged (the count of
-    nodes if none has).
+    Of the step: the furthest motion squared [m2]; the stiffest bond [N/m] and the largest crush at
+    its end, by the forces of the last stage; the bonds that break; and the first node that has
+    diverged (the count of nodes if none has).
     """
     clock = lattice.state.clock[b]
     lattice.state.clock[b].time = clock.time + clock.step

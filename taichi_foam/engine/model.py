@@ -34,9 +34,9 @@ RK4_RADIUS = 2.61
 # neighbour list misses nothing.
 MOST_WAY = 0.05
 
-# An impactor so many times as heavy as the nodes that it may touch does not swing on them. The swing
-# of a lighter one carries all of the impact's energy: it is to be followed, by steps so many times
-# shorter than stable ones.
+# An impactor so many times as heavy as the nodes that it may touch does not swing on them. The
+# swing of a lighter one carries all of the impact's energy: it is to be followed, by steps so many
+# times shorter than stable ones.
 HEAVY = 100.0
 FOLLOWED = 4.0
 
@@ -304,22 +304,28 @@ def automatic_step(
         step = MOST_WAY * cell / speed
     if ti.static(lattice.law.stiffens):
         closing = speed / cell
-        if -crush - closing * step < lattice.law.stiffens_below(p.bond):
-            if RK4_RADIUS < step * _rate_at(lattice, crush + closing * step, p):
-                # the step and the stiffness at its end depend on one another
-                low, high = 0.0, step
-                for _ in range(20):
-                    middle = 0.5 * (low + high)
-                    if RK4_RADIUS < middle * _rate_at(lattice, crush + closing * middle, p):
-                        high = middle
-                    else:
-                        low = middle
-                step = low
+        if not _stays_stable(lattice, step, crush, closing, p):
+            # the step and the stiffness at its end depend on one another
+            low, high = 0.0, step
+            for _ in range(20):
+                middle = 0.5 * (low + high)
+                if _stays_stable(lattice, middle, crush, closing, p):
+                    low = middle
+                else:
+                    high = middle
+            step = low
     return step
 
 
 @ti.func
-def _rate_at(lattice: ti.template(), crush: ti.f64, p: ti.template()) -> ti.f64:
-    """`fastest_rate` of a lattice whose most crushed bond is at the strain `-crush`."""
-    _, slope = lattice.law.stiffening(p.bond, -crush, -crush, 0)
-    return fastest_rate(lattice, slope * (p.area / p.cell).max(), p)
+def _stays_stable(
+    lattice: ti.template(), step: ti.f64, crush: ti.f64, closing: ti.f64, p: ti.template()
+) -> ti.i32:
+    """Whether a step is stable to its end, with a bond that closes from `crush` on [1/s]."""
+    strain = -crush - closing * step
+    stable = 1
+    if strain < lattice.law.stiffens_below(p.bond):
+        _, slope = lattice.law.stiffening(p.bond, strain, strain, 0)
+        rate = fastest_rate(lattice, slope * (p.area / p.cell).max(), p)
+        stable = ti.i32(step * rate <= RK4_RADIUS)
+    return stable

@@ -95,7 +95,8 @@ class Clock:
 
 CLOCK = (
     "time", "step", "shortest", "longest", "stable", "next_row", "last_contact", "reversal",
-    "drift", "stiffest", "crush", "speed", "steps", "status", "broken", "bad_node", "stale", "candidates", "pairs",
+    "drift", "stiffest", "crush", "speed", "steps", "status", "broken", "bad_node", "stale",
+    "candidates", "pairs",
 )  # fmt: skip
 """Members of a clock that a state holds."""
 
