@@ -294,16 +294,16 @@ def automatic_step(
 ) -> ti.f64:
     """Step size [s] for a lattice whose fastest mode has the rate `rate` [1/s].
 
-    It also looks ahead. Nothing moves by more than MOST_WAY in a step; and the step is still
-    stable (without the margin of safety) with the stiffness of a bond that is crushed
-    most, to the strain `-crush`, and goes on at the largest speed there is [m/s].
+    It also looks ahead. Nothing moves by more than MOST_WAY cells in a step, at the largest speed
+    there is [m/s]; and the step is still stable (without the margin of safety) if the bond that is
+    crushed most, to the strain `-crush`, is closed by both its nodes at that speed.
     """
     step = ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)
     cell = p.cell.min()
     if speed * step > MOST_WAY * cell:
         step = MOST_WAY * cell / speed
     if ti.static(lattice.law.stiffens):
-        closing = speed / cell
+        closing = 2.0 * speed / cell
         if not _stays_stable(lattice, step, crush, closing, p):
             # the step and the stiffness at its end depend on one another
             low, high = 0.0, step
