@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 
@@ -42,6 +42,18 @@ def warn_of_run(text: str) -> None:
     while frame.f_back is not None and frame.f_globals["__name__"].startswith("taichi_foam."):
         depth, frame = depth + 1, frame.f_back
     warnings.warn(text, RunWarning, stacklevel=depth)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while several scenes ran.
+
+    `results` holds what they gave until then, as `results.result.Result`, by place in what was
+    asked for; scenes that had not begun are not among them.
+    """
+
+    def __init__(self, results: Mapping[int, Any]) -> None:
+        super().__init__(f"{len(results)} scenes had begun or ended")
+        self.results = dict(results)
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table as RichTable
 
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import whole_file
 
 
 @dataclass

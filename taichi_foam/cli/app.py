@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Collection
+import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,24 +25,23 @@ from taichi_foam.cli.options import (
     Set,
     Threads,
 )
-from taichi_foam.cli.outcome import INTERRUPTED, exit_codes, say_warnings, say_where
+from taichi_foam.cli.outcome import exit_codes, say_warnings, say_where
 from taichi_foam.errors import RunError
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.folders import (
-    CHECKPOINT,
-    RUN_FILES,
-    check_output_folder,
-    file_name,
-    output_folder,
-)
-from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.results.files import file_name
+from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.interrupts import held_interrupts
+from taichi_foam.scene.values import settings
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import ProgressCallback
+
+# The default folder's name says what was changed, up to so many letters.
+_LONGEST_CHANGES = 60
 
 _app = typer.Typer(
     add_completion=False,
@@ -134,15 +133,18 @@ def resume_command(
         from taichi_foam.engine import runtime
         from taichi_foam.simulation import simulate
         from taichi_foam.simulation.checkpoint import Checkpoint as Stored
+        from taichi_foam.simulation.checkpoint import work_in
 
-        scene, arch = Stored.head(Path(folder))
-        check_output_folder(folder, needed_bytes=storage_bytes(scene), own=RUN_FILES)
-        runtime.start(arch, threads)
-        _compute_and_save(
-            scene.name,
-            lambda on_progress: simulate.resume(folder, on_progress, every=checkpoint),
-            folder, False, RUN_FILES, bars, console, errors,
-        )  # fmt: skip
+        scene, arch = Stored.head(work_in(Path(folder)))
+        with claimed(folder, request_of(scene)) as claim:
+            runtime.start(arch, threads)
+            _compute_and_save(
+                scene.name,
+                lambda on_progress: simulate.run(
+                    scene, on_progress, checkpoint=claim, every=checkpoint
+                ),
+                claim, folder, bars, console, errors,
+            )  # fmt: skip
 
 
 @_app.command("scenes")
@@ -205,8 +207,9 @@ def reproduce_command(
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
-            errors.print(f"interrupted: what has finished is kept; {left}")
-            raise typer.Exit(INTERRUPTED)
+            raise KeyboardInterrupt(
+                f"what has finished is kept; {left}; the same command goes on from there"
+            )
 
 
 def _overrides(given: list[str] | None, dt: str | None, no_film: bool, frames: bool) -> list[str]:
@@ -217,6 +220,17 @@ def _overrides(given: list[str] | None, dt: str | None, no_film: bool, frames: b
     if frames:
         overrides.append("output.frames=true")
     return [*overrides, *(given or [])]
+
+
+def _default_folder(scene: Scene, choices: str | None, overrides: list[str]) -> str:
+    """A folder of its own for a scene and each way to change it; what is drawn does not count."""
+    values = {key: v for key, v in settings(overrides).items() if not key.startswith("output.")}
+    words = [choices] if choices else []
+    words += [f"{key}-{value}" for key, value in sorted(values.items())]
+    name, changes = file_name(scene.name), file_name("-".join(words)) if words else ""
+    if len(changes) > _LONGEST_CHANGES:
+        changes = hashlib.sha256(changes.encode()).hexdigest()[:12]
+    return f"runs/{name}-{changes}" if changes else f"runs/{name}"
 
 
 def _run(
@@ -235,7 +249,7 @@ def _run(
     bars = Bars(errors)
     with exit_codes(errors):
         scene = load_scene(source, choices, overrides)
-        folder = f"runs/{file_name(scene.name)}" if out is None else out
+        folder = _default_folder(scene, choices, overrides) if out is None else out
         # Names and values are right: now what needs Taichi, and costs its import.
         if live:
             from taichi_foam.cli.live import run_live
@@ -246,27 +260,26 @@ def _run(
         from taichi_foam.picture import films
         from taichi_foam.simulation import simulate
 
-        check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
-        runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
-        (Path(folder) / CHECKPOINT).unlink(missing_ok=True)  # to be overwritten: do not go on
-        _compute_and_save(
-            scene.name,
-            lambda on_progress: simulate.run(scene, on_progress, checkpoint=folder, every=every),
-            folder, overwrite, (CHECKPOINT,), bars, console, errors,
-        )  # fmt: skip
+        needed = storage_bytes(scene) + films.storage_bytes(scene)
+        with claimed(folder, request_of(scene), overwrite, needed) as claim:
+            runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
+            _compute_and_save(
+                scene.name,
+                lambda on_progress: simulate.run(scene, on_progress, checkpoint=claim, every=every),
+                claim, folder, bars, console, errors,
+            )  # fmt: skip
 
 
 def _compute_and_save(
     name: str,
     compute: Callable[[ProgressCallback], Result],
+    claim: Claim,
     folder: str,
-    overwrite: bool,
-    own: Collection[str],
     bars: Bars,
     console: Console,
     errors: Console,
 ) -> None:
-    """Compute with a progress bar, write the folder, show the figures."""
+    """Compute with a progress bar, write the folder, draw films, show the figures."""
     failure = None
     with bars.computing(name) as on_progress:
         try:
@@ -275,53 +288,57 @@ def _compute_and_save(
             if not error.results:
                 raise
             result, failure = error.results[0], error
-    # measures take a while to load: after the run, not before it
-    from taichi_foam.cli import tables
+    with held_interrupts() as pressed, claim.publishing() as staging:
+        result.write(staging)
+    cut = pressed.is_set() or result.ending is Ending.INTERRUPTED
+    no_film = None if cut or failure else _draw_films(result, claim, bars)
+    if not cut and not isinstance(no_film, KeyboardInterrupt):
+        claim.finish()
+    try:
+        # measures take a while to load: after the run, not before it
+        from taichi_foam.cli import tables
 
-    cut = _save(result, folder, overwrite, own, bars, with_films=failure is None)
-    console.print(tables.key_figures(result.scene, result.summary))
+        console.print(tables.key_figures(result.scene, result.summary))
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}"
+        raise RunError(
+            f"the run could not be measured ({told}); its data are in {folder}"
+        ) from error
     say_where(console, folder)
     if failure is None:
         say_warnings(errors, result)
     if failure is not None:
         raise RunError(f"{failure}; what was computed until then is in {folder}")
     if cut:
-        errors.print(
-            f"interrupted: what there was is in {folder}; `taichi-foam resume {folder}` goes on",
-            soft_wrap=True,
+        raise KeyboardInterrupt(
+            f"what there was is in {folder}; the same command goes on from there, and so does "
+            f"`taichi-foam resume {folder}`"
         )
-        raise typer.Exit(INTERRUPTED)
+    if isinstance(no_film, KeyboardInterrupt):
+        raise KeyboardInterrupt(
+            f"the run is in {folder}, films may be missing; the same command draws them, and so "
+            f"does `taichi-foam resume {folder}`"
+        )
+    if no_film is not None:
+        raise RunError(f"{no_film}; the run itself is complete in {folder}")
 
 
-def _save(
-    result: Result,
-    folder: str,
-    overwrite: bool,
-    own: Collection[str],
-    bars: Bars,
-    with_films: bool,
-) -> bool:
-    """Write the result's folder; return whether Ctrl-C came, in the run or since.
+def _draw_films(result: Result, claim: Claim, bars: Bars) -> BaseException | None:
+    """Draw films into the folder of a run that is saved; what kept them from being drawn, if so.
 
-    A run that was interrupted keeps its checkpoint.
+    Whatever it is, the run is not to be lost by it.
     """
     from taichi_foam.picture import films
+    from taichi_foam.results import manifest
     from taichi_foam.shim2000 import tests
 
-    with output_folder(folder, overwrite, own) as staging:
-        with held_interrupts() as pressed:
-            result.write(staging)
-            kept = Path(folder) / CHECKPOINT
-            if result.ending is Ending.INTERRUPTED and kept.is_file():
-                shutil.copy2(kept, staging / CHECKPOINT)
-        if pressed.is_set() or result.ending is Ending.INTERRUPTED:
-            return True
-        frames = films.frames_to_draw(result) if with_films else 0
-        if frames == 0:
-            return False
-        try:
-            with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
-                films.write(result, staging, on_frame, title=tests.title(result.scene))
-        except KeyboardInterrupt:
-            return True
-    return False
+    if not (frames := films.frames_to_draw(result)):
+        return None
+    try:
+        with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
+            title = tests.title(result.scene)
+            drawn = films.write(result, claim.folder, on_frame, title=title)
+        manifest.add(claim.folder, [path.name for path in drawn])
+    except (Exception, KeyboardInterrupt) as error:
+        return error
+    return None

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_foam.errors import UserError
+from taichi_foam.results import manifest
 from taichi_foam.results.folders import check_output_folder
 from taichi_foam.simulation.progress import Bars
 
@@ -47,6 +48,7 @@ def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, bars: Bars) -> li
             with bars.counting("pictures", "drawing pictures", total, "pictures") as on_piece:
                 for job in jobs:
                     job.write(place, on_piece)
+                    manifest.add(place, [name.rstrip("/") for name in job.names])
                     done += job.names
         except KeyboardInterrupt:
             kept = f"what was complete is in {folder}: {', '.join(done)}"

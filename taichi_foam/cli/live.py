@@ -13,7 +13,9 @@ from taichi_foam.errors import RunError
 from taichi_foam.live import window
 from taichi_foam.live.controller import Controller, Outcome
 from taichi_foam.picture import films
-from taichi_foam.results.folders import check_output_folder, next_numbered
+from taichi_foam.results import manifest
+from taichi_foam.results.files import next_numbered
+from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import tests
@@ -77,7 +79,8 @@ def _draw_films(folders: list[Path], bars: Bars) -> bool:
             frames = films.frames_to_draw(result)
             if frames:
                 with bars.counting("films", f"films of {folder}", frames, "frames") as on_frame:
-                    films.write(result, folder, on_frame, title=tests.title(result.scene))
+                    drawn = films.write(result, folder, on_frame, title=tests.title(result.scene))
+                manifest.add(folder, [path.name for path in drawn])
     except KeyboardInterrupt:
         return False
     return True

@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.text import Text
 
 from taichi_foam.errors import RunError, RunWarning, UserError
+from taichi_foam.interrupts import heard_once
+from taichi_foam.results.folders import UNFINISHED
 
 if TYPE_CHECKING:
     from taichi_foam.results.result import Result
@@ -24,36 +26,48 @@ FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 def exit_codes(console: Console) -> Iterator[None]:
     """Print what ends the block badly, without a traceback, and leave with its exit code.
 
-    What Python's `warnings` would say of runs the commands say themselves.
+    SIGTERM and SIGHUP end it as Ctrl-C does. What Python's `warnings` would say of runs the
+    commands say themselves.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RunWarning)
+    with heard_once(_ask_for_patience) as heard, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunWarning)
+        try:
             yield
-    except UserError as error:
-        raise _told(console, _with_options(error), REFUSED) from None
-    except RunError as error:
-        raise _told(console, str(error), FAILED) from None
-    except KeyboardInterrupt as error:
-        text = str(error) or "there was nothing to save yet"
-        raise _told(console, text, INTERRUPTED) from None
-    except BrokenPipeError:
-        raise  # whoever read the output has gone; Typer leaves quietly
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        text = f"{where}{error.strerror or error}; check the disk, the folder and its permissions"
-        raise _told(console, text, REFUSED) from None
-    except ImportError as error:
-        if "libX11" not in str(error):
-            raise
-        text = f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
-        raise _told(console, text, REFUSED) from None
+        except UserError as error:
+            raise _told(console, _with_options(error), REFUSED) from None
+        except RunError as error:
+            raise _told(console, str(error), FAILED) from None
+        except KeyboardInterrupt as error:
+            text = str(error) or "there was nothing to save yet"
+            raise _told(console, text, heard.exit_code) from None
+        except BrokenPipeError:
+            raise  # whoever read the output has gone; Typer leaves quietly
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            text = (
+                f"{where}{error.strerror or error}; check the disk, the folder and its permissions"
+            )
+            raise _told(console, text, REFUSED) from None
+        except ImportError as error:
+            if "libX11" not in str(error):
+                raise
+            text = (
+                f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
+            )
+            raise _told(console, text, REFUSED) from None
+
+
+def _ask_for_patience() -> None:
+    """Answer a second Ctrl-C while what there is is being saved."""
+    with contextlib.suppress(OSError):
+        os.write(2, b"saving what there is; one moment\n")
 
 
 def say_where(console: Console, folder: str) -> None:
     """Name the files just written, those for people first."""
     order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
-    names = sorted(os.listdir(folder), key=lambda n: (order.index(n) if n in order else 99, n))
+    names = [name for name in os.listdir(folder) if name != UNFINISHED]
+    names.sort(key=lambda n: (order.index(n) if n in order else 99, n))
     console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
 
 
@@ -76,7 +90,7 @@ def _with_options(error: UserError) -> str:
 
 
 def _told(console: Console, text: str, code: int) -> typer.Exit:
-    word = "interrupted" if code == INTERRUPTED else "error"
+    word = "interrupted" if code > 128 else "error"
     message = Text(f"{word}: ", style="bold red") + Text(text, style="not bold default")
     # Without a terminal to fit it to, a line stays whole.
     console.print(message, soft_wrap=not console.is_terminal)

@@ -15,7 +15,7 @@ from taichi_foam.cli.delivery import Job, deliver
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import whole_file
 from taichi_foam.results.result import Result
 from taichi_foam.simulation.progress import Bars
 

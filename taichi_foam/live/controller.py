@@ -16,13 +16,13 @@ import numpy as np
 from taichi_foam.analysis.history import history_of
 from taichi_foam.engine.state import initial_state
 from taichi_foam.errors import UserError
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, NothingYet, Refused
 from taichi_foam.live.session import Session
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.results.result import Result
-from taichi_foam.simulation.interrupts import held_interrupts
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene

@@ -14,7 +14,7 @@ from taichi_foam.live.controller import Controller
 from taichi_foam.live.pictures import panel
 from taichi_foam.live.screen import FPS, Screen
 from taichi_foam.picture import raster
-from taichi_foam.results.folders import next_numbered, whole_file
+from taichi_foam.results.files import next_numbered, whole_file
 
 #: What the keys do, as the help says it.
 HELP = (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import whole_file
 
 Image8 = NDArray[np.uint8]
 

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import whole_file
+from taichi_foam.results.files import whole_file
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, GREY = (
     "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#8C8C8C",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ class Record:
 
     scene      what was run, with every default filled in
     history    one array (n,) for each of HISTORY_COLUMNS; made a `History` if it is a plain mapping
-    snapshots  instants in order of time
+    snapshots  instants in order of time; of a long run they may lie on disk
     run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s,
                dt_stable_min_s, wall_s, node_stages_per_s, max_overlap_m, versions,
                ...; values that JSON can hold
@@ -31,7 +32,7 @@ class Record:
 
     scene: Scene
     history: History
-    snapshots: list[Snapshot]
+    snapshots: Sequence[Snapshot]
     run: dict[str, Any]
 
     def __post_init__(self) -> None:

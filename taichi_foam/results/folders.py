@@ -1,37 +1,46 @@
-"""Output folders written as one transaction: the whole folder appears, or nothing changes.
+"""Output folders: claimed before anything is computed, filled by whole files, never anybody else's.
 
-Everything goes into a temporary sibling of the wanted folder, which is renamed into place at the
-end. So a crash, a full disk or Ctrl-C leaves neither half a result nor a damaged earlier one.
+A folder that is claimed has a folder `unfinished` in it. There lie the lock, what was asked for
+(`request.json`), and everything that is not complete yet. When the result is complete, its files
+move up, the manifest last, and `unfinished` goes. Wherever a process is killed, the same request
+finds what there is and goes on; an older result in the folder stays until the new one is complete.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
-import re
 import secrets
 import shutil
-import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from taichi_foam.errors import UserError
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.results.files import (
+    LEFTOVER,
+    partial_name,
+    plain,
+    synced,
+    whole_file,
+    write_json,
+)
+from taichi_foam.results.locks import LOCK, busy, is_locked, locked
+from taichi_foam.results.manifest import MANIFEST, Manifest
 from taichi_foam.units import si_scale
+from taichi_foam.version import __version__
 
-_PREFIX = ".taichi-foam-"
+UNFINISHED = "unfinished"
+"""Name of the folder, in that of a result, of what is not complete yet."""
 
-CHECKPOINT = "checkpoint.npz"
-"""Name of the file that a run can be continued from."""
+# what a request has beside what was asked for: the version
+_MARK = "taichi_foam"
 
-RUN_FILES = (
-    "scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json",
-    "film.mp4", "film.gif", "frames", CHECKPOINT,
-)  # fmt: skip
-"""Names in the folder of a run that the run itself has made."""
-
-# A file that `whole_file` was writing when its process was killed.
-_LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.partial(\..+)?$")
+_REQUEST, _MOVING, _STAGING = "request.json", "moving.json", "result"
 
 # What the system says, and what to do about it.
 _REASONS = {
@@ -50,115 +59,188 @@ _REASONS = {
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
+@dataclass
+class Claim:
+    """A folder that is this process's to fill.
+
+    folder  where the result will be
+    work    for what is not complete yet; kept for the next process of the same request unless
+            `finish` is called
+    """
+
+    folder: Path
+    work: Path
+    _finished: bool = field(default=False, init=False)
+    _published: Manifest | None = field(default=None, init=False)
+
+    @contextlib.contextmanager
+    def publishing(self) -> Iterator[Path]:
+        """Files of the result: what the block writes into the folder yielded moves into place.
+
+        The first time this replaces the older result, if there is one; later it adds to the new
+        one. When the block fails, nothing has changed.
+
+        Raises UserError: somebody has put a file of that name there meanwhile; nothing is lost.
+        """
+        staging = self.work / _STAGING
+        shutil.rmtree(staging, ignore_errors=True)
+        staging.mkdir()
+        try:
+            yield staging
+            for path in staging.rglob("*"):
+                if path.is_file():
+                    synced(path)
+            new = Manifest.of(staging)
+        except BaseException:
+            shutil.rmtree(staging, ignore_errors=True)
+            raise
+        with held_interrupts() as pressed:
+            self._move_up(staging, new)
+        if pressed.is_set():
+            raise KeyboardInterrupt
+
+    def _move_up(self, staging: Path, new: Manifest) -> None:
+        before = self._published or Manifest()
+        self._published = before | new
+        self._published.write(staging)
+        # a process that is killed from here on leaves files without a manifest: these
+        new.write(self.work, _MOVING)
+        if not before.files and (older := Manifest.read(self.folder)) is not None:
+            older.remove(self.folder)
+            (self.folder / MANIFEST).unlink()
+        _move(staging, self.folder, {self.folder / name for name in before.files})
+        (self.work / _MOVING).unlink()
+
+    def finish(self) -> None:
+        """Say that the result is complete, and nothing remains to be continued."""
+        self._finished = True
+
+    def _clear(self) -> None:
+        """Take away what nobody will continue, at once: what is renamed is litter by its name."""
+        found = {path.name for path in self.work.iterdir()}
+        if self._finished or found <= {LOCK, _REQUEST}:
+            litter = partial_name(self.work)
+            os.replace(self.work, litter)
+            shutil.rmtree(litter, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def claimed(
+    path: str | Path,
+    request: Mapping[str, Any] | None,
+    overwrite: bool = False,
+    needed_bytes: int = 0,
+) -> Iterator[Claim]:
+    """Keep a folder for one result, from before it is computed until it is complete.
+
+    Args:
+        path: the folder that the result shall become; it need not exist, nor its parents.
+        request: everything that decides the result, by dotted key; another process with the same
+            request goes on with what this one leaves in `Claim.work`. None: nothing is continued.
+        overwrite: replace the result of another request; its files stay until then.
+        needed_bytes: room (bytes) that result and unfinished work need.
+
+    Raises:
+        UserError: as `check_output_folder`; another process is at work in the folder; the disk
+            fills up or refuses while the block writes. Other exceptions pass through.
+    """
+    wanted = _marked(request)
+    _remove_cleared(_resolve(path))
+    check_output_folder(path, overwrite, needed_bytes, request)
+    target = _resolve(path)
+    work = target / UNFINISHED
+    made = [folder for folder in (*reversed(target.parents), target) if not folder.exists()]
+    try:
+        with contextlib.ExitStack() as stack:
+            with _explained(target):
+                work.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(locked(work, shown=target))
+                _check_target(target, overwrite, wanted)  # it may have been filled meanwhile
+                _tidy(target, wanted)
+            claim = Claim(target, work)
+            try:
+                yield claim
+            except OSError as error:
+                inside = target in Path(str(error.filename)).parents
+                if error.errno in _DISK_ERRORS or (inside and error.errno in _REASONS):
+                    raise _explain(error, target) from error
+                raise
+            finally:
+                claim._clear()
+    finally:
+        for folder in reversed(made):
+            with contextlib.suppress(OSError):  # not empty
+                folder.rmdir()
+
+
+@contextlib.contextmanager
+def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+    """Write a folder as a whole: `with output_folder("runs/a") as folder: ...`.
+
+    Yields an empty folder; when the block ends well, what it has written is the content of `path`,
+    with a manifest. When the block fails in any way (Ctrl-C too), what was at `path` is as before.
+
+    Raises UserError as `claimed` does.
+    """
+    with claimed(path, None, overwrite) as claim:
+        with claim.publishing() as staging:
+            yield staging
+        claim.finish()
+
+
 def check_output_folder(
     path: str | Path,
     overwrite: bool = False,
     needed_bytes: int = 0,
-    own: Collection[str] = (),
+    request: Mapping[str, Any] | None = None,
 ) -> None:
-    """Refuse, before anything is computed, an output folder that could not be written at the end.
+    """Refuse a folder that could not be claimed, before anything is computed.
 
-    path          the folder that the result shall become; it need not exist, nor its parents
-    overwrite     allow a folder with content, to be replaced as a whole
-    needed_bytes  room (bytes) that the result needs; on overwriting, the old one is still there
-    own           names in the folder that the run has made itself: they may be replaced anyway
-
-    Raises UserError: the path is a file, a mount point or malformed; the folder has content and
-    `overwrite` is false; the folder to replace is the current folder, a parent of it, the home
-    folder or a git repository (whatever `overwrite` says); it cannot be created; too little room.
+    Arguments as for `claimed`. Raises UserError: the path is a file or malformed; the folder holds
+    a result and `overwrite` is false; it holds unfinished work of another request, and `overwrite`
+    is false; it holds what this program has not written, and no result of it; a file of the result
+    has been changed since; the folder cannot be written to; too little room.
     """
     target = _resolve(path)
     with _explained(target):
         parent = _existing_parent(target)
-        _check_target(target, overwrite, own)
+        if is_locked(target / UNFINISHED):
+            raise UserError(busy(target))
+        _check_target(target, overwrite, _marked(request))
         # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
-        probe = parent / f"{_PREFIX}{secrets.token_hex(6)}.probe"
+        probe = parent / f".taichi-foam-{secrets.token_hex(6)}.probe"
         probe.mkdir()
         probe.rmdir()
         free = shutil.disk_usage(parent).free
     if free < needed_bytes:
         raise UserError(
             f"output folder {target}: the result needs about {_size(needed_bytes)}, but the disk "
-            f"has {_size(free)} free. Fix: free some space, choose another disk, or make "
-            "output.snapshot_interval and output.history_interval longer."
+            f"has {_size(free)} free. Fix: free some space, choose another disk, make "
+            "output.snapshot_interval and output.history_interval longer, or set "
+            'output.snapshot_precision = "single".'
         )
 
 
-@contextlib.contextmanager
-def output_folder(
-    path: str | Path, overwrite: bool = False, own: Collection[str] = ()
-) -> Iterator[Path]:
-    """Write a folder as a whole: `with output_folder("runs/a") as folder: ...`.
+def request_in(folder: Path) -> dict[str, Any] | None:
+    """What the unfinished work in `folder` is of; None if there is none that could go on."""
+    found = _request(folder)
+    return found if found is not None and len(found) > 1 else None
 
-    Yields a new temporary folder beside `path`. When the block ends well, it is renamed to `path`:
-    a folder already there must be empty, or hold nothing but `own`, or, with `overwrite`, is moved
-    aside, replaced, then deleted. When the block fails in any way (Ctrl-C too), the temporary
-    folder and the parents made for it are removed, and what was at `path` is as before.
 
-    Raises UserError as `check_output_folder` does, and for a disk that fills up or refuses while
-    the block writes; any other exception of the block passes through unchanged.
-    """
-    check_output_folder(path, overwrite, own=own)
-    target = _resolve(path)
-    token = secrets.token_hex(6)
-    staging = target.parent / f"{_PREFIX}{token}.partial"
-    made = _missing_parents(target)
+def _request(folder: Path) -> dict[str, Any] | None:
     try:
-        with _explained(target):
-            for folder in made:
-                folder.mkdir(exist_ok=True)
-            staging.mkdir()
-        try:
-            yield staging
-        except OSError as error:
-            inside = staging in Path(str(error.filename)).parents
-            if error.errno in _DISK_ERRORS or (inside and error.errno in _REASONS):
-                raise _explain(error, target) from error
-            raise
-        with _explained(target):
-            _check_target(target, overwrite, own)  # somebody may have filled it meanwhile
-            _swap(staging, target, aside=target.parent / f"{_PREFIX}{token}.old")
-    except BaseException:
-        shutil.rmtree(staging, ignore_errors=True)
-        for folder in reversed(made):
-            with contextlib.suppress(OSError):  # not empty: in use by somebody else
-                folder.rmdir()
-        raise
+        found = json.loads((folder / UNFINISHED / _REQUEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) and _MARK in found else None
 
 
-def file_name(name: str) -> str:
-    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
-    return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
-
-
-def next_numbered(stem: Path, suffix: str = "", digits: int = 3, first: int = 1) -> Path:
-    """`STEM-001SUFFIX`, or with one more than the highest number there is: none is given twice."""
-    names = [path.name for path in stem.parent.iterdir()] if stem.parent.is_dir() else []
-    tails = (
-        name[len(stem.name) + 1 : len(name) - len(suffix)]
-        for name in names
-        if name.startswith(f"{stem.name}-") and name.endswith(suffix)
-    )
-    number = max((int(tail) + 1 for tail in tails if tail.isdecimal()), default=first)
-    return stem.with_name(f"{stem.name}-{max(number, first):0{digits}}{suffix}")
-
-
-@contextlib.contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Write one file as a whole: the block writes what is yielded, which is then renamed to `path`.
-
-    When the block fails, nothing is left, and an older file is as before. Raises OSError.
-    """
-    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+def _marked(request: Mapping[str, Any] | None) -> dict[str, Any]:
+    return plain({**(request or {}), _MARK: __version__})
 
 
 def _resolve(path: str | Path) -> Path:
-    """The absolute path with links followed, so that the temporary folder is on the same disk."""
+    """The absolute path with links followed."""
     text = os.fspath(path)
     if not text.strip() or "\0" in text:
         raise UserError(f"output folder {text!r}: not a path. Fix: give the name of a folder.")
@@ -166,80 +248,119 @@ def _resolve(path: str | Path) -> Path:
 
 
 def _existing_parent(target: Path) -> Path:
-    """The nearest folder above `target` that exists. Raises OSError where a file is in the way."""
-    for folder in target.parents:
+    """`target`, or the nearest folder above that exists. Raises OSError for a file in the way."""
+    for folder in (target, *target.parents):
         if folder.is_dir():
             return folder
-        if folder.exists():
+        if folder.exists() and folder != target:
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    return target  # the root of the file system, which _check_target refuses
+    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target))
 
 
-def _missing_parents(target: Path) -> list[Path]:
-    """The parents of `target` that do not exist, uppermost first."""
-    return [folder for folder in reversed(target.parents) if not folder.exists()]
-
-
-def _check_target(target: Path, overwrite: bool, own: Collection[str] = ()) -> None:
+def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> None:
     """Refuse what is at `target` if it may not be replaced. Raises UserError, OSError."""
     if not target.exists():
         return
     if not target.is_dir():
         raise UserError(f"output folder {target}: that is a file. Fix: choose another path.")
-    if os.path.ismount(target):
+    result, before = Manifest.read(target), request_in(target)
+    if before is not None and before != request and not overwrite:
         raise UserError(
-            f"output folder {target}: a mount point cannot be replaced as a whole. "
-            f"Fix: choose a folder inside it, such as {target / 'run'}."
-        )
-    found = sorted(entry.name for entry in target.iterdir())
-    if not found:
-        return
-    others = [name for name in found if name not in own and not (own and _LEFTOVER.match(name))]
-    if others and own and not overwrite:
-        raise UserError(
-            f"output folder {target}: it holds what is not the run's: {', '.join(others)}. "
-            "Fix: move that elsewhere."
-        )
-    if others and not overwrite:
-        also = f"; resume continues the run of its {CHECKPOINT}" if CHECKPOINT in found else ""
-        raise UserError(
-            f"output folder {target}: it exists and is not empty{also}. "
-            "Fix: choose another folder, or pass overwrite=True to replace it as a whole.",
+            f"output folder {target}: it holds unfinished work of another request, "
+            f"{_difference(before, request)}. Fix: let the command that began it finish it (a run "
+            "also: taichi-foam resume), choose another folder, or pass overwrite=True to drop it.",
             argument="overwrite=True",
         )
-    here = Path.cwd()
-    if target == here or target in here.parents or target == _home() or (target / ".git").exists():
+    others = sorted(path.name for path in target.iterdir() if not _is_litter(path))
+    if others and result is None and before is None:
+        shown = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
         raise UserError(
-            f"output folder {target}: overwriting would delete everything in it, and it is the "
-            "current folder or a parent of it, your home folder, or a git repository. "
-            "Fix: choose a folder of its own for the result."
+            f"output folder {target}: it is not empty, and holds no result that could be replaced, "
+            f"but {shown}. Fix: choose another folder."
+        )
+    if result is not None and before is None and not overwrite:
+        raise UserError(
+            f"output folder {target}: it exists and is not empty: it holds a result. "
+            "Fix: choose another folder, or pass overwrite=True to replace the result.",
+            argument="overwrite=True",
+        )
+    if result is not None and (edited := result.edited(target)):
+        raise UserError(
+            f"output folder {target}: changed since the result in it was written: "
+            f"{', '.join(edited[:5])}. Fix: move that elsewhere, or choose another folder."
         )
     if not os.access(target, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
 
 
-def _home() -> Path | None:
-    try:
-        return Path(os.path.realpath(Path.home()))
-    except RuntimeError:  # a user without a home folder
-        return None
+def _is_litter(path: Path) -> bool:
+    """Whether that is what a process of this program leaves when it is killed."""
+    if path.name != UNFINISHED or not path.is_dir() or path.is_symlink():
+        return LEFTOVER.match(path.name) is not None
+    names = {inner.name for inner in path.iterdir()}
+    return names <= {LOCK} or _request(path.parent) is not None
 
 
-def _swap(staging: Path, target: Path, aside: Path) -> None:
-    """Rename `staging` to `target`; what is at `target` goes to `aside`, and back on failure."""
-    try:
-        if target.exists():
-            target.rename(aside)
-        staging.rename(target)
-    except BaseException:
-        if aside.exists() and not target.exists():
-            aside.rename(target)
-        raise
-    if aside.exists():
-        try:
-            shutil.rmtree(aside)
-        except OSError as error:
-            warnings.warn(f"the replaced folder is left in {aside}: {error}", stacklevel=4)
+def _difference(before: Mapping[str, Any], request: Mapping[str, Any]) -> str:
+    """The first value by which a request differs from the one that was begun."""
+    key = next(key for key in sorted({*before, *request}) if before.get(key) != request.get(key))
+    return f"{key} = {before.get(key)!r} instead of {request.get(key)!r}"
+
+
+def _tidy(target: Path, request: Mapping[str, Any]) -> None:
+    """Take away what a killed process has left and nobody will continue. Raises OSError."""
+    work = target / UNFINISHED
+    moved = Manifest.read(work, _MOVING)
+    if moved is not None and Manifest.read(target) is None:
+        # it was killed while the files moved up; without a manifest they are no result
+        moved.arrived(target).remove(target)
+    goes_on = request_in(target) == request
+    for path in [*_leftovers(target), *_leftovers(work)]:
+        _remove(path)
+    for path in list(work.iterdir()):
+        if path.name in (_MOVING, _STAGING) or not (goes_on or path.name == LOCK):
+            _remove(path)
+    with whole_file(work / _REQUEST) as partial:
+        write_json(partial, request)
+
+
+def _remove_cleared(target: Path) -> None:
+    """Take away what a process was removing as its last act when it was killed."""
+    for path in target.glob(f".{UNFINISHED}.*.partial"):
+        if LEFTOVER.match(path.name) and Manifest.read(target) is not None:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _leftovers(folder: Path) -> Iterator[Path]:
+    """What a killed process was writing into a folder, and into those that its manifest lists."""
+    if folder.is_dir() and not folder.is_symlink():
+        yield from (path for path in folder.iterdir() if LEFTOVER.match(path.name))
+        for name in (Manifest.read(folder) or Manifest()).folders:
+            yield from _leftovers(folder / name)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+
+
+def _move(source: Path, target: Path, replaceable: Collection[Path]) -> None:
+    """Move what lies in a folder into another, manifests last. Raises UserError, OSError."""
+    for path in sorted(source.iterdir(), key=lambda path: path.name == MANIFEST):
+        place = target / path.name
+        if path.is_dir():
+            place.mkdir(exist_ok=True)
+            _move(path, place, replaceable)
+        elif os.path.lexists(place) and place not in replaceable and path.name != MANIFEST:
+            raise UserError(
+                f"{place}: somebody has put that there meanwhile. Fix: move it elsewhere; what has "
+                f"been computed is in {source} until then."
+            )
+        else:
+            os.replace(path, place)
+    source.rmdir()
 
 
 @contextlib.contextmanager

@@ -15,11 +15,11 @@ LOCK = "lock"
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, shown: Path | None = None) -> Iterator[None]:
     """Keep all other processes out of `folder`, which must exist, for as long as the block lasts.
 
-    The system itself gives the lock back when the process ends, however it ends: the file that is
-    then left locks nobody out.
+    `shown` is the folder that messages name, by default `folder`. The system itself gives the lock
+    back when the process ends, however it ends: the file that is then left locks nobody out.
 
     Raises:
         UserError: another process is at work in the folder.
@@ -29,10 +29,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except filelock.Timeout as error:
-        raise UserError(
-            f"{folder}: another process is at work in it. Fix: wait until it has ended, or choose "
-            "another folder."
-        ) from error
+        raise UserError(busy(shown or folder)) from error
     try:
         yield
     finally:
@@ -48,3 +45,11 @@ def is_locked(folder: Path) -> bool:
             return False
     except UserError:
         return True
+
+
+def busy(folder: Path) -> str:
+    """What to say of a folder that another process is at work in."""
+    return (
+        f"{folder}: another process is at work in it. Fix: wait until it has ended, or choose "
+        "another folder."
+    )

@@ -18,15 +18,19 @@ A result folder holds
     cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
                    (x, y) in m in the reference configuration, the longest first
     summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
+    manifest.json  sizes and checksums of all files, see `results.manifest`
+
+The arrays of snapshots.npz but `time` and `impactor_y` have 32 bits where
+output.snapshot_precision is "single".
 """
 
 from __future__ import annotations
 
 import csv
 import json
-import math
 import zipfile
 import zlib
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -37,11 +41,17 @@ from taichi_foam.errors import UserError
 from taichi_foam.records.history import COLUMNS, HISTORY_COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.folders import output_folder
+from taichi_foam.results.files import write_json
+from taichi_foam.results.folders import claimed, request_in
+from taichi_foam.results.manifest import Manifest
+from taichi_foam.results.snapshot_file import NAMES, record_type, shapes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
+from taichi_foam.scene.values import by_key
 
 _FORMAT = 1
+# without these there is no result
+_FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
 _DAMAGE = (
     OSError,
@@ -52,16 +62,6 @@ _DAMAGE = (
     csv.Error,
     zipfile.BadZipFile,
     zlib.error,
-)
-_SNAPSHOT_FIELDS = (
-    "time",
-    "impactor_y",
-    "position",
-    "velocity",
-    "e_min_a",
-    "e_min_b",
-    "break_time_a",
-    "break_time_b",
 )
 
 
@@ -83,32 +83,52 @@ class Result(Record):
         return warnings_of(self)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
-        """Write the five files into a new folder, all or nothing, and return its path.
+        """Write the files of a run into a new folder, all or nothing, and return its path.
 
-        Raises UserError as `taichi_foam.results.folders.output_folder` does.
+        A checkpoint of the run in that folder goes. Raises UserError as
+        `taichi_foam.results.folders.claimed` does.
         """
-        with output_folder(folder, overwrite) as staging:
-            self.write(staging)
+        with claimed(folder, request_of(self.scene), overwrite) as claim:
+            with claim.publishing() as staging:
+                self.write(staging)
+            claim.finish()
         return Path(folder)
 
     def write(self, folder: Path) -> None:
-        """Write the five files into an existing folder (one yielded by `output_folder`)."""
+        """Write the files into an existing, empty folder (one yielded by `output_folder`).
+
+        What is measured comes last: if it fails, the reason stands in summary.json as
+        `not_measured`, and the data are complete.
+        """
         # Here, since measures bring SciPy along, which takes half a second to load.
         from taichi_foam.analysis.fragments import cracks
 
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
-        paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
+        try:
+            paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
+            measures = self.summary
+        except Exception as error:  # whatever it is, hours of computing are worth more
+            paths = []
+            measures = {
+                "scene": self.scene.name,
+                "not_measured": f"{type(error).__name__}: {error}",
+            }
         write_json(folder / "cracks.json", {"polylines_m": paths})
-        write_json(folder / "summary.json", {**self.summary, "run": self.run})
+        write_json(folder / "summary.json", {**measures, "run": self.run})
+        Manifest.of(folder).write(folder)
 
     @classmethod
     def load(cls, folder: str | Path) -> Result:
-        """Read a folder that `save` wrote. Raises UserError: files missing, damaged or foreign."""
+        """Read a folder that `save` wrote.
+
+        Raises UserError: files are missing, foreign, or not as they were written.
+        """
         root = Path(folder)
         if not root.is_dir():
             raise UserError(f"result folder {root}: there is no such folder.")
+        _check_whole(root)
         scene = scene_from_toml(root / "scene.toml")
         try:
             history = _read_history(root / "history.csv")
@@ -126,38 +146,41 @@ load = Result.load
 """Read a folder that a result was saved to; see `Result.load`."""
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write JSON, indented; NumPy values become plain ones, and NaN and infinity null."""
-    text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False)
-    path.write_text(text + "\n", encoding="utf-8")
+def request_of(scene: Scene) -> dict[str, Any]:
+    """What stands for a run where its folder is claimed: all values of the scene, by key."""
+    return by_key(scene.model_dump(mode="json"))
 
 
 def storage_bytes(scene: Scene) -> int:
-    """The most that a run's five files can take (bytes), before compression, frames and films."""
-    block, output = scene.block, scene.output
-    seconds = scene.numerics.latest_end
-    snapshots = seconds / output.snapshot_interval + 2
-    rows = seconds / output.history_interval + 2
-    doubles = 8 * block.columns * block.rows  # 2 positions, 2 velocities, A and B twice
-    return int(8 * doubles * snapshots + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
+    """The most that a run's files take, without frames and films (bytes).
 
-
-def plain(value: Any, digits: int | None = None) -> Any:
-    """A value that JSON can hold: NumPy's become Python's, what is not finite None.
-
-    `digits` are those that floats keep; default all.
+    Snapshots count twice, since they are stored as they come before they are packed.
     """
-    if isinstance(value, dict):
-        return {str(key): plain(item, digits) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item, digits) for item in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return plain(value.tolist(), digits)
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return None
-        return value if digits is None else float(f"{value:.{digits}g}")
-    return value
+    rows = scene.numerics.latest_end / scene.output.history_interval + 2
+    return int(2 * snapshots_bytes(scene) + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
+
+
+def snapshots_bytes(scene: Scene) -> int:
+    """The most that a run's snapshots take, in memory or as a file (bytes)."""
+    count = scene.numerics.latest_end / scene.output.snapshot_interval + 2
+    return int(count * record_type(scene).itemsize)
+
+
+def _check_whole(root: Path) -> None:
+    """Raises UserError for a folder that holds no complete result."""
+    manifest = Manifest.read(root)
+    if manifest is None:
+        reason = "has not ended. Fix: `taichi-foam resume` continues it"
+        if request_in(root) is None:
+            reason = "is not a complete result of this version. Fix: run its scene again"
+        raise UserError(f"result folder {root}: what is in it {reason}.")
+    changed = [name for name in _FILES if name in manifest.files]
+    changed = [name for name in changed if not manifest.files[name].fits(root / name)]
+    if changed or not {*_FILES} <= {*manifest.files}:
+        raise UserError(
+            f"result folder {root}: not as it was written: {', '.join(changed) or 'files missing'}."
+            " Fix: run its scene again."
+        )
 
 
 def _write_history(path: Path, history: History) -> None:
@@ -181,35 +204,39 @@ def _read_history(path: Path) -> History:
     return History({name: table[:, k].copy() for k, name in enumerate(header)})
 
 
-def _field_shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Shape of each array of a snapshot."""
-    columns, rows = scene.block.columns, scene.block.rows
-    nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    return dict(zip(_SNAPSHOT_FIELDS, ((), (), nodes, nodes, a, b, a, b), strict=True))
-
-
-def _write_snapshots(path: Path, snapshots: list[Snapshot], scene: Scene) -> None:
-    arrays: dict[str, Any] = {
-        name: np.array([getattr(s, name) for s in snapshots], np.float64).reshape(-1, *shape)
-        for name, shape in _field_shapes(scene).items()
-    }
-    np.savez_compressed(path, format=np.int64(_FORMAT), **arrays)
+def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) -> None:
+    """Write an .npz, array by array and instant by instant: one snapshot is in memory at a time."""
+    record = record_type(scene)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("format.npy", "w") as file:
+            np.lib.format.write_array(file, np.array(_FORMAT))
+        for name, shape in shapes(scene).items():
+            kind = record[name].base
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                header = {
+                    "descr": np.lib.format.dtype_to_descr(kind),
+                    "fortran_order": False,
+                    "shape": (len(snapshots), *shape),
+                }
+                np.lib.format.write_array_header_1_0(file, header)
+                for snapshot in snapshots:
+                    file.write(np.asarray(getattr(snapshot, name), kind).tobytes())
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
     with np.load(path) as archive:
         if archive["format"] != _FORMAT:
             raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
-        arrays = {name: archive[name] for name in _SNAPSHOT_FIELDS}
+        arrays = {name: archive[name] for name in NAMES}
     count = len(arrays["time"])
-    for name, shape in _field_shapes(scene).items():
+    for name, shape in shapes(scene).items():
         if arrays[name].shape != (count, *shape):
             raise ValueError(f"{name} in snapshots.npz has the shape {arrays[name].shape}")
     return [
         Snapshot(
             float(arrays["time"][n]),
             float(arrays["impactor_y"][n]),
-            *(arrays[name][n] for name in _SNAPSHOT_FIELDS[2:]),
+            *(arrays[name][n] for name in NAMES[2:]),
         )
         for n in range(count)
     ]

@@ -198,6 +198,9 @@ class Output(Part):
     snapshot_interval: float = quantity(
         1e-3, "s", "time between snapshots, and so between frames", at_least=1e-7, at_most=1
     )
+    snapshot_precision: Literal["double", "single"] = choice(
+        "double", "numbers of a snapshot: 64 bits, or 32, which take half the room"
+    )
     mode: Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"] = (
         choice("worst-strain", "what the colours of the pictures show")
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from taichi_foam.analysis.measures import summary
 from taichi_foam.errors import UserError
+from taichi_foam.results.folders import Claim
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import nearest
@@ -115,8 +116,12 @@ class _Test:
         return places[nearest(figures, [quantity.key for quantity in JUDGED])]
 
 
-def compute(scenes: Sequence[Scene], count: int, bars: Bars) -> Computed:
+def compute(
+    scenes: Sequence[Scene], count: int, bars: Bars, claim: Claim | None = None
+) -> Computed:
     """Run every test `count` times, all side by side. Ctrl-C keeps what has finished.
+
+    With a claim they leave checkpoints in its folder, and go on from those that are there.
 
     A run that fails is left out of its ensemble, and told in `failure`.
 
@@ -128,14 +133,14 @@ def compute(scenes: Sequence[Scene], count: int, bars: Bars) -> Computed:
     interrupted = False
     with bars.computing(f"{len(asked)} impacts") as on_progress:
         try:
-            for place, result in simulate.simulate_many(asked, on_progress):
+            for place, result in simulate.simulate_many(asked, on_progress, checkpoint=claim):
                 tests[place // count].take(place % count, result)
         except KeyboardInterrupt:
             interrupted = True
     failures = [text for test in tests for text in test.failures]
     cases = [test.case() for test in tests if test.members]
     if interrupted and not cases:
-        raise KeyboardInterrupt("no run had finished; nothing was written")
+        raise KeyboardInterrupt("no run had finished; the same command goes on from there")
     return Computed(
         cases=cases,
         cut=[test.scene.name for test in tests if interrupted and not test.members],

@@ -27,7 +27,12 @@ _STAGES = {"computing": "compiling and computing", "films": "drawing and encodin
 
 
 def write(
-    folder: Path, cases: Sequence[Case], content: Mapping[str, Any], bars: Bars, begun: float
+    folder: Path,
+    cases: Sequence[Case],
+    content: Mapping[str, Any],
+    bars: Bars,
+    begun: float,
+    with_films: bool = True,
 ) -> None:
     """Write figures/ and report.html into `folder`.
 
@@ -36,10 +41,12 @@ def write(
         content: of summary.json so far; its cases stand in the same order.
         bars: shows progress, and knows how long the stages before took.
         begun: when the study began, by `time.perf_counter`.
+        with_films: whether films can be drawn; without them the page shows the stills alone.
     """
     figures = folder / "figures"
     figures.mkdir()
     groups = report_pictures.grouped(cases)
+    left_out = () if with_films else [f"{key}-film" for key in groups]
     jobs = report_pictures.jobs(figures, groups)
     panels = report_ensembles.whiskers(content) if content["ensemble"] else {}
     if panels:
@@ -48,7 +55,8 @@ def write(
     with bars.counting("report", "writing the report", len(jobs), "figures") as on_picture:
         drawn = {}
         for name, draw in jobs.items():
-            drawn[name] = draw()
+            if name not in left_out:
+                drawn[name] = draw()
             on_picture()
         page = _template().render(
             content=content,

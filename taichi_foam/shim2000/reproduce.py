@@ -18,11 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import RunError, UserError, warn_of_run
+from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.picture import films as film_files
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.folders import check_output_folder, output_folder
-from taichi_foam.results.result import storage_bytes, write_json
+from taichi_foam.results import manifest
+from taichi_foam.results.files import write_json
+from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.result import storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
 from taichi_foam.shim2000 import compare, report
@@ -33,7 +36,6 @@ from taichi_foam.shim2000.scores import scores
 from taichi_foam.shim2000.study import Case, Computed, has_failed
 from taichi_foam.shim2000.tests import NAMES, paper_scene, title
 from taichi_foam.simulation import simulate
-from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 
 DEFAULT_FOLDER = "reproduction"
@@ -93,12 +95,13 @@ def reproduce(
 
     Returns:
         The content of summary.json. Ctrl-C ends the work early: the runs that had finished are
-        kept, `interrupted` is true, `not_finished` names the cases that have none.
+        kept, `interrupted` is true, `not_finished` names the cases that have none. The same call
+        goes on from there, and also after the process has been killed.
 
     Raises:
         UserError: anything that cannot be; nothing has been computed or written then.
         RunError: a run failed; the folder holds what was computed.
-        KeyboardInterrupt: Ctrl-C before any run had finished; nothing has been written.
+        KeyboardInterrupt: Ctrl-C before any run had finished.
     """
     begun = time.perf_counter()
     bars = bars or Bars()
@@ -108,31 +111,47 @@ def reproduce(
     scenes = [paper_scene(name, choices).with_values(values) for name in case_names(cases)]
     if not films:
         scenes = [s.with_values(output__film=False, output__frames=False) for s in scenes]
-    needed = sum(storage_bytes(s) + film_files.storage_bytes(s) for s in scenes) + _REPORT_BYTES
-    check_output_folder(out, overwrite, needed)
-    runtime.start(arch, threads)
-
-    if ensemble is None:
-        computed = _compute(scenes, bars)
-    else:
-        computed = ensembles.compute(scenes, ensemble, bars)
-    with output_folder(out, overwrite) as staging:
-        interrupted = _write_runs(staging, computed, bars)
-        with held_interrupts():
-            content = _content(computed, ensemble)
-            content |= {
-                "choices": choices,
-                "overrides": [f"{key}={value}" for key, value in values.items()],
-                "interrupted": interrupted,
-                "machine": machine(),
-                "versions": versions(),
-            }
+    pictures = sum(map(film_files.storage_bytes, scenes)) + _REPORT_BYTES
+    needed = (ensemble or 1) * sum(map(storage_bytes, scenes)) + pictures
+    request = {
+        "command": "reproduce",
+        "cases": [scene.name for scene in scenes],
+        "ensemble": ensemble,
+        "choices": choices,
+        "films": films,
+        **values,
+    }
+    with claimed(out, request, overwrite, needed) as claim:
+        runtime.start(arch, threads)
+        if ensemble is None:
+            computed = _compute(scenes, bars, claim)
+        else:
+            computed = ensembles.compute(scenes, ensemble, bars, claim)
+        content = _content(computed, ensemble) | {
+            "choices": choices,
+            "overrides": [f"{key}={value}" for key, value in values.items()],
+            "interrupted": computed.interrupted,
+            "machine": machine(),
+            "versions": versions(),
+        }
+        # figures first: whatever happens to films and report, they are safe
+        with held_interrupts() as pressed, claim.publishing() as staging:
+            _write_runs(staging, computed)
             compare.write_tables(staging / "tables.csv", content["cases"], content["tolerance"])
             if ensemble is not None:
                 ensembles.write_members(staging / "members.csv", computed.cases)
-            report.write(staging, computed.cases, content, bars, begun)
+            write_json(staging / "summary.json", content)
+        no_films = None
+        if not (pressed.is_set() or computed.interrupted):
+            no_films = _draw_films(claim.folder, computed, bars)
+        cut = pressed.is_set() or isinstance(no_films, KeyboardInterrupt)
+        content["interrupted"] = content["interrupted"] or cut
+        with held_interrupts(), claim.publishing() as staging:
+            report.write(staging, computed.cases, content, bars, begun, with_films=not no_films)
             content["seconds"] = {**bars.seconds, "total": time.perf_counter() - begun}
             write_json(staging / "summary.json", content)
+        if not content["interrupted"]:
+            claim.finish()
     if ensemble is not None and content["warnings"]:  # of single runs simulate has warned
         warn_of_run("\n  ".join(("reproduce:", *content["warnings"])))
     if computed.failure is not None:
@@ -140,6 +159,8 @@ def reproduce(
             f"{computed.failure}\nWhat was computed is in {out}.",
             [*(case.result for case in computed.cases), *computed.failed],
         )
+    if isinstance(no_films, Exception):
+        raise RunError(f"{no_films}; all but the films is in {out}")
     return content
 
 
@@ -192,42 +213,47 @@ def _listed() -> str:
     return ", ".join(case_folder(name) for name in NAMES)
 
 
-def _compute(scenes: Sequence[Scene], bars: Bars) -> Computed:
+def _compute(scenes: Sequence[Scene], bars: Bars, claim: Claim) -> Computed:
     """Run each test once, all as one batch, and sort what comes out."""
     failure = None
     what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
     with bars.computing(what) as on_progress:
         try:
-            results = simulate.run_many(scenes, on_progress)
+            results = simulate.run_many(scenes, on_progress, checkpoint=claim)
         except RunError as error:
             results, failure = error.results, str(error)
-    cut = [r.scene.name for r in results if r.ending is Ending.INTERRUPTED]
+        except Interrupted as error:
+            results = list(error.results.values())
     ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
+    names = {r.scene.name for r in ended}
+    cut = [scene.name for scene in scenes if scene.name not in names]
     failed = [r for r in ended if has_failed(r)]
     cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
-    if cut and not cases and not failed:
-        raise KeyboardInterrupt("no case had finished; nothing was written")
+    if not ended:
+        raise KeyboardInterrupt("no case had finished; the same command goes on from there")
     return Computed(cases, cut, failed, failure, interrupted=bool(cut))
 
 
-def _write_runs(staging: Path, computed: Computed, bars: Bars) -> bool:
-    """Write the runs' files and films; return whether Ctrl-C has cut the work short."""
-    finished = [case.result for case in computed.cases]
-    with held_interrupts() as pressed:
-        for result in [*finished, *computed.failed]:
-            folder = staging / case_folder(result.scene.name)
-            folder.mkdir()
-            result.write(folder)
-    if pressed.is_set() or computed.interrupted:
-        return True
-    frames = sum(map(film_files.frames_to_draw, finished))
+def _write_runs(staging: Path, computed: Computed) -> None:
+    """Write the runs' files, each run into a folder of its own."""
+    for result in [*(case.result for case in computed.cases), *computed.failed]:
+        folder = staging / case_folder(result.scene.name)
+        folder.mkdir()
+        result.write(folder)
+
+
+def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | None:
+    """Draw the films of the runs that are saved; what kept them from being drawn, if so."""
+    results = [case.result for case in computed.cases]
+    frames = sum(map(film_files.frames_to_draw, results))
     if frames == 0:
-        return False
+        return None
     try:
         with bars.counting("films", "drawing films", frames, "frames") as on_frame:
-            for result in finished:
-                folder, words = staging / case_folder(result.scene.name), title(result.scene)
-                film_files.write(result, folder, on_frame, title=words)
-    except KeyboardInterrupt:
-        return True
-    return False
+            for result in results:
+                folder, words = out / case_folder(result.scene.name), title(result.scene)
+                drawn = film_files.write(result, folder, on_frame, title=words)
+                manifest.add(folder, [path.name for path in drawn])
+    except (Exception, KeyboardInterrupt) as error:
+        return error
+    return None

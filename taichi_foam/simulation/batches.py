@@ -18,13 +18,14 @@ from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING, State
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
+from taichi_foam.results.snapshot_file import SnapshotFile, rounded
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
-from taichi_foam.simulation.interrupts import held_interrupts
 from taichi_foam.version import __version__
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
@@ -63,7 +64,8 @@ class Run:
     begun: Wall
     batch: int
     rows: list[np.ndarray] = field(default_factory=list)
-    snapshots: list[Snapshot] = field(default_factory=list)
+    snapshots: list[Snapshot] | SnapshotFile = field(default_factory=list)
+    recorded: float = -math.inf  # time of the last snapshot [s]
     status: int = RUNNING
     time: float = 0.0
     report: dict[str, float] = field(default_factory=dict)
@@ -78,7 +80,7 @@ class Run:
     def next_snapshot(self) -> float:
         """Time of the next snapshot [s]: the first multiple of the interval after the last one."""
         interval = self.scene.output.snapshot_interval
-        return interval * (math.floor(self.snapshots[-1].time / interval + 1e-9) + 1)
+        return interval * (math.floor(self.recorded / interval + 1e-9) + 1)
 
     @property
     def fraction(self) -> float:
@@ -109,6 +111,12 @@ class Run:
             f"{ending.remedy}"
         )
 
+    def record(self, snapshot: Snapshot) -> None:
+        """Keep a snapshot, unless that instant is kept already. Raises OSError."""
+        if snapshot.time > self.recorded:
+            self.snapshots.append(rounded(snapshot, self.scene))
+            self.recorded = snapshot.time
+
     def rows_since(self, since: int) -> np.ndarray:
         """The rows (n, 18) that have come after the first `since`."""
         late: list[np.ndarray] = []
@@ -122,6 +130,7 @@ class Run:
 
     def checkpoint(self, state: State, wall: Wall) -> Checkpoint:
         """The run as it stands, in the state that its lattice has."""
+        assert isinstance(self.snapshots, SnapshotFile)  # of a run that has a folder
         return Checkpoint(
             scene=self.scene,
             state=state,
@@ -167,7 +176,11 @@ class Slots:
                 index, scene = waiting.pop()
                 arch = str(runtime.settings()["arch"])
                 stored = checkpoints.stored(index, scene, arch) if checkpoints else None
-                self._places[b] = self._begun(b, index, scene, stored)
+                if stored is not None:
+                    self._places[b] = self._resumed(b, index, stored)
+                else:
+                    kept = checkpoints.snapshots(index, scene) if checkpoints else []
+                    self._places[b] = self._begun(b, index, scene, kept)
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
             transfer.set_pause(lattice, np.zeros(lattice.batch))
@@ -175,13 +188,18 @@ class Slots:
             transfer.harvest(lattice)
             self._is_compiled = True
 
-    def _begun(self, b: int, index: int, scene: Scene, stored: Checkpoint | None) -> Run:
-        """The run of a scene that place `b` now holds."""
-        lattice, wall = self._lattice, self._wall
-        if stored is None:
-            transfer.load(lattice, b, scene)
-            first = [transfer.snapshot(lattice, b)]
-            return Run(scene, index, replace(wall), lattice.batch, snapshots=first)
+    def _begun(
+        self, b: int, index: int, scene: Scene, snapshots: list[Snapshot] | SnapshotFile
+    ) -> Run:
+        """The run of a scene from its start, in place `b`."""
+        transfer.load(self._lattice, b, scene)
+        run = Run(scene, index, replace(self._wall), self._lattice.batch, snapshots=snapshots)
+        run.record(transfer.snapshot(self._lattice, b))
+        return run
+
+    def _resumed(self, b: int, index: int, stored: Checkpoint) -> Run:
+        """The run of a checkpoint from there on, in place `b`."""
+        lattice, wall, scene = self._lattice, self._wall, stored.scene
         transfer.load(lattice, b, scene, stored.state)
         begun = Wall(
             seconds=wall.seconds - stored.seconds, node_stages=wall.node_stages - stored.node_stages
@@ -191,6 +209,7 @@ class Slots:
             scene, index, begun, lattice.batch,
             rows=[stored.rows],
             snapshots=stored.snapshots,
+            recorded=stored.snapshots[-1].time,
             status=int(clock["status"]),
             time=clock["time"],
             report={"steps": clock["steps"]},
@@ -205,12 +224,12 @@ class Slots:
             if run is not None and (run.ended or not only_ended)
         ]
 
-    def advance(self, seconds: float, until: float = math.inf) -> None:
+    def advance(self, seconds: float, until: float = math.inf) -> bool:
         """One call of the engine, which takes about `seconds` of wall time.
 
         It ends sooner for a run whose next snapshot is due or whose rows on the device are full,
         or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs.
-        Ctrl-C is heard when they have got there.
+        Ctrl-C waits until they have got there; the answer is whether it was pressed.
         """
         pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
         transfer.set_pause(self._lattice, np.array(pauses))
@@ -222,12 +241,11 @@ class Slots:
             took = time.perf_counter() - start
             self._wall.seconds += took
             taken = self._collect()
-        if pressed.is_set():
-            raise KeyboardInterrupt
         # what one call costs apart from its steps says little of how fast these go, so that calls
         # cut short by a pause do not count
         if taken >= most_steps or took > seconds:
             self._steps_per_second = taken / max(took, 1e-6)
+        return pressed.is_set()
 
     def _collect(self) -> int:
         """Take the rows that a call has left, and the snapshots that are due.
@@ -249,9 +267,7 @@ class Slots:
             if len(rows[b]):
                 run.rows.append(rows[b])
             if run.ended or run.time >= run.next_snapshot:
-                if run.snapshots and run.snapshots[-1].time == run.time:
-                    run.snapshots.pop()  # the run has ended where its last snapshot was due
-                run.snapshots.append(transfer.snapshot(self._lattice, b))
+                run.record(transfer.snapshot(self._lattice, b))
         return most
 
     def now(self, b: int) -> Snapshot:
@@ -285,14 +301,19 @@ def advance_all(
     """Advance scenes call by call; yields the runs on the device after each.
 
     A run is yielded for the last time with the status that ended it. With `checkpoints` runs go on
-    from those that are there, and leave some: as time goes by, when they are interrupted, and, of
-    several scenes, when they have ended.
+    from those that are there, and leave some: as time goes by, when they are interrupted, and when
+    they have ended.
 
     Raises UserError: a checkpoint cannot be continued.
     """
     runtime.start()
     groups: dict[tuple[int, int, Features], list[int]] = {}
     for index, scene in enumerate(scenes):
+        if checkpoints is not None and checkpoints.has_ended(index):
+            stored = checkpoints.stored(index, scene, str(runtime.settings()["arch"]))
+            assert stored is not None
+            yield [_ended_run(index, stored, wall)]
+            continue
         block = scene.block
         groups.setdefault((block.columns, block.rows, features_of(scene)), []).append(index)
     for (columns, rows, features), group in groups.items():
@@ -302,17 +323,35 @@ def advance_all(
             try:
                 while waiting or slots.runs:
                     slots.fill(waiting, checkpoints)
-                    slots.advance(CALL_SECONDS)
+                    pressed = slots.advance(CALL_SECONDS)
                     if checkpoints is not None:
                         due = checkpoints.are_due()
-                        if due or (len(scenes) > 1 and any(run.ended for run in slots.runs)):
+                        if due or any(run.ended for run in slots.runs):
                             checkpoints.save(slots.checkpoints(only_ended=not due))
                     yield slots.runs
+                    if pressed:  # what has ended has been taken
+                        raise KeyboardInterrupt
                     slots.clear_ended()
             except (KeyboardInterrupt, GeneratorExit):
                 if checkpoints is not None:
                     checkpoints.save(slots.checkpoints())
                 raise
+
+
+def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
+    """A run that had ended when its checkpoint was written: nothing is to be computed."""
+    state, begun = stored.state, Wall(wall.seconds - stored.seconds, 0, 0)
+    begun.node_stages = wall.node_stages - stored.node_stages
+    return Run(
+        stored.scene, index, begun, 1,
+        rows=[stored.rows],
+        snapshots=stored.snapshots,
+        recorded=stored.snapshots[-1].time,
+        status=int(state.clock["status"]),
+        time=state.clock["time"],
+        report={**state.clock, "overlap": float(state.overlap.max(initial=0.0))},
+        resumed=stored.resumed,
+    )  # fmt: skip
 
 
 def _batch_size(scenes: int, nodes: int) -> int:

@@ -1,9 +1,10 @@
 """Checkpoints: a run as far as it has come, stored so that it can go on in another process.
 
-A checkpoint is one file, `checkpoint.npz` in a folder of the run's own, replaced as a whole. It
-holds the scene, the state of the lattice, and the rows and snapshots so far. What follows from it
-is the same to the last bit as if the run had never stopped, whatever the number of threads, alone
-or in a batch.
+A checkpoint is a file, `checkpoint.npz` in a folder of the run's own, replaced as a whole. It
+holds the scene, the state of the lattice, and the rows so far. Snapshots lie beside it, in
+`snapshots.bin`, written as they come; a checkpoint knows how many of them are its own. What follows
+from it is the same to the last bit as if the run had never stopped, whatever the number of threads,
+alone or in a batch.
 """
 
 from __future__ import annotations
@@ -13,23 +14,28 @@ import time
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.engine.state import State
+from taichi_foam.engine.state import RUNNING, State
 from taichi_foam.errors import UserError
-from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.folders import CHECKPOINT, whole_file
+from taichi_foam.results.files import whole_file
+from taichi_foam.results.folders import UNFINISHED, request_in
+from taichi_foam.results.manifest import Manifest
+from taichi_foam.results.snapshot_file import SnapshotFile
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
 from taichi_foam.version import __version__
 
-FORMAT = 2
+FORMAT = 3
+
+CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
+"""Names of the two files in a folder of checkpoints."""
 
 EVERY = 60.0
 """Wall time between two checkpoints, and before the first, unless told otherwise [s]."""
@@ -46,7 +52,7 @@ class Checkpoint:
 
     arch         what it is computed on: states of a CPU and of a GPU are laid out differently
     rows         (n, ROW_COLUMNS) of the history so far
-    snapshots    so far
+    snapshots    so far, on disk
     seconds      wall time that the engine has taken
     node_stages  that it has computed
     resumed      how often the run has been continued
@@ -56,7 +62,7 @@ class Checkpoint:
     state: State
     arch: str
     rows: NDArray[np.float64]
-    snapshots: list[Snapshot]
+    snapshots: SnapshotFile
     seconds: float
     node_stages: int
     resumed: int
@@ -71,10 +77,10 @@ class Checkpoint:
             "arch": self.arch,
             "rows": self.rows,
             "counts": np.array([self.seconds, self.node_stages, self.resumed]),
+            "snapshots": len(self.snapshots),
+            "ended": self.state.clock["status"] != RUNNING,
         }
-        for field in fields(Snapshot):
-            values = [getattr(snapshot, field.name) for snapshot in self.snapshots]
-            arrays[f"snapshot.{field.name}"] = np.array(values)
+        self.snapshots.sync()  # what the checkpoint counts has to be there
         arrays |= {f"state.{name}": array for name, array in self.state.to_arrays().items()}
         with whole_file(folder / CHECKPOINT) as partial:
             np.savez(partial, **arrays)
@@ -90,22 +96,19 @@ class Checkpoint:
     def load(cls, folder: Path) -> Checkpoint:
         """Read the checkpoint in `folder`.
 
-        Raises UserError: there is none, it is damaged, or another version has written it.
+        Raises UserError: it is not there or damaged, or another version has written it.
         """
         path = folder / CHECKPOINT
         with _opened(folder) as archive:
             arrays = dict(archive)
-            snapshots = _parts(arrays, "snapshot.")
+            scene = scene_from_text(str(arrays["scene"]), str(path))
             seconds, node_stages, resumed = arrays["counts"].tolist()
             return cls(
-                scene=scene_from_text(str(arrays["scene"]), str(path)),
+                scene=scene,
                 state=State.from_arrays(_parts(arrays, "state.")),
                 arch=str(arrays["arch"]),
                 rows=arrays["rows"],
-                snapshots=[
-                    Snapshot(**{name: values[n] for name, values in snapshots.items()})
-                    for n in range(len(snapshots["time"]))
-                ],
+                snapshots=SnapshotFile(folder / SNAPSHOTS, scene, int(arrays["snapshots"])),
                 seconds=seconds,
                 node_stages=int(node_stages),
                 resumed=int(resumed),
@@ -116,8 +119,6 @@ class Checkpoint:
 def _opened(folder: Path) -> Iterator[Any]:
     """The archive of the checkpoint in `folder`. Raises UserError as `Checkpoint.load`."""
     path = folder / CHECKPOINT
-    if not path.is_file():
-        raise UserError(_absent(folder))
     try:
         with np.load(path) as archive:
             written = int(archive["format"]), str(archive["version"])
@@ -130,7 +131,8 @@ def _opened(folder: Path) -> Iterator[Any]:
             yield archive
     except _DAMAGE as error:
         raise UserError(
-            f"{path}: not a complete checkpoint ({error}). Fix: run the scene again."
+            f"{path}: not a complete checkpoint ({error}). Fix: remove the file and run the scene "
+            "again."
         ) from error
 
 
@@ -142,12 +144,23 @@ def _parts(arrays: dict[str, Any], prefix: str) -> dict[str, Any]:
     }
 
 
-def _absent(folder: Path) -> str:
+def work_in(folder: Path) -> Path:
+    """Where the checkpoint lies of the run whose folder that is.
+
+    Raises UserError: there is none, and why.
+    """
+    work = folder / UNFINISHED
+    if (work / CHECKPOINT).is_file():
+        return work
     if not folder.is_dir():
-        return f"{folder}: there is no such folder. Fix: name the folder of a run."
-    if (folder / "summary.json").is_file():
-        return f"{folder}: the run in it has ended; there is nothing to continue."
-    return f"{folder}: holds no {CHECKPOINT}: nothing to continue. Fix: run the scene again."
+        reason = "there is no such folder. Fix: name the folder of a run"
+    elif request_in(folder) is not None:
+        reason = "the run in it has left no checkpoint yet. Fix: run its scene again, as before"
+    elif Manifest.read(folder) is not None:
+        reason = "the run in it has ended; there is nothing to continue"
+    else:
+        reason = "holds no checkpoint: nothing to continue. Fix: run the scene again"
+    raise UserError(f"{folder}: {reason}.")
 
 
 class Checkpoints:
@@ -167,6 +180,17 @@ class Checkpoints:
             )
         self.folders, self.every = list(folders), every
         self._next = time.perf_counter() + every
+
+    def has_ended(self, index: int) -> bool:
+        """Whether the checkpoint of scene number `index` is of a run that had ended.
+
+        Raises UserError: it is damaged, or of another version.
+        """
+        folder = self.folders[index]
+        if not (folder / CHECKPOINT).is_file():
+            return False
+        with _opened(folder) as archive:
+            return bool(archive["ended"])
 
     def stored(self, index: int, scene: Scene, arch: str) -> Checkpoint | None:
         """The checkpoint of scene number `index`, None if there is none.
@@ -190,6 +214,12 @@ class Checkpoints:
                 f"the last bit. Fix: continue with arch='{found.arch}'."
             )
         return found
+
+    def snapshots(self, index: int, scene: Scene) -> SnapshotFile:
+        """Where the snapshots of scene number `index`, which begins, are stored. Raises OSError."""
+        folder = self.folders[index]
+        folder.mkdir(parents=True, exist_ok=True)
+        return SnapshotFile(folder / SNAPSHOTS, scene)
 
     def are_due(self) -> bool:
         """Whether it is time for the next ones."""

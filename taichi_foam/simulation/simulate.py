@@ -9,18 +9,25 @@ they come; `run` and `run_many` return results. All take `arch` and `threads`, w
 `init` does; None takes what already runs, else the CPU with all its cores.
 """
 
+import contextlib
+import hashlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import psutil
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import RunError, warn_of_run
+from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.result import Result
+from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.result import Result, request_of, snapshots_bytes
 from taichi_foam.scene import Scene
+from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.batches import Run, Wall
-from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
+from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints, work_in
 
 
 @dataclass(frozen=True)
@@ -62,17 +69,19 @@ def simulate(
         RunError: the run diverged, or too many pieces touch in one place.
     """
     init(arch, threads)
-    given = 0
-    for runs in batches.advance_all([scene], Wall()):
-        yield from runs[0].snapshots[given:]
-        given = len(runs[0].snapshots)
-        _raise_on_failure(runs)
+    for (run,) in batches.advance_all([scene], Wall()):
+        assert isinstance(run.snapshots, list)
+        yield from run.snapshots
+        run.snapshots.clear()  # they are the caller's now
+        _raise_on_failure([run])
 
 
 def simulate_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
+    checkpoint: str | Path | Claim | None = None,
+    every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
 ) -> Generator[tuple[int, Result], None, None]:
@@ -82,28 +91,39 @@ def simulate_many(
     each CPU thread, and a lattice that has ended makes room for the next. Nothing is kept of what
     has been yielded. A result does not depend, to the last bit, on what else is run.
 
-    A run that fails is yielded like any other; its `ending` says so.
+    A run that fails is yielded like any other; its `ending` says so. Ctrl-C is heard when all that
+    has ended has been yielded.
+
+    Args:
+        scenes: what to run.
+        on_progress: called after each call of the engine.
+        checkpoint: folder for checkpoints, or a claim of one that is held. Runs go on from those
+            that are there; what has ended is yielded and not computed again.
+        every, arch, threads: as `run`.
 
     Raises:
-        UserError: as `init`.
+        UserError: as `run`.
     """
     init(arch, threads)
+    if checkpoint is None:
+        _check_memory(scenes[:1])  # how many are held at a time is the caller's
     wall = Wall()
     finished = 0
-    for runs in batches.advance_all(scenes, wall):
-        ended = [run for run in runs if run.ended]
-        finished += len(ended)
-        if on_progress is not None:
-            on_progress(_progress(runs, wall, finished, len(scenes)))
-        for run in ended:
-            yield run.index, batches.result_of(run, wall)
+    with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+        for runs in batches.advance_all(scenes, wall, _numbered(claim, len(scenes), every)):
+            ended = [run for run in runs if run.ended]
+            finished += len(ended)
+            if on_progress is not None:
+                on_progress(_progress(runs, wall, finished, len(scenes)))
+            for run in ended:
+                yield run.index, batches.result_of(run, wall)
 
 
 def run(
     scene: Scene,
     on_progress: ProgressCallback | None = None,
     *,
-    checkpoint: str | Path | None = None,
+    checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
@@ -117,16 +137,22 @@ def run(
         scene: what to run.
         on_progress: called after each call of the engine.
         checkpoint: folder for a checkpoint of the run, from which it goes on if there is one:
-            written every `every` seconds of wall time, and when it is interrupted.
-        every: see `checkpoint` [s]; None: a minute; inf: only when it is interrupted.
+            written every `every` seconds of wall time, when it is interrupted and when it ends.
+            Snapshots lie there too, instead of in memory. The folder is that of the result to come:
+            `Result.save` to it takes the checkpoint away. A claim that is held will do too.
+        every: see `checkpoint` [s]; None: a minute; inf: only when it ends or is interrupted.
         arch, threads: as `init`.
 
     Raises:
         UserError: as `init`, or a checkpoint cannot be continued.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    kept = None if checkpoint is None else Checkpoints([Path(checkpoint)], every)
-    return _run_all([scene], on_progress, kept, arch, threads)[0]
+    with _claimed(checkpoint, lambda: request_of(scene)) as claim:
+        kept = None if claim is None else Checkpoints([claim.work], every)
+        try:
+            return _run_all([scene], on_progress, kept, arch, threads)[0]
+        except Interrupted as interrupted:
+            return interrupted.results[0]
 
 
 def resume(
@@ -145,42 +171,60 @@ def resume(
         UserError: there is no checkpoint, it is damaged, or of another version or kind of device.
         RunError: as `run`.
     """
-    scene, kept_arch = Checkpoint.head(Path(path))
-    return run(
-        scene, on_progress, checkpoint=path, every=every, arch=arch or kept_arch,
-        threads=threads,
-    )  # fmt: skip
+    scene, kept_arch = Checkpoint.head(work_in(Path(path)))
+    arch = arch or kept_arch
+    return run(scene, on_progress, checkpoint=path, every=every, arch=arch, threads=threads)
 
 
 def run_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
-    checkpoint: str | Path | None = None,
+    checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
     threads: int | None = None,
 ) -> list[Result]:
     """Run scenes as `simulate_many` does, and return their results in order.
 
-    Ctrl-C ends it early: there are then results of the scenes that were begun; the ending of those
-    that had not ended is INTERRUPTED.
-
-    Args:
-        scenes: what to run.
-        on_progress: called after each call of the engine.
-        checkpoint: folder for checkpoints, a folder in it for each scene, named by its place. Runs
-            go on from those that are there; what has ended is not computed again.
-        every, arch, threads: as `run`.
+    Arguments as for `simulate_many`.
 
     Raises:
         UserError: as `run`.
+        Interrupted: Ctrl-C; its `results` hold those of the scenes that were begun, by place; the
+            ending of those that had not ended is INTERRUPTED.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
-    kept = None
-    if checkpoint is not None:
-        kept = Checkpoints([Path(checkpoint) / f"{n:05d}" for n in range(len(scenes))], every)
-    return _run_all(scenes, on_progress, kept, arch, threads)
+    with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+        kept = _numbered(claim, len(scenes), every)
+        return _run_all(scenes, on_progress, kept, arch, threads)
+
+
+@contextlib.contextmanager
+def _claimed(
+    checkpoint: str | Path | Claim | None, request: Callable[[], dict[str, Any]]
+) -> Iterator[Claim | None]:
+    """The claim of a folder for checkpoints, which may be held already. None: none are wanted."""
+    if checkpoint is None or isinstance(checkpoint, Claim):
+        yield checkpoint
+        return
+    with claimed(checkpoint, request()) as claim:
+        yield claim
+
+
+def _requests_of(scenes: Sequence[Scene]) -> dict[str, Any]:
+    """What stands for many scenes where a folder is claimed for their checkpoints."""
+    digest = hashlib.sha256()
+    for scene in scenes:
+        digest.update(scene_to_toml(scene).encode())
+    return {"scenes": len(scenes), "scenes_sha256": digest.hexdigest()}
+
+
+def _numbered(claim: Claim | None, count: int, every: float | None) -> Checkpoints | None:
+    """Folders for the checkpoints of many scenes, named by their places."""
+    if claim is None:
+        return None
+    return Checkpoints([claim.work / f"{n:05d}" for n in range(count)], every)
 
 
 def _run_all(
@@ -190,7 +234,10 @@ def _run_all(
     arch: str | None,
     threads: int | None,
 ) -> list[Result]:
+    """All results in order. Raises Interrupted once there is anything."""
     init(arch, threads)
+    if checkpoints is None:
+        _check_memory(scenes)
     wall = Wall()
     begun: dict[int, Run] = {}
     results: dict[int, Result] = {}
@@ -208,6 +255,7 @@ def _run_all(
                 results[index] = batches.result_of(run, wall)
         if not results:
             raise
+        raise Interrupted(results) from None
     ordered = [results[index] for index in sorted(results)]
     for result in ordered:
         _warn(result)
@@ -220,6 +268,18 @@ def _warn(result: Result) -> None:
     if not result.warnings or (result.ending is not None and result.ending.failed):
         return  # of a failure its error tells
     warn_of_run("\n  ".join((f"{result.scene.name}:", *result.warnings)))
+
+
+def _check_memory(scenes: Sequence[Scene]) -> None:
+    """Refuse snapshots that would not fit into memory. Raises UserError."""
+    needed, free = sum(map(snapshots_bytes, scenes)), psutil.virtual_memory().available
+    if needed > free:
+        raise UserError(
+            f"output.snapshot_interval: the snapshots need about {needed / 1e9:.1f} GB, and "
+            f"{free / 1e9:.1f} GB of memory are free. Fix: pass checkpoint=FOLDER, so that they "
+            "are stored as they come, make output.snapshot_interval longer, or set "
+            'output.snapshot_precision = "single"'
+        )
 
 
 def _progress(runs: list[Run], wall: Wall, finished: int, of: int) -> Progress:

@@ -65,7 +65,8 @@ class Drop:
         start = time.perf_counter()
         spent = 0.0
         while spent < (1.0 - REST) * seconds and self.time < until and not self.ended:
-            self._slots.advance(min(seconds - spent, CALL_SECONDS), until)
+            if self._slots.advance(min(seconds - spent, CALL_SECONDS), until):
+                raise KeyboardInterrupt
             spent = time.perf_counter() - start
 
     def now(self) -> Snapshot:

@@ -12,7 +12,7 @@ from command_line import call
 from rich.console import Console
 
 import taichi_foam
-from taichi_foam.simulation.interrupts import held_interrupts
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import Progress
 

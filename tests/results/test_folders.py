@@ -1,4 +1,7 @@
-"""An output folder appears as a whole or not at all, and trouble is told early and clearly."""
+"""A result appears as a whole or not at all; what is not the program's is never touched.
+
+Trouble is told early and clearly.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,30 @@ from pathlib import Path
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.results.folders import check_output_folder, next_numbered, output_folder
+from taichi_foam.results.files import next_numbered
+from taichi_foam.results.folders import (
+    UNFINISHED,
+    check_output_folder,
+    claimed,
+    output_folder,
+    request_in,
+)
+from taichi_foam.results.manifest import MANIFEST, Manifest
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's /proc and /dev/full")
 
 
 def contents(folder: Path) -> dict[str, str]:
-    return {str(p.relative_to(folder)): p.read_text() for p in folder.rglob("*") if p.is_file()}
+    """All files but manifests."""
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
+    return {str(p.relative_to(folder)): p.read_text() for p in files}
 
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    folder = tmp_path / "old"
-    folder.mkdir()
-    (folder / "summary.json").write_text("precious")
-    return folder
+    """A folder with a result."""
+    write(tmp_path / "old", "summary.json", "precious")
+    return tmp_path / "old"
 
 
 def write(target: Path, name: str, content: str, overwrite: bool = False) -> None:
@@ -78,9 +90,10 @@ def test_a_new_folder_appears_at_the_end_with_its_parents(tmp_path: Path) -> Non
     with output_folder(target) as folder:
         (folder / "frames").mkdir()
         (folder / "frames" / "1.txt").write_text("one")
-        assert not target.exists()
+        assert os.listdir(target) == [UNFINISHED]
     assert contents(tmp_path) == {"a/b/run/frames/1.txt": "one"}
-    assert os.listdir(target.parent) == ["run"]
+    assert sorted(os.listdir(target)) == ["frames", MANIFEST]
+    assert Manifest.of(target) == Manifest.read(target)
 
 
 def test_it_gets_the_permissions_of_any_new_folder(tmp_path: Path) -> None:
@@ -105,7 +118,7 @@ def test_a_folder_with_content_is_refused(old: Path) -> None:
 def test_overwriting_replaces_it_as_a_whole(old: Path) -> None:
     with output_folder(old, overwrite=True) as folder:
         (folder / "new").write_text("new")
-        assert contents(old) == {"summary.json": "precious"}
+        assert (old / "summary.json").read_text() == "precious"
     assert contents(old) == {"new": "new"}
     assert os.listdir(old.parent) == ["old"]
 
@@ -120,30 +133,24 @@ def test_a_failure_leaves_everything_as_it_was(old: Path, trouble: type[BaseExce
     assert os.listdir(old.parent) == ["old"]
 
 
-def test_a_failed_rename_puts_the_old_folder_back(
-    old: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rename = Path.rename
-
-    def failing(self: Path, target: Path) -> Path:
-        if self.suffix == ".partial":
-            raise OSError(5, "Input/output error")
-        return rename(self, target)
-
-    monkeypatch.setattr(Path, "rename", failing)
-    with pytest.raises(UserError, match="Input/output error"):
-        write(old, "new", "new", overwrite=True)
-    assert contents(old.parent) == {"old/summary.json": "precious"}
+def test_a_second_process_is_refused_before_it_computes(old: Path) -> None:
+    with output_folder(old, overwrite=True) as folder:
+        (folder / "ours").write_text("ours")
+        for refused in (check_output_folder, lambda path, over: write(path, "x", "x", over)):
+            with pytest.raises(UserError, match="another process is at work"):
+                refused(old, True)
+    assert contents(old) == {"ours": "ours"}
 
 
-def test_a_folder_filled_meanwhile_is_not_lost(tmp_path: Path) -> None:
+def test_what_somebody_puts_there_meanwhile_is_not_lost_nor_is_the_result(tmp_path: Path) -> None:
     target = tmp_path / "run"
     ours = output_folder(target)
-    ours.__enter__()
-    write(target, "theirs", "theirs")
-    with pytest.raises(UserError, match="not empty"):
+    (ours.__enter__() / "history.csv").write_text("ours")
+    (target / "history.csv").write_text("theirs")
+    with pytest.raises(UserError, match=r"history\.csv: somebody has put that there meanwhile"):
         ours.__exit__(None, None, None)
-    assert contents(tmp_path) == {"run/theirs": "theirs"}
+    assert (target / "history.csv").read_text() == "theirs"
+    assert "ours" in contents(target).values()
 
 
 def test_a_link_is_followed_and_stays(old: Path) -> None:
@@ -189,23 +196,53 @@ def test_too_long_a_name_is_refused(tmp_path: Path) -> None:
         check_output_folder(tmp_path / ("x" * 300))
 
 
-def test_overwriting_never_deletes_where_one_works(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_only_a_result_is_replaced_and_of_it_only_what_was_written(
+    old: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work = tmp_path / "work"
-    (work / "deeper").mkdir(parents=True)
-    home = tmp_path / "home"
-    (home / "letters").mkdir(parents=True)
-    project = tmp_path / "project"
+    """Documents, projects, a parent of home: whatever holds no result is refused whole."""
+    work = old.parent / "work"
+    project = work / "projects" / "mine"
     (project / ".git").mkdir(parents=True)
-    monkeypatch.chdir(work / "deeper")
-    monkeypatch.setenv("HOME", str(home))
-    for folder in (tmp_path, work, home, project):
-        with pytest.raises(UserError, match="would delete everything"):
-            check_output_folder(folder, overwrite=True)
-    (work / "deeper" / "note").write_text("")
-    with pytest.raises(UserError, match="would delete everything"):
-        check_output_folder(".", overwrite=True)
+    (work / "thesis.txt").write_text("three years")
+    (work / UNFINISHED).mkdir()
+    (work / UNFINISHED / "novel.txt").write_text("chapter one")
+    monkeypatch.setenv("HOME", str(work / "projects"))
+    monkeypatch.chdir(project)
+    before = contents(work)
+    for folder in (work, work / "projects", project, Path(".."), work / UNFINISHED):
+        with pytest.raises(UserError, match="not empty, and holds no result"):
+            write(folder, "new", "new", overwrite=True)
+    assert contents(work) == before
+    # what lies beside a result stays when the result is replaced
+    (old / "notes.txt").write_text("mine")
+    (old / "photographs").mkdir()
+    (old / "photographs" / "1.png").write_text("sea")
+    write(old, "history.csv", "new", overwrite=True)
+    kept = {"notes.txt": "mine", "photographs/1.png": "sea"}
+    assert contents(old) == {"history.csv": "new", **kept}
+
+
+def test_an_edited_file_of_a_result_is_not_replaced(old: Path) -> None:
+    (old / "summary.json").write_text("precious, and annotated")
+    with pytest.raises(UserError, match=r"changed since .*: summary\.json"):
+        write(old, "new", "new", overwrite=True)
+    assert contents(old) == {"summary.json": "precious, and annotated"}
+
+
+def test_a_manifest_reaches_nowhere_else(old: Path) -> None:
+    """Paths that lead out of the folder, and links put in place of folders, delete nothing."""
+    outside = old.parent / "outside"
+    outside.mkdir()
+    (outside / "file").write_text("precious")
+    entry = (old / MANIFEST).read_text()
+    for name in ("../outside/file", str(outside / "file")):
+        (old / MANIFEST).write_text(entry.replace("summary.json", name))
+        with pytest.raises(UserError, match="holds no result"):
+            write(old, "new", "new", overwrite=True)
+    (old / "link").symlink_to(outside)
+    (old / MANIFEST).write_text(entry.replace("summary.json", "link/file"))
+    write(old, "new", "new", overwrite=True)
+    assert contents(outside) == {"file": "precious"}
 
 
 def test_too_little_room_is_told_before_the_run(tmp_path: Path) -> None:
@@ -222,7 +259,7 @@ def test_proc_and_devices_are_refused() -> None:
         check_output_folder("/dev/full")
     with pytest.raises(UserError, match="a file, not a folder"):
         check_output_folder("/dev/full/run")
-    with pytest.raises(UserError, match="mount point"):
+    with pytest.raises(UserError, match="holds no result"):
         check_output_folder("/", overwrite=True)
 
 
@@ -230,8 +267,7 @@ def test_proc_and_devices_are_refused() -> None:
 def test_a_folder_without_permission_is_refused() -> None:
     base = Path(tempfile.mkdtemp(prefix="taichi-foam-test-"))
     inside = base / "mine"
-    inside.mkdir()
-    (inside / "note").write_text("note")
+    write(inside, "note", "note")
     base.chmod(0o555)
     root = os.geteuid() == 0
     try:
@@ -262,6 +298,112 @@ def test_a_full_device_is_told_and_nothing_is_left(old: Path) -> None:
     assert os.listdir(old.parent) == ["old"]
 
 
+# --- work that goes on ------------------------------------------------------------------------
+
+
+REQUEST = {"command": "test", "mass": 1.0}
+
+
+def begin(target: Path, overwrite: bool = False) -> None:
+    """Claim a folder, leave something to be continued, and be killed."""
+    claim = claimed(target, REQUEST, overwrite)
+    (claim.__enter__().work / "checkpoint").write_text("half")
+    claim.__exit__(SystemExit, SystemExit(), None)
+
+
+def complete(target: Path, overwrite: bool = False, request: dict = REQUEST) -> bool:
+    """Claim it again and write a result; whether there was something to go on from."""
+    with claimed(target, request, overwrite) as claim:
+        found = (claim.work / "checkpoint").exists()
+        with claim.publishing() as staging:
+            (staging / "history.csv").write_text("whole")
+        claim.finish()
+    return found
+
+
+def test_the_same_request_goes_on_and_another_is_refused(old: Path) -> None:
+    target = old.parent / "new"
+    begin(target)
+    assert request_in(target)["mass"] == 1.0
+    with pytest.raises(UserError, match=r"mass = 1\.0 instead of 2\.0"):
+        complete(target, request={**REQUEST, "mass": 2.0})
+    assert complete(target)
+    assert contents(target) == {"history.csv": "whole"}
+    assert sorted(os.listdir(target)) == ["history.csv", MANIFEST]
+
+
+def test_unfinished_work_of_another_request_can_be_given_up(tmp_path: Path) -> None:
+    begin(tmp_path / "run")
+    assert not complete(tmp_path / "run", overwrite=True, request={**REQUEST, "mass": 2.0})
+    assert sorted(os.listdir(tmp_path / "run")) == ["history.csv", MANIFEST]
+
+
+def test_the_older_result_stays_until_the_new_one_is_complete(old: Path) -> None:
+    begin(old, overwrite=True)
+    assert (old / "summary.json").read_text() == "precious"
+    assert complete(old)  # what has been begun needs no other leave
+    assert contents(old) == {"history.csv": "whole"}
+
+
+def test_a_claim_that_comes_to_nothing_leaves_nothing(old: Path) -> None:
+    for target in (old.parent / "a" / "b", old):
+        with pytest.raises(SystemExit), claimed(target, REQUEST, overwrite=True):
+            raise SystemExit
+    assert contents(old.parent) == {"old/summary.json": "precious"}
+    assert os.listdir(old.parent) == ["old"]
+
+
+@pytest.mark.parametrize("last", range(1, 12))
+def test_killed_while_files_move_into_place(old: Path, last: int) -> None:
+    """In a process of its own, killed at each call that renames or removes something."""
+    program = f"""
+import os, signal, sys
+from pathlib import Path
+from taichi_foam.results.folders import claimed
+calls = 0
+def counted(call):
+    def wrapped(*arguments, **options):
+        global calls
+        calls += 1
+        if calls == {last}:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return call(*arguments, **options)
+    return wrapped
+with claimed({str(old)!r}, {REQUEST!r}, True) as claim:
+    (claim.work / "checkpoint").write_text("ended")
+    with claim.publishing() as staging:
+        (staging / "deeper").mkdir()
+        (staging / "deeper" / "1.txt").write_text("one")
+        (staging / "history.csv").write_text("whole")
+        for name in ("replace", "unlink", "rmdir", "rename"):
+            setattr(os, name, counted(getattr(os, name)))
+    claim.finish()
+"""
+    done = subprocess.run([sys.executable, "-c", program], check=False)
+    assert done.returncode in (0, -9)
+    kept = contents(old)
+    if (old / UNFINISHED).exists():
+        assert complete(old)
+        assert contents(old) == {"history.csv": "whole"}
+    else:
+        assert kept.items() >= {"history.csv": "whole", "deeper/1.txt": "one"}.items()
+        with pytest.raises(UserError, match="holds a result"):
+            complete(old)
+    assert sorted(os.listdir(old)) in (
+        ["history.csv", MANIFEST],
+        ["deeper", "history.csv", MANIFEST],
+    )
+
+
+def test_what_a_killed_process_was_writing_goes_with_the_next(tmp_path: Path) -> None:
+    begin(tmp_path)
+    for name in (".film.0a1b2c3d.partial.mp4", f"{UNFINISHED}/.checkpoint.0a1b2c3d.partial.npz"):
+        (tmp_path / name).write_text("torn")
+    (tmp_path / ".mine.partial").write_text("mine")
+    assert complete(tmp_path)
+    assert contents(tmp_path) == {"history.csv": "whole", ".mine.partial": "mine"}
+
+
 def test_a_disk_that_fills_up_keeps_the_old_folder() -> None:
     with mounted("size=1m") as disk:
         target = disk / "run"
@@ -272,8 +414,6 @@ def test_a_disk_that_fills_up_keeps_the_old_folder() -> None:
             write(target, "big", 2_000_000 * " ", overwrite=True)
         assert contents(disk) == {"run/summary.json": "precious"}
         assert os.listdir(disk) == ["run"]
-        with pytest.raises(UserError, match=r"mount point.*inside it"):
-            check_output_folder(disk)
 
 
 def test_a_read_only_disk_is_refused() -> None:

@@ -6,20 +6,24 @@ import csv
 import json
 import math
 import os
+import zipfile
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from taichi_foam.analysis import measures
 from taichi_foam.errors import UserError
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.result import Result, storage_bytes, write_json
+from taichi_foam.results.files import write_json
+from taichi_foam.results.manifest import Manifest
+from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
 
 READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
-FILES = ["cracks.json", *READ_BACK]
+FILES = sorted(["cracks.json", "manifest.json", *READ_BACK])
 
 
 def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, count: int = 3):
@@ -136,9 +140,10 @@ def test_an_interrupted_write_leaves_the_old_result(
     def interrupt(*args, **kwargs) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "savez_compressed", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        make_result().save(tmp_path / "run", overwrite=True)
+    with monkeypatch.context() as patched:
+        patched.setattr(zipfile.ZipFile, "open", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            make_result().save(tmp_path / "run", overwrite=True)
     assert os.listdir(tmp_path) == ["run"]
     assert_same(Result.load(tmp_path / "run"), first)
 
@@ -188,8 +193,34 @@ def test_snapshots_of_another_lattice_are_told(tmp_path: Path, make_result, make
     noisy_result(make_result, make_snapshot).save(tmp_path / "a")
     noisy_result(make_result, make_snapshot, columns=8).save(tmp_path / "b")
     os.replace(tmp_path / "b" / "snapshots.npz", tmp_path / "a" / "snapshots.npz")
+    with pytest.raises(UserError, match=r"not as it was written: snapshots\.npz"):
+        Result.load(tmp_path / "a")
+    Manifest.of(tmp_path / "a").write(tmp_path / "a")
     with pytest.raises(UserError, match="shape"):
         Result.load(tmp_path / "a")
+
+
+def test_a_cut_history_is_noticed(tmp_path: Path, make_result, make_snapshot) -> None:
+    """Also one that is cut between two rows, which would read well."""
+    noisy_result(make_result, make_snapshot).save(tmp_path / "run")
+    file = tmp_path / "run" / "history.csv"
+    file.write_text("".join(file.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(UserError, match=r"not as it was written: history\.csv"):
+        Result.load(tmp_path / "run")
+
+
+def test_data_are_whole_although_they_cannot_be_measured(
+    tmp_path: Path, make_result, make_snapshot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(record: object) -> None:
+        raise ZeroDivisionError("no such thing")
+
+    monkeypatch.setattr(measures, "summary", fail)
+    result = noisy_result(make_result, make_snapshot)
+    result.save(tmp_path / "run")
+    assert_same(Result.load(tmp_path / "run"), result)
+    told = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert told["not_measured"] == "ZeroDivisionError: no such thing"
 
 
 def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_snapshot) -> None:

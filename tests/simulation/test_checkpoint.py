@@ -17,12 +17,13 @@ from bench import bench, small_scene
 import taichi_foam
 from taichi_foam.engine import cpu, transfer
 from taichi_foam.engine.state import State
-from taichi_foam.errors import UserError
+from taichi_foam.errors import Interrupted, UserError
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.folders import CHECKPOINT
+from taichi_foam.results.folders import UNFINISHED
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Foam, Model, Numerics, Output, Scene, Wedge
 from taichi_foam.simulation import checkpoint as checkpoint_module
+from taichi_foam.simulation.checkpoint import CHECKPOINT
 from taichi_foam.simulation.simulate import Progress, resume, run, run_many
 
 
@@ -108,8 +109,11 @@ def test_runs_of_a_batch_go_on_together_or_alone(tmp_path: Path) -> None:
     """One has ended when the others are interrupted."""
     scenes = [impact(15.0), impact(14.0, end=1e-3), impact(13.0), impact(12.0)]
     alone = [run(scene) for scene in scenes]
-    run_many(scenes, interrupt_at(0.6), checkpoint=tmp_path)
-    assert_same(alone[2], resume(tmp_path / "00002"))
+    with pytest.raises(Interrupted) as interrupted:
+        run_many(scenes, interrupt_at(0.6), checkpoint=tmp_path)
+    endings = {place: result.ending for place, result in interrupted.value.results.items()}
+    assert endings[1] is Ending.END_TIME
+    assert endings[0] is endings[2] is Ending.INTERRUPTED
     together = run_many(scenes, checkpoint=tmp_path)
     for one, other in zip(alone, together, strict=True):
         assert_same(one, other)
@@ -119,15 +123,14 @@ def test_checkpoints_come_as_time_goes_by(tmp_path: Path) -> None:
     seen: list[float] = []
 
     def watch(progress: Progress) -> None:
-        file = tmp_path / CHECKPOINT
+        file = tmp_path / UNFINISHED / CHECKPOINT
         if file.is_file():
             seen.append(file.stat().st_mtime_ns)
 
     scene = impact(end=0.02)
     run(scene, watch, checkpoint=tmp_path, every=1e-3)
     assert len(set(seen)) > 2
-    assert sorted(os.listdir(tmp_path)) == [CHECKPOINT]
-    assert_same(run(scene), resume(tmp_path))  # from the last one before the end
+    assert_same(run(scene), resume(tmp_path))
 
 
 def cut_off(folder: Path) -> Scene:
@@ -152,9 +155,9 @@ def test_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such folder"):
         resume(tmp_path / "nowhere")
-    with pytest.raises(UserError, match=f"holds no {CHECKPOINT}"):
+    with pytest.raises(UserError, match="holds no checkpoint"):
         resume(tmp_path)
-    file = tmp_path / CHECKPOINT
+    file = tmp_path / UNFINISHED / CHECKPOINT
     cut_off(tmp_path)
     whole = file.read_bytes()
     for damaged in (b"", b"no zip file", whole[: len(whole) // 2]):
@@ -209,7 +212,7 @@ def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -
     run_cut = ("run", "scene.toml", "--out", "cut", "--checkpoint", "0.05", "--threads", "2")
     for arguments in (run_cut, ("resume", "cut", "--checkpoint", "0.05", "--threads", "1")):
         process = start(tmp_path, *arguments)
-        file = tmp_path / "cut" / CHECKPOINT
+        file = tmp_path / "cut" / UNFINISHED / CHECKPOINT
         before = file.stat().st_mtime_ns if file.is_file() else 0
         while process.poll() is None:
             if file.is_file() and file.stat().st_mtime_ns != before:
@@ -230,11 +233,39 @@ def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -
 
 def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    cut_off(folder)
+    scene = cut_off(folder)
     (folder / "notes.txt").write_text("mine")
-    done = start(tmp_path, "resume", "run")
-    _, err = done.communicate(timeout=60)
-    assert done.returncode == 2
-    assert "notes.txt" in err
-    assert "Traceback" not in err
-    assert sorted(os.listdir(folder)) == [CHECKPOINT, "notes.txt"]
+    finish(start(tmp_path, "resume", "run"))
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert not (folder / UNFINISHED).exists()
+    assert_same(Result.load(folder), run(scene))
+
+
+def test_a_result_saved_where_its_checkpoint_lies_takes_that_away(tmp_path: Path) -> None:
+    scene = impact(end=1e-3)
+    with pytest.raises(UserError, match="unfinished work of another request"):
+        cut_off(tmp_path), run(scene).save(tmp_path)
+    kept = tmp_path / "kept"
+    result = run(scene, checkpoint=kept)
+    assert_same(result, run(scene, checkpoint=kept))  # taken from the checkpoint
+    result.save(kept)
+    assert UNFINISHED not in os.listdir(kept)
+    assert_same(result, Result.load(kept))  # snapshots that lay on disk can still be read
+
+
+def test_snapshots_in_32_bits_are_those_in_64_rounded(tmp_path: Path) -> None:
+    scene = impact(end=1e-3)
+    single = scene.with_values(output__snapshot_precision="single")
+    exact, held, stored = run(scene), run(single), run(single, checkpoint=tmp_path)
+    assert_same(held, stored)
+    for one, other in zip(exact.snapshots, held.snapshots, strict=True):
+        assert other.position.dtype == np.float32
+        np.testing.assert_array_equal(one.position.astype(np.float32), other.position)
+        assert one.time == other.time
+
+
+def test_snapshots_that_memory_cannot_hold_are_refused_or_stored() -> None:
+    huge = impact(end=0.1, output=Output(history_interval=1e-7, snapshot_interval=1e-7))
+    huge = huge.with_values(block__columns=2000, block__rows=2000)
+    with pytest.raises(UserError, match=r"GB of memory are free\. Fix: pass checkpoint=FOLDER"):
+        run(huge)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.curve import thinned
-from taichi_foam.results.folders import check_output_folder, file_name, next_numbered
+from taichi_foam.results.files import file_name, next_numbered
+from taichi_foam.results.folders import check_output_folder
 from taichi_foam.results.result import storage_bytes
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.live.page.curve import Curve
-from taichi_foam.results.result import plain
+from taichi_foam.results.files import plain
 
 Tone = str  # "light" or "dark"
 

@@ -1,0 +1,85 @@
+"""Single files and names: written whole, called so that every system takes them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.partial(\..+)?$")
+"""Names that `partial_name` gives: what has one is of a process that was killed."""
+
+
+def partial_name(path: Path) -> Path:
+    """A name beside `path` for what is not complete, or about to go."""
+    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Write one file as a whole: the block writes what is yielded, which is then renamed to `path`.
+
+    When the block fails, nothing is left, and an older file is as before. Raises OSError.
+    """
+    partial = partial_name(path)
+    try:
+        yield partial
+        synced(partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def synced(path: Path) -> None:
+    """See that a file survives the machine's end, not only the process's. Raises OSError."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def file_name(name: str) -> str:
+    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
+    return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
+
+
+def next_numbered(stem: Path, suffix: str = "", digits: int = 3, first: int = 1) -> Path:
+    """`STEM-001SUFFIX`, or with one more than the highest number there is: none is given twice."""
+    names = [path.name for path in stem.parent.iterdir()] if stem.parent.is_dir() else []
+    tails = (
+        name[len(stem.name) + 1 : len(name) - len(suffix)]
+        for name in names
+        if name.startswith(f"{stem.name}-") and name.endswith(suffix)
+    )
+    number = max((int(tail) + 1 for tail in tails if tail.isdecimal()), default=first)
+    return stem.with_name(f"{stem.name}-{max(number, first):0{digits}}{suffix}")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON, indented; NumPy values become plain ones, and NaN and infinity null."""
+    text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """A value that JSON can hold: NumPy's become Python's, what is not finite None.
+
+    `digits` are those that floats keep; default all.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(item, digits) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, digits) for item in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return plain(value.tolist(), digits)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return None
+        return value if digits is None else float(f"{value:.{digits}g}")
+    return value

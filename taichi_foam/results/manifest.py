@@ -1,0 +1,172 @@
+"""What a folder holds that this program has written: names and checksums.
+
+`manifest.json` is written last, so that a folder that has one is complete. It is also what tells
+the program's own files from all others: only what a manifest lists, and is as it was written, is
+ever replaced or removed.
+
+    {"program": "taichi_foam", "version": "0.2.0",
+     "files": {"history.csv": {"bytes": 8123, "sha256": "..."}, ...},
+     "folders": ["frames"]}      folders with manifests of their own
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from taichi_foam.results.files import whole_file, write_json
+from taichi_foam.version import __version__
+
+MANIFEST = "manifest.json"
+
+_PROGRAM = "taichi_foam"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file as it was written: its size (bytes) and SHA-256."""
+
+    size: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> Entry:
+        """Raises OSError."""
+        digest = hashlib.sha256()
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+            return cls(file.tell(), digest.hexdigest())
+
+    def fits(self, path: Path) -> bool:
+        """Whether the file is there, and as it was written."""
+        try:
+            if path.is_symlink() or path.stat().st_size != self.size:
+                return False
+            return Entry.of(path) == self
+        except OSError:
+            return False
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The files of one folder, by path in it, and its folders that have manifests of their own."""
+
+    files: dict[str, Entry] = field(default_factory=dict)
+    folders: frozenset[str] = frozenset()
+
+    @classmethod
+    def read(cls, folder: Path, name: str = MANIFEST) -> Manifest | None:
+        """That of `folder`; None if it has none, or one that is damaged or another program's."""
+        try:
+            found = json.loads((folder / name).read_text(encoding="utf-8"))
+            if found["program"] != _PROGRAM:
+                return None
+            files = {
+                str(name): Entry(int(entry["bytes"]), str(entry["sha256"]))
+                for name, entry in found["files"].items()
+            }
+            folders = frozenset(map(str, found["folders"]))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return None
+        return cls(files, folders) if all(map(_is_inside, (*files, *folders))) else None
+
+    @classmethod
+    def of(cls, folder: Path) -> Manifest:
+        """What lies in `folder` now. Raises OSError."""
+        files, folders = _contents(folder)
+        return cls({name: Entry.of(folder / name) for name in files}, frozenset(folders))
+
+    def __or__(self, other: Manifest) -> Manifest:
+        return Manifest({**self.files, **other.files}, self.folders | other.folders)
+
+    def write(self, folder: Path, name: str = MANIFEST) -> None:
+        """Write it into `folder`. Raises OSError."""
+        entries = {
+            name: {"bytes": entry.size, "sha256": entry.sha256}
+            for name, entry in sorted(self.files.items())
+        }
+        content = {
+            "program": _PROGRAM, "version": __version__, "files": entries,
+            "folders": sorted(self.folders),
+        }  # fmt: skip
+        with whole_file(folder / name) as partial:
+            write_json(partial, content)
+
+    def changed(self, folder: Path) -> list[str]:
+        """Of its files, also in its folders, those that are missing, cut or changed."""
+        found = [name for name, entry in self.files.items() if not entry.fits(folder / name)]
+        for name in sorted(self.folders):
+            inner = Manifest.read(folder / name) or Manifest()
+            found += [f"{name}/{each}" for each in inner.changed(folder / name)]
+        return found
+
+    def arrived(self, folder: Path) -> Manifest:
+        """The part of it that lies in `folder` as it was written."""
+        files = {name: entry for name, entry in self.files.items() if entry.fits(folder / name)}
+        return Manifest(files, frozenset(f for f in self.folders if (folder / f).is_dir()))
+
+    def edited(self, folder: Path) -> list[str]:
+        """Of its files, also in its folders, those that are there and not as they were written."""
+        return [name for name in self.changed(folder) if os.path.lexists(folder / name)]
+
+    def remove(self, folder: Path) -> None:
+        """Delete what it lists and is as it was written, and folders that this leaves empty.
+
+        Links are not followed. Raises OSError.
+        """
+        emptied = {folder / name for name in self.folders if not (folder / name).is_symlink()}
+        for inner in emptied:
+            if (manifest := Manifest.read(inner)) is not None:
+                manifest.remove(inner)
+                (inner / MANIFEST).unlink()
+        for name, entry in self.files.items():
+            path = folder / name
+            if entry.fits(path) and path.resolve() == folder.resolve() / name:
+                path.unlink()
+                emptied |= {folder / parent for parent in PurePosixPath(name).parents[:-1]}
+        for inner in sorted(emptied, key=lambda path: -len(path.parts)):
+            with contextlib.suppress(OSError):  # others have put something there
+                inner.rmdir()
+
+
+def add(folder: Path, names: Iterable[str]) -> None:
+    """List more files of a folder that has a manifest, or folders; of one without, do nothing.
+
+    Raises OSError.
+    """
+    if (manifest := Manifest.read(folder)) is None:
+        return
+    for name in names:
+        path = folder / name
+        if not path.is_dir():
+            manifest |= Manifest({name: Entry.of(path)})
+        elif (path / MANIFEST).is_file():
+            manifest |= Manifest(folders=frozenset([name]))
+    manifest.write(folder)
+
+
+def _contents(folder: Path) -> tuple[list[str], list[str]]:
+    """Paths in `folder`: of files, and of folders with manifests of their own or with nothing."""
+    files, folders = [], []
+    for path in sorted(folder.iterdir()):
+        if path.name == MANIFEST:
+            continue
+        if not path.is_dir() or path.is_symlink():
+            files.append(path.name)
+            continue
+        inner = ([], []) if (path / MANIFEST).is_file() else _contents(path)
+        files += [f"{path.name}/{name}" for name in inner[0]]
+        folders += [f"{path.name}/{name}" for name in inner[1]] or ([] if inner[0] else [path.name])
+    return files, folders
+
+
+def _is_inside(name: str) -> bool:
+    """Whether it is a path below the folder itself: a manifest reaches nowhere else."""
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts

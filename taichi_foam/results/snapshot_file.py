@@ -1,0 +1,119 @@
+"""Snapshots as they come: appended to one file, read back one at a time.
+
+A run of millions of mass points has more snapshots than fit into memory. Each is a record of fixed
+size, as the bytes of its arrays in the machine's order: a file for work in progress, on one
+machine. A result has them in `snapshots.npz`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.files import synced
+from taichi_foam.scene import Scene
+
+NAMES = tuple(field.name for field in fields(Snapshot))
+"""What a snapshot consists of, in order."""
+
+
+def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Shape of each array of a snapshot."""
+    columns, rows = scene.block.columns, scene.block.rows
+    nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
+    return dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b), strict=True))
+
+
+def record_type(scene: Scene) -> np.dtype[Any]:
+    """A snapshot of `scene` as one record: times in 64 bits, arrays as precise as it asks for."""
+    precise = np.float32 if scene.output.snapshot_precision == "single" else np.float64
+    return np.dtype(
+        [(name, precise if shape else np.float64, shape) for name, shape in shapes(scene).items()]
+    )
+
+
+def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
+    """The snapshot as precise as its scene asks for."""
+    if scene.output.snapshot_precision == "double":
+        return snapshot
+    values = vars(snapshot)
+    arrays = {name: np.float32(values[name]) for name, shape in shapes(scene).items() if shape}
+    return Snapshot(**{**values, **arrays})
+
+
+class _Records:
+    """A growing file of records of one type."""
+
+    def __init__(self, path: Path, kind: np.dtype[Any]) -> None:
+        self.path, self.kind = path, kind
+        self._mapped: NDArray[Any] | None = None
+
+    def count(self) -> int:
+        """How many whole records the file has now."""
+        return self.path.stat().st_size // self.kind.itemsize if self.path.is_file() else 0
+
+    def write(self, place: int, record: NDArray[Any]) -> None:
+        """Write a record to a place; what lay behind it is gone. Raises OSError."""
+        self._mapped = None
+        with self.path.open("r+b" if self.path.is_file() else "w+b") as file:
+            file.seek(place * self.kind.itemsize)
+            file.write(record.view(np.uint8).data)
+            file.truncate()
+
+    def read(self, place: int) -> Any:
+        """A record, of which only what is looked at is read.
+
+        Once one has been read they all stay readable, also when the file has been removed.
+        """
+        if self._mapped is None:
+            self._mapped = np.memmap(self.path, self.kind, "r").view(np.ndarray)
+        return self._mapped[place]
+
+
+class SnapshotFile(Sequence[Snapshot]):
+    """The snapshots of a run, on disk. None is held in memory."""
+
+    def __init__(self, path: Path, scene: Scene, count: int = 0) -> None:
+        """The first `count` snapshots of the file; what may lie behind them counts for nothing.
+
+        The folder must exist. Raises OSError; ValueError: the file is shorter.
+        """
+        self._records = _Records(path, record_type(scene))
+        self._chosen = range(count)
+        if (has := self._records.count()) < count:
+            raise ValueError(f"{path.name} holds {has} of {count} snapshots")
+
+    def __len__(self) -> int:
+        return len(self._chosen)
+
+    @overload
+    def __getitem__(self, index: int) -> Snapshot: ...
+    @overload
+    def __getitem__(self, index: slice) -> SnapshotFile: ...
+    def __getitem__(self, index: int | slice) -> Snapshot | SnapshotFile:
+        if isinstance(index, slice):
+            part = object.__new__(SnapshotFile)
+            part._records, part._chosen = self._records, self._chosen[index]
+            return part
+        record = self._records.read(self._chosen[index])
+        time, impactor_y, *arrays = (record[name] for name in NAMES)
+        return Snapshot(float(time), float(impactor_y), *arrays)
+
+    def append(self, snapshot: Snapshot) -> None:
+        """Write one more. Raises OSError: those before it stay as they are."""
+        record = np.zeros(1, self._records.kind)
+        for name in NAMES:
+            record[name] = getattr(snapshot, name)
+        self._records.write(len(self), record)
+        self._chosen = range(len(self) + 1)
+
+    def sync(self) -> None:
+        """See that what has been written survives the machine's end. Raises OSError."""
+        if self._records.path.is_file():
+            synced(self._records.path)

@@ -1,0 +1,192 @@
+"""What a command has computed survives signals, kills, and what fails after it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from command_line import COARSE_OPTIONS, ENVIRONMENT, call
+
+from taichi_foam import Result
+from taichi_foam.analysis import measures
+from taichi_foam.errors import UserError
+from taichi_foam.picture import films
+from taichi_foam.results.folders import UNFINISHED, claimed
+from taichi_foam.results.manifest import MANIFEST, Manifest
+from taichi_foam.simulation import simulate
+from taichi_foam.simulation.checkpoint import CHECKPOINT
+
+WEDGE = "paper/wedge-2.86"
+SHORT = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=3e-3"]
+LONG = ["run", WEDGE, *COARSE_OPTIONS, "--no-film", "--set", "numerics.end=5.0"]
+DATA = {"scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json", MANIFEST}
+
+
+@pytest.fixture
+def process(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+    """Starts the command line; what still runs at the end is killed."""
+    begun = []
+
+    def start(*arguments: str) -> subprocess.Popen:
+        begun.append(
+            subprocess.Popen(
+                [sys.executable, "-m", "taichi_foam", *arguments],
+                cwd=tmp_path,
+                env=ENVIRONMENT,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        )
+        return begun[-1]
+
+    yield start
+    for each in begun:
+        each.kill()
+        each.communicate()
+
+
+def wait_for(path: Path, process: subprocess.Popen) -> None:
+    while not path.exists():
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("signals", "code"),
+    [
+        ([signal.SIGINT] * 5, 130),
+        ([signal.SIGTERM], 143),
+        ([signal.SIGHUP, signal.SIGTERM], 129),
+    ],
+    ids=["Ctrl-C five times", "SIGTERM", "SIGHUP, then SIGTERM"],
+)
+def test_a_signal_keeps_what_there_is(
+    tmp_path: Path, process: Callable, signals: list[signal.Signals], code: int
+) -> None:
+    """However soon the next one comes: what follows the first is saving."""
+    running = process(*LONG, "--out", "cut", "--checkpoint", "0.1")
+    wait_for(tmp_path / "cut" / UNFINISHED / CHECKPOINT, running)
+    for number in signals:
+        running.send_signal(number)
+        time.sleep(0.05)
+    _, said = running.communicate(timeout=120)
+    assert running.returncode == code, said
+    assert "interrupted: what there was is in cut; the same command goes on" in said
+    assert "Traceback" not in said
+    stored = Result.load(tmp_path / "cut")
+    assert stored.summary["interrupted"] is True
+    assert len(stored.history["time_s"]) >= 1
+    assert set(os.listdir(tmp_path / "cut")) == DATA | {UNFINISHED}
+
+
+def test_the_same_command_goes_on_after_a_kill(tmp_path: Path, process: Callable) -> None:
+    """Killed while it computes, and killed while it draws."""
+    command = [*SHORT, "--dt", "1e-6", "--frames", "--checkpoint", "0.02", "--out", "cut"]
+    for sign in (f"{UNFINISHED}/{CHECKPOINT}", f"frames/{UNFINISHED}"):
+        running = process(*command)
+        wait_for(tmp_path / "cut" / sign, running)
+        running.kill()
+        running.communicate()
+        assert (tmp_path / "cut" / UNFINISHED / CHECKPOINT).exists()
+    for out in ("cut", "whole"):
+        done = call("-m", "taichi_foam", *command[:-1], out, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    cut, whole = tmp_path / "cut", tmp_path / "whole"
+    names = {str(path.relative_to(whole)) for path in whole.rglob("*")}
+    assert {str(path.relative_to(cut)) for path in cut.rglob("*")} == names
+    for name in ("history.csv", "cracks.json", "frames/frame_00003.png"):
+        assert (cut / name).read_bytes() == (whole / name).read_bytes(), name
+    assert Manifest.read(cut).changed(cut) == []
+    resumed = json.loads((cut / "summary.json").read_text())["run"]["resumed"]
+    assert resumed == 2
+
+
+@pytest.mark.parametrize(
+    "trouble",
+    [UserError("film: no encoder"), OSError(28, "No space left on device"), RuntimeError("odd")],
+    ids=["no encoder", "full disk", "a fault of ours"],
+)
+def test_pictures_that_fail_leave_the_data(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: Exception
+) -> None:
+    def fail(*arguments: object, **options: object) -> None:
+        raise trouble
+
+    monkeypatch.setattr(films, "write", fail)
+    result = invoke(*SHORT, "--out", "out")
+    assert result.exit_code == 1, result.output
+    assert "the run itself is complete in out" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert set(os.listdir(tmp_path / "out")) == DATA
+    assert Result.load(tmp_path / "out").summary["interrupted"] is False
+
+
+def test_an_encoder_that_is_missing_leaves_the_data(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/bin/false")
+    result = invoke(*SHORT, "--out", "out")
+    assert result.exit_code == 1, result.output
+    assert "could not be written" in result.stderr
+    assert set(os.listdir(tmp_path / "out")) == DATA
+
+
+def test_measures_that_fail_leave_the_data(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(record: object) -> None:
+        raise ZeroDivisionError("no such thing")
+
+    monkeypatch.setattr(measures, "summary", fail)
+    result = invoke(*SHORT, "--no-film", "--out", "out")
+    assert result.exit_code == 1, result.output
+    assert "could not be measured (ZeroDivisionError: no such thing)" in result.stderr
+    assert len(Result.load(tmp_path / "out").history["time_s"]) > 1
+
+
+def test_two_runs_into_one_folder(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second is refused before it computes anything."""
+    monkeypatch.setattr(simulate, "run", lambda *_, **__: pytest.fail("it computed"))
+    with claimed("out", {"command": "another"}):
+        for overwrite in ([], ["--overwrite"]):
+            result = invoke(*SHORT, "--out", "out", *overwrite)
+            assert result.exit_code == 2
+            assert "another process is at work in it" in result.stderr
+
+
+def test_every_setting_has_a_default_folder_of_its_own(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = []
+
+    def record(*_: object, checkpoint, **__: object) -> None:
+        folders.append(checkpoint.folder.name)
+        raise UserError("recorded")
+
+    monkeypatch.setattr(simulate, "run", record)
+    many = [word for n in range(8) for word in ("--set", f"foam.poisson_ratio=0.0{n}1")]
+    for given in (
+        ["--set", "output.width=640", "--no-film"],
+        ["--set", "impactor.mass=5", "--set", "block.rows=10"],
+        ["--dt", "1e-7", "--choices", "paper-literal"],
+        ["--set", f"start.cuts={[[0.0, 0.0, 0.01 * n, 0.05] for n in range(9)]}"],
+        many,
+    ):
+        invoke("run", WEDGE, *given)
+    name = "paper-wedge-2.86"
+    assert folders[:3] == [
+        name,
+        f"{name}-block.rows-10-impactor.mass-5",
+        f"{name}-paper-literal-numerics.dt-1e-07",
+    ]
+    assert len(folders[3]) == len(name) + 1 + 12
+    assert folders[4] == f"{name}-foam.poisson_ratio-0.071"  # the last one is what counts
+    assert not (tmp_path / "runs").exists()
