@@ -33,15 +33,19 @@ class RunError(Exception):
 
 
 class RunWarning(UserWarning):
-    """A run has ended, and there is something to say against its figures (`Result.warnings`)."""
+    """There is something to say against a run's figures (`Result.warnings`), or of its length."""
 
 
-def warn_of_run(text: str) -> None:
-    """Give a `RunWarning` at the line, outside the package, that asked for the run."""
+class LongRunWarning(RunWarning):
+    """A run that has begun will take a very great number of steps."""
+
+
+def warn_of_run(text: str, category: type[RunWarning] = RunWarning) -> None:
+    """Give a warning at the line, outside the package, that asked for the run."""
     depth, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals["__name__"].startswith("taichi_foam."):
         depth, frame = depth + 1, frame.f_back
-    warnings.warn(text, RunWarning, stacklevel=depth)
+    warnings.warn(text, category, stacklevel=depth)
 
 
 class Interrupted(KeyboardInterrupt):

@@ -23,6 +23,7 @@ import typer
 
 from taichi_foam.analysis.soundness import RESIDUAL_LIMIT
 from taichi_foam.engine import runtime
+from taichi_foam.engine.model import FOLLOWED
 from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -32,7 +33,7 @@ GROUP = 50
 """Scenes that share options and counts."""
 
 PERIODS = 400.0
-"""Most that a scene lasts, in periods of a mass point on its bonds and contacts."""
+"""Most that a scene lasts, in periods of its fastest swing."""
 
 PATIENCE = 20.0
 """Wall time after which a scene is cut short [s]: it still has to have finite figures."""
@@ -65,9 +66,9 @@ def scenes(count: int, seed: int) -> Iterator[Scene]:
 
 def judge(scene: Scene) -> Verdict:
     """Run a scene, and say what became of it."""
-    begun = time.perf_counter()
     try:
         with Drop(scene) as drop:
+            begun = time.perf_counter()
             while not drop.ended and time.perf_counter() - begun < PATIENCE:
                 drop.advance(0.25)
             if drop.failure is not None:
@@ -146,15 +147,16 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
     crush_start = -decades(1e-3, 0.4)
     crush_end = crush_start - rng.uniform(0.05, 0.98 + crush_start)
     cells = width / fixed["block.columns"], height / fixed["block.rows"]
-    mass = density * cells[0] * cells[1] * thickness
-    spring = (
-        (contact + 40.0 * max(cells[0] / cells[1], cells[1] / cells[0])) * stiffness * thickness
-    )
-    end = min(PERIODS * decades(0.02, 1.0) * math.tau * math.sqrt(mass / spring), 10.0)
+    mass, impactor_mass = density * cells[0] * cells[1] * thickness, decades(1e-9, 1e6)
+    aspect = max(cells[0] / cells[1], cells[1] / cells[0])
+    spring = (contact + 40.0 * aspect) * stiffness * thickness
+    swing = FOLLOWED**2 * fixed["block.columns"] * contact * stiffness * thickness / impactor_mass
+    end = PERIODS * decades(0.02, 1.0) * math.tau / math.sqrt(spring / mass + swing)
+    end = min(end, 10.0)
     velocity = decades(1e-2, 500.0)
     impactor: dict[str, Any] = {
         "shape": shape,
-        "mass": decades(1e-9, 1e6),
+        "mass": impactor_mass,
         "velocity": velocity,
         "friction": maybe(rng.uniform(0.0, 5.0)),
         "x": maybe(width * rng.uniform(-0.6, 0.6)),
@@ -212,7 +214,9 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
             "deformation_gradient": ((1.0, tilt), (0.0, 1.0 + stretch)),
             "velocity_gradient": ((0.0, 0.0), (0.0, maybe(rng.uniform(-1.0, 1.0) / end * 0.1))),
         },
-        "output": {"history_interval": end / 50.0, "snapshot_interval": end / 4.0},
+        "output": {
+            "history_interval": max(end / 50.0, 1e-7), "snapshot_interval": max(end / 4.0, 1e-7),
+        },
     }  # fmt: skip
     foam = {key: value for key, value in values["foam"].items() if value is not None}
     return Scene.checked(values | {"foam": foam}, name)

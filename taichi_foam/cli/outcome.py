@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from taichi_foam.errors import RunError, RunWarning, UserError
+from taichi_foam.errors import LongRunWarning, RunError, RunWarning, UserError
 from taichi_foam.interrupts import heard_once
 from taichi_foam.results.folders import UNFINISHED
 
@@ -31,6 +32,8 @@ def exit_codes(console: Console) -> Iterator[None]:
     """
     with heard_once(_ask_for_patience) as heard, warnings.catch_warnings():
         warnings.simplefilter("ignore", RunWarning)
+        warnings.simplefilter("always", LongRunWarning)
+        warnings.showwarning = partial(_say_warning, console, warnings.showwarning)
         try:
             yield
         except UserError as error:
@@ -55,6 +58,16 @@ def exit_codes(console: Console) -> Iterator[None]:
                 f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
             )
             raise _told(console, text, REFUSED) from None
+
+
+def _say_warning(
+    console: Console, otherwise: Callable, message: Warning | str, category: type, *rest: Any
+) -> None:
+    """Print what Python warns of our runs as a line; leave all else to Python."""
+    if issubclass(category, LongRunWarning):
+        console.print(f"warning: {message}", soft_wrap=True, markup=False)
+    else:
+        otherwise(message, category, *rest)
 
 
 def _ask_for_patience() -> None:
