@@ -132,7 +132,10 @@ def test_a_run_that_makes_energy_is_not_passed_over(invoke: Callable) -> None:
         "run", WEDGE, *COARSE_OPTIONS, *between, "--set", "numerics.end=0.01", "--no-film"
     )
     assert result.exit_code == 0, result.output
-    assert "do not trust this run" in result.stderr
+    assert "of the impact energy is unaccounted for" in result.stderr
+    assert "times the stable step" in result.stderr
+    assert result.stderr.count("set numerics.dt = 'auto'") == 2
+    assert "RunWarning" not in result.stderr  # told once, not by Python too
 
 
 def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
