@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import replay, serve
 from taichi_foam.cli.options import (
@@ -25,7 +26,7 @@ from taichi_foam.cli.options import (
     Set,
     Threads,
 )
-from taichi_foam.cli.outcome import exit_codes, say_where, warn_of_residual
+from taichi_foam.cli.outcome import exit_codes, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
@@ -35,7 +36,6 @@ from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import ProgressCallback
@@ -84,7 +84,7 @@ def run_script(scene: Scene) -> None:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"taichi-foam {__version__}")
+        typer.echo(f"taichi-foam {package.version()}")
         raise typer.Exit
 
 
@@ -202,6 +202,8 @@ def reproduce_command(
         if content["ensemble"]:
             console.print(tables.scores(content))
         say_where(console, out)
+        for text in content["warnings"]:
+            errors.print(f"warning: {text}", soft_wrap=True, markup=False)
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
@@ -304,7 +306,7 @@ def _compute_and_save(
         ) from error
     say_where(console, folder)
     if failure is None:
-        warn_of_residual(errors, result.summary["energy_residual"])
+        say_warnings(errors, result)
     if failure is not None:
         raise RunError(f"{failure}; what was computed until then is in {folder}")
     if cut:

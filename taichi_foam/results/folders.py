@@ -32,7 +32,7 @@ from taichi_foam.results.files import (
 from taichi_foam.results.locks import LOCK, busy, is_locked, locked
 from taichi_foam.results.manifest import MANIFEST, Manifest
 from taichi_foam.units import si_scale
-from taichi_foam.version import __version__
+from taichi_foam.version import version
 
 UNFINISHED = "unfinished"
 """Name of the folder, in that of a result, of what is not complete yet."""
@@ -236,7 +236,7 @@ def _request(folder: Path) -> dict[str, Any] | None:
 
 
 def _marked(request: Mapping[str, Any] | None) -> dict[str, Any]:
-    return plain({**(request or {}), _MARK: __version__})
+    return plain({**(request or {}), _MARK: version()})
 
 
 def _resolve(path: str | Path) -> Path:
