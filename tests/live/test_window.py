@@ -196,12 +196,12 @@ def test_the_window_shows_what_it_saves_and_another_shape_and_speed_are_kept_bes
     The curve is cut and smoothed from the same rows; text is drawn by the same fonts.
     """
     window = show("--set", "numerics.end=0.003")
-    window.wait(window.folder.is_dir, "it was not kept at its end")
+    window.wait((window.folder / "manifest.json").is_file, "it was not kept at its end")
     seen = window.wait_for_rest()
     window.press("i")
-    window.wait(Path(f"{window.folder}-2").is_dir, "the second drop was not kept")
+    window.wait(Path(f"{window.folder}-2", "manifest.json").is_file, "the second drop was not kept")
     window.press("Up")
-    window.wait(Path(f"{window.folder}-3").is_dir, "the third drop was not kept")
+    window.wait(Path(f"{window.folder}-3", "manifest.json").is_file, "the third drop was not kept")
     code, out, err = window.close()
     assert code == 0, err
     assert "maximum displacement" in out or "energy unaccounted for" in out
@@ -263,7 +263,7 @@ def test_what_is_killed_goes_on_with_the_same_command(show: Callable[..., Shown]
 
 def test_a_run_that_fails_says_so_and_ends_with_1(show: Callable[..., Shown]) -> None:
     window = show("--dt", "1e-4")
-    window.wait(window.folder.is_dir, "what there was is not kept")
+    window.wait((window.folder / "manifest.json").is_file, "what there was is not kept")
     window.wait_for_rest()
     code, _, err = window.close()
     assert code == 1
