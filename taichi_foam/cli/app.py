@@ -256,7 +256,7 @@ def _run(
         if live:
             from taichi_foam.cli.live import run_live
 
-            run_live(scene, folder, overwrite, arch, threads, bars, console, errors)
+            run_live(scene, folder, overwrite, every, arch, threads, bars, console, errors)
             return
         from taichi_foam.engine import runtime
         from taichi_foam.picture import films
