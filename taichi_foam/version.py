@@ -12,8 +12,8 @@ __version__ = "0.2.0.dev0"
 def version() -> str:
     """The version; of a development version with its commit, as 0.2.0.dev0+g1a2b3c4d5.
 
-    The commit is known of a checkout, and of what pip has installed from a repository. A checkout with
-    changes that are not committed says so: 0.2.0.dev0+g1a2b3c4d5.changed.
+    The commit is known of a checkout, and of what pip has installed from a repository. A checkout
+    with changes that are not committed says so: 0.2.0.dev0+g1a2b3c4d5.changed.
     """
     if "dev" not in __version__:
         return __version__
