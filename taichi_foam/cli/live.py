@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from taichi_foam.cli import tables
-from taichi_foam.cli.outcome import INTERRUPTED, say_where, warn_of_residual
+from taichi_foam.cli.outcome import INTERRUPTED, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.live import window
 from taichi_foam.live.controller import Controller, Outcome
@@ -59,7 +59,7 @@ def run_live(
         for path in kept:
             say_where(console, str(path))
         if not controller.failures:
-            warn_of_residual(errors, last.summary["energy_residual"])
+            say_warnings(errors, last)
     if controller.problem:
         raise RunError(f"{controller.unkept[0].result.scene.name}: {controller.problem}")
     if controller.failures:

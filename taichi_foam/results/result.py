@@ -78,6 +78,13 @@ class Result(Record):
 
         return summary(self)
 
+    @cached_property
+    def warnings(self) -> list[str]:
+        """Sentences about what makes its figures doubtful; see `analysis.soundness.warnings_of`."""
+        from taichi_foam.analysis.soundness import warnings_of
+
+        return warnings_of(self)
+
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the files of a run into a new folder, all or nothing, and return its path.
 

@@ -17,6 +17,7 @@ from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING, State
+from taichi_foam.errors import LongRunWarning, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
@@ -30,6 +31,9 @@ from taichi_foam.simulation.provenance import provenance
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
 MOST_STEPS = 1_000_000
+
+# A run that needs more than this is told when it begins: a small block takes a day for it.
+MANY_STEPS = 1e9
 
 # Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
 MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
@@ -118,6 +122,19 @@ class Run:
         if snapshot.time > self.recorded:
             self.snapshots.append(rounded(snapshot, self.scene))
             self.recorded = snapshot.time
+
+    @property
+    def length(self) -> str | None:
+        """What to say of a run that needs a very great number of steps, once it has begun."""
+        step = self.report["shortest"]
+        ahead = (self.scene.numerics.latest_end - self.time) / step
+        if ahead <= MANY_STEPS:
+            return None
+        return (
+            f"{self.scene.name}: needs up to {ahead:.1g} steps of {step:.1g} s, which may take "
+            "days; end it sooner (numerics.end, numerics.time_limit), or make its fastest swing "
+            "slower: a heavier impactor, softer contacts or foam, larger cells"
+        )
 
     def rows_since(self, since: int) -> np.ndarray:
         """The rows (n, 18) that have come after the first `since`."""
@@ -263,6 +280,8 @@ class Slots:
             run.report = {name: float(values[b]) for name, values in standing.items()}
             run.status, run.time = int(run.report["status"]), run.report["time"]
             taken = int(run.report["steps"] - before)
+            if not before and taken and run.length:
+                warn_of_run(run.length, LongRunWarning)
             most = max(most, taken)
             self._wall.steps += taken
             self._wall.node_stages += 4 * self._lattice.nodes * taken
@@ -385,6 +404,7 @@ def result_of(run: Run, wall: Wall) -> Result:
             "steps": int(run.report["steps"]),
             "dt_min_s": run.report["shortest"],
             "dt_max_s": run.report["longest"],
+            "dt_stable_min_s": run.report["stable"],
             "max_overlap_m": run.report["overlap"],
             "batch": run.batch,
             "resumed": run.resumed,

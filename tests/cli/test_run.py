@@ -64,7 +64,7 @@ def test_scenes_lists_every_built_in_scene_on_a_line(invoke: Callable) -> None:
 def test_a_run_writes_its_folder_and_shows_its_figures(invoke: Callable, tmp_path: Path) -> None:
     result = invoke("run", WEDGE, *COARSE_OPTIONS, "--frames")
     assert result.exit_code == 0, result.output
-    folder = tmp_path / "runs" / "paper-wedge-2.86"
+    (folder,) = (tmp_path / "runs").iterdir()
     found = summary_of(folder)
     assert set(found) >= KEYS
     assert found["interrupted"] is False
@@ -76,7 +76,7 @@ def test_a_run_writes_its_folder_and_shows_its_figures(invoke: Callable, tmp_pat
     row = next(line for line in result.stdout.splitlines() if "maximum displacement" in line)
     assert f"{100 * found['max_displacement_m']:.2f}" in row
     assert "7.50" in row
-    assert "runs/paper-wedge-2.86" in result.stdout
+    assert f"runs/{folder.name}" in result.stdout
     assert re.search(r"computing paper/wedge-2\.86: .* steps/s", result.stderr)
 
 
@@ -132,7 +132,10 @@ def test_a_run_that_makes_energy_is_not_passed_over(invoke: Callable) -> None:
         "run", WEDGE, *COARSE_OPTIONS, *between, "--set", "numerics.end=0.01", "--no-film"
     )
     assert result.exit_code == 0, result.output
-    assert "do not trust this run" in result.stderr
+    assert "of the impact energy is unaccounted for" in result.stderr
+    assert "times the stable step" in result.stderr
+    assert result.stderr.count("set numerics.dt = 'auto'") == 2
+    assert "RunWarning" not in result.stderr  # told once, not by Python too
 
 
 def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
@@ -146,10 +149,12 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
     short = ["--set", "numerics.end=3e-3", "--no-film"]
     done = call("drop.py", *COARSE_OPTIONS, *short, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    folder = tmp_path / "runs" / "My-drop-1"
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name == "My-drop-1-block.columns-20-block.rows-10-numerics.end-0.003"
     assert sorted(p.name for p in folder.iterdir()) == [
         "cracks.json",
         "history.csv",
+        "manifest.json",
         "scene.toml",
         "snapshots.npz",
         "summary.json",

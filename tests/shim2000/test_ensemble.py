@@ -99,7 +99,9 @@ def given(
 ) -> Callable:
     """`simulate_many` that has the stored result for every scene; Ctrl-C comes after `until`."""
 
-    def simulate_many(scenes: Sequence[Scene], on_progress: object) -> Iterator[tuple[int, Result]]:
+    def simulate_many(
+        scenes: Sequence[Scene], on_progress: object, **more: object
+    ) -> Iterator[tuple[int, Result]]:
         for place, scene in enumerate(scenes):
             if place == until:
                 raise KeyboardInterrupt
@@ -188,7 +190,8 @@ def test_a_run_that_fails_is_left_out_and_told(
 def test_the_folder_holds_all_of_it(ensemble) -> None:
     names = {path.name for path in ensemble.folder.iterdir()}
     assert names == {
-        "report.html", "tables.csv", "members.csv", "summary.json", "figures", "rectangular-3.03"
+        "report.html", "tables.csv", "members.csv", "summary.json", "figures", "rectangular-3.03",
+        "manifest.json",
     }  # fmt: skip
     figures = {path.name for path in (ensemble.folder / "figures").iterdir()}
     assert {"errors.png", "decelerations-rectangular.png", "film-rectangular.gif"} <= figures

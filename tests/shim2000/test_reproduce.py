@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +14,14 @@ import pytest
 from PIL import Image
 
 from taichi_foam import Result, UserError
-from taichi_foam.errors import RunError
+from taichi_foam.errors import Interrupted, RunError
 from taichi_foam.picture import films
 from taichi_foam.records.ending import Ending
+from taichi_foam.results.folders import UNFINISHED
 from taichi_foam.shim2000.reproduce import case_names, reproduce
 from taichi_foam.shim2000.tests import NAMES
 from taichi_foam.simulation import simulate
+from taichi_foam.simulation.progress import Bars
 
 CASES = ["rectangular-3.03", "wedge-2.86"]
 SMALL = ("block.columns=12", "block.rows=6", "numerics.end=3e-3")
@@ -35,7 +39,14 @@ def test_case_names_with_and_without_prefix() -> None:
 
 def test_the_folder_holds_all_of_it(study) -> None:
     names = {path.name for path in study.folder.iterdir()}
-    assert names == {"report.html", "tables.csv", "summary.json", "figures", *CASES}
+    assert names == {
+        "report.html",
+        "tables.csv",
+        "summary.json",
+        "manifest.json",
+        "figures",
+        *CASES,
+    }
     for case in CASES:
         assert {path.name for path in (study.folder / case).iterdir()} == {
             "scene.toml",
@@ -43,6 +54,7 @@ def test_the_folder_holds_all_of_it(study) -> None:
             "history.csv",
             "snapshots.npz",
             "summary.json",
+            "manifest.json",
             "film.gif",
             "film.mp4",
         }
@@ -97,7 +109,7 @@ def test_tables_repeat_the_summary(study) -> None:
 
 def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
     (tmp_path / "note").write_text("mine")
-    with pytest.raises(UserError, match="overwrite=True"):
+    with pytest.raises(UserError, match="holds no result"):
         reproduce(tmp_path, CASES)
     assert [path.name for path in tmp_path.iterdir()] == ["note"]
 
@@ -105,7 +117,7 @@ def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
 def altered(change: Callable[[list[Result]], list[Result]]) -> Callable:
     """`run_many`, with a change to what it gives."""
     original = simulate.run_many
-    return lambda scenes, on_progress: change(original(scenes, on_progress))
+    return lambda scenes, on_progress, **more: change(original(scenes, on_progress))
 
 
 def cut(result: Result) -> Result:
@@ -113,7 +125,10 @@ def cut(result: Result) -> Result:
 
 
 def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulate, "run_many", altered(lambda rs: [rs[0], cut(rs[1])]))
+    def interrupt(results: list[Result]) -> list[Result]:
+        raise Interrupted({0: results[0], 1: cut(results[1])})
+
+    monkeypatch.setattr(simulate, "run_many", altered(interrupt))
     content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
     assert content["interrupted"] is True
     assert content["not_finished"] == ["paper/wedge-2.86"]
@@ -124,13 +139,33 @@ def test_ctrl_c_keeps_the_finished_cases(tmp_path: Path, monkeypatch: pytest.Mon
     assert "Wedge 2.86" in report
 
 
-def test_ctrl_c_before_any_case_has_finished_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulate, "run_many", altered(lambda rs: [cut(r) for r in rs]))
-    with pytest.raises(KeyboardInterrupt):
-        reproduce(tmp_path / "out", CASES, overrides=SMALL)
-    assert list(tmp_path.iterdir()) == []
+class Pressed(Bars):
+    """Ctrl-C once the impacts have come half way."""
+
+    @contextlib.contextmanager
+    def computing(self, what: str) -> Iterator[Callable]:
+        def press(progress: simulate.Progress) -> None:
+            if progress.fraction > 0.5:
+                raise KeyboardInterrupt
+
+        yield press
+
+
+def test_the_same_call_goes_on_where_ctrl_c_came(tmp_path: Path) -> None:
+    given = {"overrides": (*SMALL, "impactor.mass=5.0"), "films": False}
+    with pytest.raises(KeyboardInterrupt, match="no case had finished"):
+        reproduce(tmp_path / "cut", CASES, bars=Pressed(), **given)
+    assert os.listdir(tmp_path / "cut") == [UNFINISHED]
+    with pytest.raises(UserError, match=r"of another request, impactor\.mass = 5\.0 instead"):
+        reproduce(tmp_path / "cut", CASES, overrides=SMALL, films=False)
+    for out in ("cut", "whole"):
+        content = reproduce(tmp_path / out, CASES, **given)
+        assert content["interrupted"] is False
+    for case in CASES:
+        cut_, whole = tmp_path / "cut" / case, tmp_path / "whole" / case
+        assert (cut_ / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
+        assert Result.load(cut_).run["resumed"] == 1
+    assert sorted(os.listdir(tmp_path / "cut")) == sorted(os.listdir(tmp_path / "whole"))
 
 
 def test_ctrl_c_among_the_films_keeps_the_results(

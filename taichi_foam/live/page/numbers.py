@@ -33,6 +33,7 @@ class Numbers:
         self._marks: list[tuple[float, float, int, float]] = []
         self._result: Result | None = None  # that `_told` is of
         self._figures: dict[str, Any] = {}
+        self._said: list[str] = []
         self._measure_at = 0.0
         self._told: dict[str, Any] = {}
 
@@ -51,11 +52,17 @@ class Numbers:
         self._result = result
         self._read(result)
         if is_over or time.monotonic() >= self._measure_at:
-            self._measure(result)
+            self._measure(result, is_over)
 
     def told(self) -> dict[str, Any]:
         """What the page shows now; SI units."""
-        return {"drop": self.drop, **self._told, "figures": self._figures, **self._pace()}
+        return {
+            "drop": self.drop,
+            **self._told,
+            "figures": self._figures,
+            "said": self._said,
+            **self._pace(),
+        }
 
     def _read(self, result: Result) -> None:
         """Go through the history once more."""
@@ -72,10 +79,14 @@ class Numbers:
             "energies": {name: now[name] for name, _ in ENERGIES},
         }
 
-    def _measure(self, result: Result) -> None:
+    def _measure(self, result: Result, is_over: bool) -> None:
         start = time.monotonic()
         measured = result.summary
         self._figures = {quantity.key: measured[quantity.key] for quantity in QUANTITIES}
+        # until it is over, a drop counts as interrupted, and there is nothing to say of its end
+        words = measured["statement"] if is_over else None
+        warned = [f"warning: {text}" for text in measured["warnings"]]
+        self._said = [*([words] if words else []), *warned]
         took = time.monotonic() - start
         self._measure_at = start + max(MEASURE_SECONDS, 20.0 * took)
 

@@ -52,7 +52,13 @@ export class Tables {
     this.falls = falls;
   }
 
-  tell({ figures, energies }) {
+  tell({ figures, energies, said }) {
+    $("said").hidden = !said?.length;
+    $("said").replaceChildren(...(said ?? []).map((text) => {
+      const li = document.createElement("li");
+      li.textContent = text;
+      return li;
+    }));
     for (const { key, factor, digits, tr } of this.figures) {
       tr.children[1].textContent = dash(figures && figures[key], digits, factor);
     }
