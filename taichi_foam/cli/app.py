@@ -12,7 +12,7 @@ from rich.console import Console
 
 from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
-from taichi_foam.cli import replay, serve
+from taichi_foam.cli import replay, serve, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -31,7 +31,7 @@ from taichi_foam.errors import RunError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.files import file_name
-from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.folders import Claim, claimed, size_text
 from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
@@ -40,6 +40,8 @@ from taichi_foam.simulation.progress import Bars
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import ProgressCallback
 
+# A run that may take more than this is told before it begins [bytes].
+_WORTH_SAYING = 1e9
 # The default folder's name says what was changed, up to so many letters.
 _LONGEST_CHANGES = 60
 
@@ -159,6 +161,7 @@ def scenes_command() -> None:
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
 _app.command("serve")(serve.serve_command)
+_app.add_typer(sweep.app, name="sweep")
 
 
 @_app.command("reproduce")
@@ -263,6 +266,8 @@ def _run(
         needed = storage_bytes(scene) + films.storage_bytes(scene)
         with claimed(folder, request_of(scene), overwrite, needed) as claim:
             runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
+            if needed > _WORTH_SAYING:
+                bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
             _compute_and_save(
                 scene.name,
                 lambda on_progress: simulate.run(scene, on_progress, checkpoint=claim, every=every),
