@@ -20,7 +20,7 @@ from taichi_foam.version import __version__
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
-    from taichi_foam.errors import RunError, UserError
+    from taichi_foam.errors import RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.records.ending import Ending
     from taichi_foam.records.history import History
@@ -41,6 +41,7 @@ __all__ = [
     "History",
     "Result",
     "RunError",
+    "RunWarning",
     "Scene",
     "Snapshot",
     "UserError",
@@ -65,6 +66,7 @@ _HOMES = {
     "History": "records.history",
     "Result": "results.result",
     "RunError": "errors",
+    "RunWarning": "errors",
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import difflib
+import os
 import runpy
 import traceback
 from collections.abc import Mapping, Sequence
@@ -15,9 +16,11 @@ from pydantic import ValidationError
 from taichi_foam.errors import UserError
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import read_toml
-from taichi_foam.scene.messages import explain, titled
+from taichi_foam.scene.messages import explain, shown, titled
 from taichi_foam.scene.values import changed, settings
 from taichi_foam.shim2000 import tests
+
+_LONGEST_NAME = 1_000
 
 
 def load_scene(
@@ -39,7 +42,7 @@ def load_scene(
         UserError: no such source, an unreadable one, or a scene that cannot be.
     """
     if choices is not None and choices not in CHOICE_SETS:
-        raise UserError(f"choices = {choices!r}: must be one of {', '.join(CHOICE_SETS)}")
+        raise UserError(f"choices = {shown(choices)}: must be one of {', '.join(CHOICE_SETS)}")
     data = source if isinstance(source, Scene) else _read(source, choices)
     values = settings(overrides)
     if isinstance(data, Scene):
@@ -70,7 +73,7 @@ def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
         return tests.paper_scene(name, choices or "calibrated")
     gallery = _gallery()
     path = gallery.get(name, path)
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
         raise UserError(_missing(name, path, gallery))
     if path.suffix == ".toml":
         return read_toml(path)
@@ -84,7 +87,12 @@ def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
 
 def _missing(name: str, path: Path, gallery: dict[str, Path]) -> str:
     """Say what is wrong with a source that is no file, and which built-in name comes nearest."""
-    if path.is_dir():
+    if len(name) > _LONGEST_NAME or not name.isprintable():
+        return (
+            f"{shown(name)}: no such file; a name has at most {_LONGEST_NAME:,} printable "
+            "characters; 'taichi-foam scenes' lists the built-in ones"
+        )
+    if os.path.isdir(path):
         return f"{name}: is a folder; a scene is a .toml or a .py file, or a built-in name"
     near = difflib.get_close_matches(name, [*tests.NAMES, *gallery], n=1, cutoff=0.5)
     guess = f"did you mean {near[0]}? " if near else ""

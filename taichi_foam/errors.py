@@ -1,8 +1,10 @@
-"""The ways in which a request can end badly, and what to say of a package that is missing."""
+"""How a request can end badly, what a run may warn of, and what to say of a missing package."""
 
 from __future__ import annotations
 
 import contextlib
+import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -28,6 +30,22 @@ class RunError(Exception):
     def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.results = list(results)
+
+
+class RunWarning(UserWarning):
+    """There is something to say against a run's figures (`Result.warnings`), or of its length."""
+
+
+class LongRunWarning(RunWarning):
+    """A run that has begun will take a very great number of steps."""
+
+
+def warn_of_run(text: str, category: type[RunWarning] = RunWarning) -> None:
+    """Give a warning at the line, outside the package, that asked for the run."""
+    depth, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"].startswith("taichi_foam."):
+        depth, frame = depth + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=depth)
 
 
 class Interrupted(KeyboardInterrupt):

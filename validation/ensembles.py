@@ -11,6 +11,7 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import Band, band
+from taichi_foam.shim2000.compare import at_rest
 from taichi_foam.shim2000.ensemble import faster
 from taichi_foam.shim2000.reproduce import case_names
 from taichi_foam.shim2000.study import has_failed
@@ -36,7 +37,10 @@ def figures_of(
     for place, result in simulate_many(scenes, on_progress):
         if has_failed(result):
             raise RuntimeError(f"{result.scene.name}: ended by {result.run['ended_by']}")
-        yield place, {**summary(result), "simulated_s": float(result.history["time_s"][-1])}
+        yield (
+            place,
+            {**at_rest(summary(result)), "simulated_s": float(result.history["time_s"][-1])},
+        )
 
 
 def median_and_range(values: Sequence[float | None]) -> Band:

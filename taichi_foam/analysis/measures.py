@@ -1,4 +1,4 @@
-"""The figures that sum up a run, as the paper measures them (Tables 2-5, Eqs 4-7).
+"""The figures that sum up a run: the paper's (Tables 2-5, Eqs 4-7), and what designers ask first.
 
 Every function takes a finished `Record` and gives None where its question has no answer: no
 impactor, no contact, or a run that ended before the impactor came to rest. SI units throughout;
@@ -15,10 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.fragments import crack_over_time, pieces
+from taichi_foam.analysis.impact import bottomed_out, first_contact, impact, passed_through
 from taichi_foam.analysis.pattern import crushed_region
+from taichi_foam.analysis.soundness import energy_residual, warnings_of
+from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
+
+STANDARD_GRAVITY = 9.80665
+"""What a deceleration of 1 g is [m/s2]."""
 
 FLAT_RISE_S = 3e-3
 """The initial rise of a flat face ends so long after contact ..."""
@@ -29,72 +35,12 @@ NOSE_RISE_LIMIT_M = 0.025
 PLATEAU_END_FRACTION = 0.85
 """The plateau ends at this share of the impact duration, before the final decline."""
 
+PLATEAU_SHARE = 0.5
+"""Below this share of the mean deceleration over the whole impact there is no plateau (here: half;
+in the paper's nine tests it is 1.0 to 1.2)."""
+
 INITIAL_PEAK_WINDOW_S = 5e-3
 """A flat face's initial peak lies within this time of contact (measured: 1.8 to 2.9 ms)."""
-
-
-@dataclass(frozen=True)
-class Impact:
-    """When the impactor touched and when it came to rest.
-
-    impactor    the one that did
-    row         first history row after the stop
-    contact     s, first contact
-    stop        s, first zero of the velocity
-    depth_0     m, displacement column at contact (a gap, if any, lies before it)
-    depth       m, displacement from contact to stop
-    velocity_0  m/s at contact
-    """
-
-    impactor: Impactor
-    row: int
-    contact: float
-    stop: float
-    depth_0: float
-    depth: float
-    velocity_0: float
-
-    @property
-    def duration(self) -> float:
-        """Impact duration (s), from first contact to zero velocity (paper, section 3.1)."""
-        return self.stop - self.contact
-
-
-def impact(record: Record) -> Impact | None:
-    """First contact and stop; the velocity is taken as linear between rows.
-
-    First contact is when the impactor's lowest level has used up its gap: a nose then touches the
-    foam, though the lattice answers only when the first mass point is under it.
-    """
-    h, impactor = record.history, record.scene.impactor
-    if impactor is None:
-        return None
-    t, d, v = h["time_s"], h["displacement_m"], h["velocity_m_s"]
-    reached = np.flatnonzero(d >= impactor.gap)
-    touching = np.flatnonzero(h["contact_force_N"] > 0)
-    if reached.size == 0 or touching.size == 0:
-        return None
-    before = max(int(reached[0]) - 1, 0)
-    flight = 0.0  # s, from row `before` to contact, at constant velocity
-    if v[before] > 0:
-        left = (impactor.gap - d[before]) / v[before]
-        flight = float(np.clip(left, 0, t[reached[0]] - t[before]))
-    stopped = np.flatnonzero((v[1:] <= 0) & (v[:-1] > 0)) + 1
-    stopped = stopped[stopped >= touching[0]]
-    if stopped.size == 0:
-        return None
-    k = int(stopped[0])
-    last = (t[k] - t[k - 1]) * v[k - 1] / (v[k - 1] - v[k])  # s, from row k-1 to the stop
-    depth_0 = float(d[before] + v[before] * flight)
-    return Impact(
-        impactor=impactor,
-        row=k,
-        contact=float(t[before]) + flight,
-        stop=float(t[k - 1] + last),
-        depth_0=depth_0,
-        depth=float(d[k - 1] + 0.5 * v[k - 1] * last) - depth_0,
-        velocity_0=float(v[before]),
-    )
 
 
 def impact_duration(record: Record) -> float | None:
@@ -104,9 +50,64 @@ def impact_duration(record: Record) -> float | None:
 
 
 def max_displacement(record: Record) -> float | None:
-    """Displacement when the velocity reaches zero (m): exact for a constant deceleration."""
-    found = impact(record)
-    return found.depth if found else None
+    """The largest displacement (m), a number for every impactor that has touched.
+
+    That when the velocity reaches zero (exact for a constant deceleration); of one that has not
+    come to rest, the largest until the run ended.
+    """
+    touch, found = first_contact(record), impact(record)
+    if found is not None:
+        return found.depth
+    if touch is None:
+        return None
+    return float(np.nanmax(record.history["displacement_m"])) - touch.depth_0
+
+
+def came_to_rest(record: Record) -> bool | None:
+    """Whether the velocity reached zero after contact."""
+    return None if first_contact(record) is None else impact(record) is not None
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest deceleration [m/s2], and when, after contact [s]."""
+
+    deceleration: float
+    time: float
+
+
+def peak_deceleration(record: Record) -> Peak | None:
+    """The largest raw deceleration since contact, in the middle of its row's interval.
+
+    Raw is the mean over a row's interval, `output.history_interval`.
+    """
+    touch = first_contact(record)
+    if touch is None:
+        return None
+    time = record.history["time_s"]
+    middle = time - 0.5 * np.diff(time, prepend=time[:1])
+    return _peak(record.history["deceleration_m_s2"], middle, time, touch.time)
+
+
+def filtered_peak_deceleration(record: Record) -> Peak | None:
+    """The largest deceleration since contact, filtered after CFC 180 (SAE J211)."""
+    touch = first_contact(record)
+    if touch is None:
+        return None
+    time = record.history["time_s"]
+    return _peak(record.history["deceleration_smoothed_m_s2"], time, time, touch.time)
+
+
+def _peak(
+    deceleration: NDArray[np.float64], at: NDArray[np.float64], end: NDArray[np.float64],
+    contact: float,
+) -> Peak | None:  # fmt: skip
+    """The largest of rows that end after contact; what each is at stands in `at` [s]."""
+    since = (end >= contact) & np.isfinite(deceleration)
+    if not since.any():
+        return None
+    top = int(np.argmax(np.where(since, deceleration, -np.inf)))
+    return Peak(float(deceleration[top]), max(float(at[top]) - contact, 0.0))
 
 
 def plateau(record: Record) -> float | None:
@@ -114,8 +115,21 @@ def plateau(record: Record) -> float | None:
 
     It runs from the end of the initial rise (FLAT_RISE_S after contact for a flat face, else when
     the nose is in: NOSE_RISE_LIMIT_M) to PLATEAU_END_FRACTION of the impact duration. None if the
-    rise takes longer than that.
+    rise takes longer than that, and where this mean is less than PLATEAU_SHARE of that over the
+    whole impact: most of the stopping then lies outside, as when foam bottoms out.
     """
+    found = _plateau(record)
+    return found if isinstance(found, float) else None
+
+
+def why_no_plateau(record: Record) -> str | None:
+    """Why an impactor that came to rest has no plateau, in words; None if it has one."""
+    found = _plateau(record)
+    return found if isinstance(found, str) else None
+
+
+def _plateau(record: Record) -> float | str | None:
+    """The plateau; why there is none; or None, if the impactor did not come to rest."""
     found = impact(record)
     if found is None:
         return None
@@ -128,13 +142,16 @@ def plateau(record: Record) -> float | None:
         depth = found.depth_0 + min(found.impactor.nose_depth, NOSE_RISE_LIMIT_M)
         sinking = slice(0, found.row)  # up to the last row before the stop d only grows
         if d[sinking][-1] < depth:
-            return None
+            return "the nose did not sink in"
         start = float(np.interp(depth, d[sinking], t[sinking]))
     if start >= end:
-        return None
+        return "the impact was over before its initial rise"
     # Each row counts by the part of its interval that lies in the window.
     overlap = np.clip(np.minimum(t[1:], end) - np.maximum(t[:-1], start), 0, None)
-    return float(overlap @ h["deceleration_m_s2"][1:] / overlap.sum())
+    mean = float(overlap @ h["deceleration_m_s2"][1:] / overlap.sum())
+    if mean < PLATEAU_SHARE * found.velocity_0 / found.duration:
+        return "most of the stopping came in a peak, outside the time in which a plateau is sought"
+    return mean
 
 
 def initial_peak(record: Record) -> tuple[float, float] | None:
@@ -205,36 +222,33 @@ def rebound_velocity(record: Record) -> float | None:
     return float(-record.history["velocity_m_s"][found.row :].min()) if found else None
 
 
-def energy_residual(record: Record) -> float | None:
-    """Unaccounted energy at its worst row, with its sign, over the impact energy.
-
-    The impact energy is the largest kinetic and strain energy that any row holds: that of the
-    first row, or, when things fall, that at contact. None if it is zero.
-    """
-    h = record.history
-    parts = ("impactor_kinetic_J", "foam_kinetic_J", "strain_J")
-    impact_energy = np.sum([np.nan_to_num(h[name]) for name in parts], axis=0).max(initial=0.0)
-    if impact_energy == 0:
-        return None
-    return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)
-
-
 def summary(record: Record) -> dict[str, Any]:
     """The content of summary.json: one entry per measure, units in the names, None for no answer.
 
-    Pieces and the crushed region are those of the last snapshot.
+    Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
+    impact ended, `warnings` what there is to say against the run's figures.
     """
     scene, run, found = record.scene, record.run, impact(record)
+    raw, filtered = peak_deceleration(record), filtered_peak_deceleration(record)
     peak = initial_peak(record)
     last = record.snapshots[-1] if record.snapshots else None
     region = crushed_region(last, scene) if last else None
     crack = crack_over_time(record.snapshots, scene)
     broken = record.history["broken_bonds"]
     overlap = run.get("max_overlap_m") if scene.impactor is not None else None
-    return {
+    figures = {
         "scene": scene.name,
+        "peak_deceleration_cfc180_m_s2": filtered and filtered.deceleration,
+        "peak_deceleration_cfc180_g": filtered and filtered.deceleration / STANDARD_GRAVITY,
+        "peak_deceleration_cfc180_time_s": filtered and filtered.time,
+        "peak_deceleration_m_s2": raw and raw.deceleration,
+        "peak_deceleration_g": raw and raw.deceleration / STANDARD_GRAVITY,
+        "peak_deceleration_time_s": raw and raw.time,
+        "came_to_rest": came_to_rest(record),
+        "bottomed_out": bottomed_out(record),
+        "passed_through": passed_through(record),
         "impact_duration_s": found and found.duration,
-        "max_displacement_m": found and found.depth,
+        "max_displacement_m": max_displacement(record),
         "plateau_deceleration_m_s2": plateau(record),
         "initial_peak_m_s2": peak and peak[0],
         "initial_peak_time_s": peak and peak[1],
@@ -256,6 +270,7 @@ def summary(record: Record) -> dict[str, Any]:
         "steps": run.get("steps"),
         "dt_min_s": run.get("dt_min_s"),
         "dt_max_s": run.get("dt_max_s"),
+        "dt_stable_min_s": run.get("dt_stable_min_s"),
         "wall_s": run.get("wall_s"),
         "node_stages_per_s": run.get("node_stages_per_s"),
         "max_overlap_cells": (
@@ -263,6 +278,8 @@ def summary(record: Record) -> dict[str, Any]:
         ),
         "interrupted": record.ending is Ending.INTERRUPTED,
     }
+    words = statement(figures, why_no_plateau(record))
+    return {**figures, "statement": words, "warnings": warnings_of(record)}
 
 
 def _is_flat(impactor: Impactor) -> bool:

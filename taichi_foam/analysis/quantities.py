@@ -32,6 +32,18 @@ class Quantity:
         return f"{self.text(low)} to {'∞' if high is None else self.text(high)}"
 
 
+CREST = Quantity(
+    "peak_deceleration_cfc180_m_s2", "peak deceleration (CFC 180)", "peak", "m/s²", 1.0, 1
+)
+CREST_G = Quantity("peak_deceleration_cfc180_g", "the same in g", "peak in g", "g", 1.0, 1)
+CREST_TIME = Quantity(
+    "peak_deceleration_cfc180_time_s", "its time after contact", "time of the peak", "ms", 1e3, 2
+)
+RAW_CREST = Quantity("peak_deceleration_m_s2", "peak deceleration, raw", "raw peak", "m/s²", 1.0, 1)
+RAW_CREST_G = Quantity("peak_deceleration_g", "the raw one in g", "raw peak in g", "g", 1.0, 1)
+RAW_CREST_TIME = Quantity(
+    "peak_deceleration_time_s", "its time after contact, raw", "time of the raw peak", "ms", 1e3, 2
+)
 DURATION = Quantity("impact_duration_s", "impact duration", "duration", "ms", 1e3, 1)
 DISPLACEMENT = Quantity("max_displacement_m", "maximum displacement", "displacement", "cm", 1e2, 2)
 PLATEAU = Quantity("plateau_deceleration_m_s2", "plateau deceleration", "plateau", "m/s²", 1.0, 1)

@@ -10,6 +10,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.cli import streams
+
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
@@ -18,7 +20,8 @@ __all__ = ["main", "run_script"]
 
 def main() -> None:
     """Entry point of `taichi-foam`."""
-    _app().main()
+    with streams.robust():
+        _app().main()
 
 
 def run_script(scene: Scene) -> None:
@@ -26,7 +29,8 @@ def run_script(scene: Scene) -> None:
 
     Ends the process as that command does.
     """
-    _app().run_script(scene)
+    with streams.robust():
+        _app().run_script(scene)
 
 
 def _app() -> Any:

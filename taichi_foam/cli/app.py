@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import replay, serve, sweep
 from taichi_foam.cli.options import (
@@ -25,21 +26,22 @@ from taichi_foam.cli.options import (
     Set,
     Threads,
 )
-from taichi_foam.cli.outcome import exit_codes, say_where, warn_of_residual
+from taichi_foam.cli.outcome import exit_codes, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.files import file_name
-from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.folders import Claim, claimed, size_text
 from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import ProgressCallback
 
+# A run that may take more than this is told before it begins [bytes].
+_WORTH_SAYING = 1e9
 # The default folder's name says what was changed, up to so many letters.
 _LONGEST_CHANGES = 60
 
@@ -84,7 +86,7 @@ def run_script(scene: Scene) -> None:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"taichi-foam {__version__}")
+        typer.echo(f"taichi-foam {package.version()}")
         raise typer.Exit
 
 
@@ -203,6 +205,8 @@ def reproduce_command(
         if content["ensemble"]:
             console.print(tables.scores(content))
         say_where(console, out)
+        for text in content["warnings"]:
+            errors.print(f"warning: {text}", soft_wrap=True, markup=False)
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
@@ -253,7 +257,7 @@ def _run(
         if live:
             from taichi_foam.cli.live import run_live
 
-            run_live(scene, folder, overwrite, arch, threads, bars, console, errors)
+            run_live(scene, folder, overwrite, every, arch, threads, bars, console, errors)
             return
         from taichi_foam.engine import runtime
         from taichi_foam.picture import films
@@ -262,6 +266,8 @@ def _run(
         needed = storage_bytes(scene) + films.storage_bytes(scene)
         with claimed(folder, request_of(scene), overwrite, needed) as claim:
             runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
+            if needed > _WORTH_SAYING:
+                bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
             _compute_and_save(
                 scene.name,
                 lambda on_progress: simulate.run(scene, on_progress, checkpoint=claim, every=every),
@@ -305,7 +311,7 @@ def _compute_and_save(
         ) from error
     say_where(console, folder)
     if failure is None:
-        warn_of_residual(errors, result.summary["energy_residual"])
+        say_warnings(errors, result)
     if failure is not None:
         raise RunError(f"{failure}; what was computed until then is in {folder}")
     if cut:

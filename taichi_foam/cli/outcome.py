@@ -4,29 +4,36 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from taichi_foam.errors import RunError, UserError
+from taichi_foam.errors import LongRunWarning, RunError, RunWarning, UserError
 from taichi_foam.interrupts import heard_once
 from taichi_foam.results.folders import UNFINISHED
 
-FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+if TYPE_CHECKING:
+    from taichi_foam.results.result import Result
 
-# An energy residual beyond this tells of a step size that is too large.
-_RESIDUAL_LIMIT = 0.01
+FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
 
 @contextlib.contextmanager
 def exit_codes(console: Console) -> Iterator[None]:
     """Print what ends the block badly, without a traceback, and leave with its exit code.
 
-    SIGTERM and SIGHUP end it as Ctrl-C does.
+    SIGTERM and SIGHUP end it as Ctrl-C does. What Python's `warnings` would say of runs the
+    commands say themselves.
     """
-    with heard_once(_ask_for_patience) as heard:
+    with heard_once(_ask_for_patience) as heard, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunWarning)
+        warnings.simplefilter("always", LongRunWarning)
+        warnings.showwarning = partial(_say_warning, console, warnings.showwarning)
         try:
             yield
         except UserError as error:
@@ -53,6 +60,16 @@ def exit_codes(console: Console) -> Iterator[None]:
             raise _told(console, text, REFUSED) from None
 
 
+def _say_warning(
+    console: Console, otherwise: Callable, message: Warning | str, category: type, *rest: Any
+) -> None:
+    """Print what Python warns of our runs as a line; leave all else to Python."""
+    if issubclass(category, LongRunWarning):
+        console.print(f"warning: {message}", soft_wrap=True, markup=False)
+    else:
+        otherwise(message, category, *rest)
+
+
 def _ask_for_patience() -> None:
     """Answer a second Ctrl-C while what there is is being saved."""
     with contextlib.suppress(OSError):
@@ -67,14 +84,10 @@ def say_where(console: Console, folder: str) -> None:
     console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
 
 
-def warn_of_residual(errors: Console, residual: float | None) -> None:
-    """Say so if more of the impact energy is unaccounted for than a good step size leaves."""
-    if residual is not None and abs(residual) > _RESIDUAL_LIMIT:
-        errors.print(
-            f"warning: {abs(residual):.1%} of the impact energy is unaccounted for; do not trust "
-            "this run; take a smaller --dt, or auto",
-            soft_wrap=True,
-        )
+def say_warnings(errors: Console, result: Result) -> None:
+    """Say what makes a result's figures doubtful, each on a line."""
+    for text in result.warnings:
+        errors.print(f"warning: {text}", soft_wrap=True, markup=False)
 
 
 def _with_options(error: UserError) -> str:

@@ -14,13 +14,17 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
 from taichi_foam.shim2000.tests import test_of, title
 
+_FIRST = (q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G)
 _MORE = (
     q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
 )  # fmt: skip
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
-    """The main figures of one run, beside the measured ones where it is one of the tests."""
+    """The main figures of one run, beside the measured ones where it is one of the tests.
+
+    Below them stands in words how the impact ended.
+    """
     test = test_of(scene)
     case = comparison(scene.name, test, summary)
     known = test is not None
@@ -31,7 +35,7 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
         table.add_column("measured", justify="right", no_wrap=True)
         table.add_column("error", justify="right", no_wrap=True)
     table.add_column("unit", style="dim", no_wrap=True)
-    for quantity in (*COMPARED, *_MORE):
+    for quantity in (*_FIRST, *COMPARED, *_MORE):
         value, measured = summary[quantity.key], case["measured"][quantity.key]
         if value is None and measured is None:
             continue
@@ -40,6 +44,7 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
             shown = "" if measured is None else quantity.text(measured)
             row += [shown, _error(case, quantity.key)]
         table.add_row(*row, quantity.unit)
+    table.caption, table.caption_justify = summary["statement"], "left"
     return table
 
 

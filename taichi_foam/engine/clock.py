@@ -6,7 +6,7 @@ One thread does this for a lattice, whoever does the rest.
 import taichi as ti
 
 from taichi_foam.engine import ledger
-from taichi_foam.engine.model import stable_step
+from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING
 
@@ -34,10 +34,16 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 @ti.func
 def take_stock(lattice: ti.template(), b, p: ti.template()):
     """Of an accepted state: size of the next step, or end."""
+    clock = lattice.state.clock[b]
+    rate = fastest_rate(lattice, clock.stiffest, p)
     step = p.step
     if step == 0.0:
-        step = stable_step(lattice, lattice.state.clock[b].stiffest, p)
+        speed = clock.speed
+        if p.impactor:
+            speed = ti.max(speed, ti.abs(lattice.state.body[b].v))
+        step = automatic_step(lattice, rate, speed, clock.crush, p)
     lattice.state.clock[b].step = step
+    lattice.state.clock[b].stable = ti.min(clock.stable, RK4_RADIUS / rate)
     lattice.state.clock[b].shortest = ti.min(lattice.state.clock[b].shortest, step)
     lattice.state.clock[b].longest = ti.max(lattice.state.clock[b].longest, step)
     _end_when_due(lattice, b, p)
@@ -78,12 +84,14 @@ def close_row(
 
 
 @ti.func
-def close_step(lattice: ti.template(), b, moved, stiffest, breaks, bad_node, p: ti.template()):
+def close_step(
+    lattice: ti.template(), b, moved, stiffest, crush, breaks, bad_node, p: ti.template()
+):
     """Move the clock on, and stop a lattice that has diverged.
 
-    Of the step: the furthest motion squared [m2], the stiffest bond at its end [N/m], by the forces
-    of the last stage, the bonds that break, and the first node that has diverged (the count of
-    nodes if none has).
+    Of the step: the furthest motion squared [m2]; the stiffest bond [N/m] and the largest crush at
+    its end, by the forces of the last stage; the bonds that break; and the first node that has
+    diverged (the count of nodes if none has).
     """
     clock = lattice.state.clock[b]
     lattice.state.clock[b].time = clock.time + clock.step
@@ -91,6 +99,8 @@ def close_step(lattice: ti.template(), b, moved, stiffest, breaks, bad_node, p: 
     lattice.state.clock[b].broken = clock.broken + breaks
     lattice.state.clock[b].drift = clock.drift + ti.sqrt(moved)
     lattice.state.clock[b].stiffest = stiffest
+    lattice.state.clock[b].crush = crush
+    lattice.state.clock[b].speed = ti.sqrt(moved) / clock.step
     if breaks > 0 or 2.0 * lattice.state.clock[b].drift > p.skin:
         lattice.state.clock[b].stale = 1
     if bad_node < lattice.nodes:

@@ -60,18 +60,20 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
     """Move the clock, break what has failed, and stop a lattice that has diverged."""
     moved = 0.0
     stiffest = 0.0
+    crush = 0.0
     breaks = 0
     diverged = 0.0
     for strip in range(lattice.strips):
         moved = ti.max(moved, lattice.scratch.tally[b, strip].moved.max())
         stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, strip])
+        crush = ti.max(crush, -lattice.scratch.tally[b, strip].least.min())
         diverged += lattice.scratch.tally[b, strip].diverged.sum()
     for i in range(lattice.columns):
         breaks += lattice.scratch.column_breaks[b, i]
     bad_node = lattice.nodes
     if diverged > 0.0:
         bad_node = nodes.first_diverged(lattice, b)
-    clock.close_step(lattice, b, moved, stiffest, breaks, bad_node, p)
+    clock.close_step(lattice, b, moved, stiffest, crush, breaks, bad_node, p)
     if breaks > 0:
         _break(lattice, b, p)
 

@@ -245,7 +245,7 @@ def _stage_wide(lattice: ti.template(), stage: ti.i32):
             gpu_strips.bond_strip(lattice, stage, b, q % lattice.strips, lattice.strips, p)
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
-        shared = ti.simt.block.SharedArray((4 * THREADS,), ti.f64)
+        shared = ti.simt.block.SharedArray((5 * THREADS,), ti.f64)
         b = q // lattice.strips
         strip = q % lattice.strips
         if lattice.state.clock[b].active:
@@ -257,14 +257,14 @@ def _stage_wide(lattice: ti.template(), stage: ti.i32):
             )  # fmt: skip
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * THREADS):
-        shared = ti.simt.block.SharedArray((4 * THREADS,), ti.f64)
+        shared = ti.simt.block.SharedArray((5 * THREADS,), ti.f64)
         b = q // THREADS
         t = q % THREADS
         if lattice.state.clock[b].active:
             p = lattice.model.parameters[b]
             _add_blocks(lattice, shared, t, b, CONTACT_FORCE, 1, True)
             if stage == LAST_STAGE:
-                _add_blocks(lattice, shared, t, b, MOVED, 4, False)
+                _add_blocks(lattice, shared, t, b, MOVED, 5, False)
                 _add_blocks(lattice, shared, t, b, BREAKS, 1, True)
             if t == 0:
                 nodes.body_stage(lattice, b, stage, lattice.scratch.totals[b, 0, CONTACT_FORCE], p)

@@ -18,6 +18,7 @@ from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
     BREAKS,
     CONTACT_FORCE,
+    CRUSH,
     DIVERGING,
     ENERGIES,
     ENERGY_SUMS,
@@ -122,7 +123,8 @@ def reduce_stage(
         shared[THREADS + t] = lattice.scratch.stiffest[b, strip]
         shared[2 * THREADS + t] = lattice.state.overlap[b, strip]
         shared[3 * THREADS + t] = -diverged
-        reduce(shared, values, t, b, block, MOVED, 4, False)
+        shared[4 * THREADS + t] = -lattice.scratch.tally[b, strip].least[0]
+        reduce(shared, values, t, b, block, MOVED, 5, False)
         shared[t] = lattice.scratch.tally[b, strip].breaks[0]
         reduce(shared, values, t, b, block, BREAKS, 1, True)
 
@@ -165,7 +167,8 @@ def close_step(lattice: ti.template(), b, p: ti.template()):
     breaks = ti.i32(lattice.scratch.totals[b, 0, BREAKS])
     diverged = ti.i32(-lattice.scratch.totals[b, 0, DIVERGING])
     moved, stiffest = lattice.scratch.totals[b, 0, MOVED], lattice.scratch.totals[b, 0, STIFFEST]
-    clock.close_step(lattice, b, moved, stiffest, breaks, diverged, p)
+    crush = lattice.scratch.totals[b, 0, CRUSH]
+    clock.close_step(lattice, b, moved, stiffest, crush, breaks, diverged, p)
 
 
 @ti.func

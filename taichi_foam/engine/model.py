@@ -30,6 +30,16 @@ EACH = 2
 # 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
 RK4_RADIUS = 2.61
 
+# In a step nothing moves further than this part of a cell: half of the skin, within which the
+# neighbour list misses nothing.
+MOST_WAY = 0.05
+
+# An impactor so many times as heavy as the nodes that it may touch does not swing on them. The
+# swing of a lighter one carries all of the impact's energy: it is to be followed, by steps so many
+# times shorter than stable ones.
+HEAVY = 100.0
+FOLLOWED = 4.0
+
 # The support stops the impactor as hard as it can without asking for a shorter step: the impactor
 # swings on it this many times as slowly as a node on the impactor.
 SLOWNESS = 20.0
@@ -56,6 +66,7 @@ MEMBERS = {
     "impactor_x": ti.f64,
     "impactor_half_width": ti.f64,
     "impactor_mass": ti.f64,
+    "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
     "impactor_friction": ti.f64,
     "surface_rows": ti.i32,  # of the impactor, in `ModelFields.surface`
     "piece_area": ti.f64,  # of the contact of node with node [m2]
@@ -186,6 +197,7 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_x": 0.0,
         "impactor_half_width": 0.0,
         "impactor_mass": 1.0,
+        "impactor_rate": 0.0,
         "impactor_friction": 0.0,
         "surface_rows": 0,
         "piece_area": math.sqrt(area_a * area_b),
@@ -209,6 +221,7 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_x": impactor.x,
             "impactor_half_width": float(np.abs(impactor.outline()[:, 0]).max()),
             "impactor_mass": impactor.mass,
+            "impactor_rate": _impactor_rate(scene, contact),
             "impactor_friction": impactor.friction,
             "surface_rows": len(impactor.surface()),
             "support_stiffness": (
@@ -218,6 +231,23 @@ def parameters_of(scene: Scene) -> dict:
             ),
         }
     return values
+
+
+def _impactor_rate(scene: Scene, contact: float) -> float:
+    """The square of the rate [1/s] at which the impactor alone swings on the nodes it may touch.
+
+    Each is a spring of `contact` [N/m]. Added to the fastest mode of the nodes on an impactor that
+    does not move, squared, it bounds that of both; it counts FOLLOWED times as fast. It is 0 for
+    one that is heavy.
+    """
+    block, impactor = scene.block, scene.impactor
+    assert impactor is not None
+    across = min(block.columns, math.floor(impactor.extent / block.dx) + 1)
+    flanks = 2 * min(block.rows, math.ceil(impactor.nose_depth / block.dy))
+    touching = max(across, flanks)
+    if impactor.mass > HEAVY * touching * block.node_mass:
+        return 0.0
+    return FOLLOWED**2 * touching * contact / impactor.mass
 
 
 def _viscosities(scene: Scene) -> tuple[float, float]:
@@ -232,13 +262,14 @@ def _viscosities(scene: Scene) -> tuple[float, float]:
 
 
 @ti.func
-def stable_step(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) -> ti.f64:
-    """Step size [s] for a lattice whose stiffest stiffened bond has `stiffened` [N/m].
+def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) -> ti.f64:
+    """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
     of its shear bonds (20 k_s by the variational form), 8 k of packed pieces and once the
-    contact with a body (normal and friction act across each other); dashpots decay at no more than
-    8 c / m, with eight more of pieces that rub, a drag at C / m.
+    contact with a body (normal and friction act across each other), on which a light impactor
+    swings too; dashpots decay at no more than 8 c / m, with eight more of pieces that rub, a drag
+    at C / m.
     """
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(p.bond) * per_length.max()
@@ -254,5 +285,47 @@ def stable_step(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) -> 
     decay = 4.0 * dashpots.sum() + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
         decay += 8.0 * p.piece_dashpot
-    rate = ti.max(ti.sqrt(stiffness / p.node_mass), decay / p.node_mass)
-    return ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)
+    return ti.max(ti.sqrt(stiffness / p.node_mass + p.impactor_rate), decay / p.node_mass)
+
+
+@ti.func
+def automatic_step(
+    lattice: ti.template(), rate: ti.f64, speed: ti.f64, crush: ti.f64, p: ti.template()
+) -> ti.f64:
+    """Step size [s] for a lattice whose fastest mode has the rate `rate` [1/s].
+
+    It also looks ahead. Nothing moves by more than MOST_WAY cells in a step, at the largest speed
+    there is [m/s]; and the step is still stable (without the margin of safety) if the bond that is
+    crushed most, to the strain `-crush`, is closed by both its nodes at that speed.
+    """
+    step = ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)
+    cell = p.cell.min()
+    if speed * step > MOST_WAY * cell:
+        step = MOST_WAY * cell / speed
+    if ti.static(lattice.law.stiffens):
+        closing = 2.0 * speed / cell
+        if not _stays_stable(lattice, step, crush, closing, p):
+            # the step and the stiffness at its end depend on one another
+            low, high = 0.0, step
+            for _ in range(20):
+                middle = 0.5 * (low + high)
+                if _stays_stable(lattice, middle, crush, closing, p):
+                    low = middle
+                else:
+                    high = middle
+            step = low
+    return step
+
+
+@ti.func
+def _stays_stable(
+    lattice: ti.template(), step: ti.f64, crush: ti.f64, closing: ti.f64, p: ti.template()
+) -> ti.i32:
+    """Whether a step is stable to its end, with a bond that closes from `crush` on [1/s]."""
+    strain = -crush - closing * step
+    stable = 1
+    if strain < lattice.law.stiffens_below(p.bond):
+        _, slope = lattice.law.stiffening(p.bond, strain, strain, 0)
+        rate = fastest_rate(lattice, slope * (p.area / p.cell).max(), p)
+        stable = ti.i32(step * rate <= RK4_RADIUS)
+    return stable

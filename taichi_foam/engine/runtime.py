@@ -10,6 +10,7 @@ import os
 
 import taichi as ti
 
+from taichi_foam.engine import kernel_cache
 from taichi_foam.engine.device import Device, device_of
 from taichi_foam.errors import UserError
 
@@ -62,6 +63,7 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             "that has them",
             argument="arch='cpu'",
         )
+    cache = kernel_cache.prepared()
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, arch),
@@ -69,6 +71,9 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             default_ip=ti.i32,
             cpu_max_num_threads=wanted[1],
             fast_math=False,
+            offline_cache=cache is not None,
+            # at its end Taichi makes this folder in any case, and a refusal ends the process
+            offline_cache_file_path=str(cache or os.path.abspath(os.sep)),
             # takes longer than LLVM, and makes kernels slower. Taichi's other passes stay on: they
             # merge what each access to a field loads, which LLVM cannot. TI_ADVANCED_OPTIMIZATION=0
             # leaves them out: kernels compile in half the time and run a fifth slower

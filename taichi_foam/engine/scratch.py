@@ -13,8 +13,9 @@ MOVED = 1  # furthest squared in this step [m2]
 STIFFEST = 2  # stiffened bond [N/m]
 OVERLAP = 3  # deepest so far in the impactor [m]
 DIVERGING = 4  # less the lowest number of a node that has diverged
-BREAKS = 5  # bonds that break in this step
-ENERGIES = 6  # kinetic, stored, potential [J]; lost by breaking; works
+CRUSH = 5  # largest of any bond
+BREAKS = 6  # bonds that break in this step
+ENERGIES = 7  # kinetic, stored, potential [J]; lost by breaking; works
 ENERGY_SUMS = 12
 SUMS = ENERGIES + ENERGY_SUMS
 

@@ -72,11 +72,14 @@ class Clock:
     step: ti.f64
     shortest: ti.f64
     longest: ti.f64
+    stable: ti.f64  # shortest stable step so far [s]
     next_row: ti.f64
     last_contact: ti.f64
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
     drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
     stiffest: ti.f64  # stiffened bond at the end of the last step [N/m]; < 0: not known yet
+    crush: ti.f64  # largest of any bond there, as a fraction
+    speed: ti.f64  # of the fastest node in the last step [m/s]
     pause: ti.f64  # time at which a call hands the lattice back
     steps: ti.i32
     status: ti.i32
@@ -91,8 +94,9 @@ class Clock:
 
 
 CLOCK = (
-    "time", "step", "shortest", "longest", "next_row", "last_contact", "reversal", "drift",
-    "stiffest", "steps", "status", "broken", "bad_node", "stale", "candidates", "pairs",
+    "time", "step", "shortest", "longest", "stable", "next_row", "last_contact", "reversal",
+    "drift", "stiffest", "crush", "speed", "steps", "status", "broken", "bad_node", "stale",
+    "candidates", "pairs",
 )  # fmt: skip
 """Members of a clock that a state holds."""
 
@@ -197,7 +201,9 @@ def initial_state(scene: Scene) -> State:
         worst = [0.0, 0.0]  # such foam has had no time to flow
     cut = np.where(cuts(scene), 0.0, np.nan)
     clock = dict.fromkeys(CLOCK, 0.0)
-    clock |= {"shortest": NEVER, "reversal": NEVER, "stiffest": -1.0, "stale": 1}
+    clock["crush"] = max(0.0, *(-strain for strain in start.strains))
+    clock["speed"] = float(np.hypot(velocity[..., 0], velocity[..., 1]).max())
+    clock |= {"shortest": NEVER, "stable": NEVER, "reversal": NEVER, "stiffest": -1.0, "stale": 1}
     clock["bad_node"] = columns * rows
     body = dict.fromkeys(BODY, 0.0)
     body["y"] = NEVER if impactor is None else scene.contact_height + impactor.gap

@@ -35,7 +35,7 @@ WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 vec2 = ti.types.vector(2, ti.f64)
 
 # Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
-REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "bad_node", "overlap")
+REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
 
 # Of a node, as `_take_nodes` gives them: position, velocity, increment, stretch of
 # both springs, room, surface; of its bonds A and B: worst strain and time of breaking.
@@ -430,8 +430,9 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
         report[b, 3] = clock.steps
         report[b, 4] = clock.shortest
         report[b, 5] = clock.longest
-        report[b, 6] = clock.bad_node
-        report[b, 7] = overlap
+        report[b, 6] = clock.stable
+        report[b, 7] = clock.bad_node
+        report[b, 8] = overlap
         for r in range(clock.rows):
             for n in ti.static(range(len(ROW_COLUMNS))):
                 rows[b, r, n] = lattice.scratch.history[b, r, n]

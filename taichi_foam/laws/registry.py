@@ -60,6 +60,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         )
 
     def _tag_of(self, value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return value.get(self.tag, self.default)
-        return getattr(value, self.tag, None)
+        if not isinstance(value, Mapping):
+            return getattr(value, self.tag, None)
+        tag = value.get(self.tag, self.default)
+        return tag if tag is None or isinstance(tag, str) else ""  # which no class has

@@ -91,13 +91,14 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
 
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
-    """The key figures, beside the measured ones where there are any."""
+    """The key figures, beside the measured ones where there are any, and what is to be said."""
+    from taichi_foam.analysis import quantities as q
     from taichi_foam.shim2000 import tests
     from taichi_foam.shim2000.compare import COMPARED, measured_figures
 
     known = measured_figures(tests.test_of(scene))
     rows = []
-    for quantity in COMPARED:
+    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, *COMPARED):
         value, measured = summary[quantity.key], known.get(quantity.key)
         if value is None and measured is None:
             continue
@@ -105,7 +106,9 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
         if known:
             row.append("" if measured is None else quantity.text(measured))
         rows.append(tuple(row))
-    return _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
+    table = _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
+    said = [summary["statement"] or "", *(f"warning: {text}" for text in summary["warnings"])]
+    return table + "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

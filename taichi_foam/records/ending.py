@@ -20,7 +20,7 @@ class Ending(str, Enum):
     DIVERGED = (
         "diverged",
         "values are not finite or far beyond any that foam can have",
-        "take a smaller numerics.dt, or 'auto'",
+        "set numerics.dt = 'auto', or with it a quarter of numerics.safety",
     )
     CROWDED = (
         "too many neighbours",

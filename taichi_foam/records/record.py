@@ -22,8 +22,9 @@ class Record:
     scene      what was run, with every default filled in
     history    one array (n,) for each of HISTORY_COLUMNS; made a `History` if it is a plain mapping
     snapshots  instants in order of time; of a long run they may lie on disk
-    run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s, wall_s,
-               node_stages_per_s, max_overlap_m, versions, ...; values that JSON can hold
+    run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s,
+               dt_stable_min_s, wall_s, node_stages_per_s, max_overlap_m, versions,
+               ...; values that JSON can hold
 
     Raises ValueError when a history column is missing, unknown or of another length, or when
     `ended_by` is no `Ending`.

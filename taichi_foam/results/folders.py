@@ -12,7 +12,6 @@ import contextlib
 import errno
 import json
 import os
-import secrets
 import shutil
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -32,7 +31,7 @@ from taichi_foam.results.files import (
 from taichi_foam.results.locks import LOCK, busy, is_locked, locked
 from taichi_foam.results.manifest import MANIFEST, Manifest
 from taichi_foam.units import si_scale
-from taichi_foam.version import __version__
+from taichi_foam.version import version
 
 UNFINISHED = "unfinished"
 """Name of the folder, in that of a result, of what is not complete yet."""
@@ -117,11 +116,12 @@ class Claim:
 
     def _clear(self) -> None:
         """Take away what nobody will continue, at once: what is renamed is litter by its name."""
-        found = {path.name for path in self.work.iterdir()}
-        if self._finished or found <= {LOCK, _REQUEST}:
-            litter = partial_name(self.work)
-            os.replace(self.work, litter)
-            shutil.rmtree(litter, ignore_errors=True)
+        with contextlib.suppress(OSError):  # somebody has taken it away, or it is not to be moved
+            found = {path.name for path in self.work.iterdir()}
+            if self._finished or found <= {LOCK, _REQUEST}:
+                litter = partial_name(self.work)
+                os.replace(self.work, litter)
+                shutil.rmtree(litter, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -208,14 +208,14 @@ def check_output_folder(
             raise UserError(busy(target))
         _check_target(target, overwrite, _marked(request))
         # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
-        probe = parent / f".taichi-foam-{secrets.token_hex(6)}.probe"
+        probe = partial_name(parent / "probe")
         probe.mkdir()
         probe.rmdir()
         free = shutil.disk_usage(parent).free
     if free < needed_bytes:
         raise UserError(
-            f"output folder {target}: the result needs about {_size(needed_bytes)}, but the disk "
-            f"has {_size(free)} free. Fix: free some space, choose another disk, make "
+            f"output folder {target}: the result needs about {size_text(needed_bytes)}, but the "
+            f"disk has {size_text(free)} free. Fix: free some space, choose another disk, make "
             "output.snapshot_interval and output.history_interval longer, or set "
             'output.snapshot_precision = "single".'
         )
@@ -236,7 +236,7 @@ def _request(folder: Path) -> dict[str, Any] | None:
 
 
 def _marked(request: Mapping[str, Any] | None) -> dict[str, Any]:
-    return plain({**(request or {}), _MARK: __version__})
+    return plain({**(request or {}), _MARK: version()})
 
 
 def _resolve(path: str | Path) -> Path:
@@ -379,7 +379,7 @@ def _explain(error: OSError, target: Path) -> UserError:
     return UserError(f"output folder {target}: cannot be written, {reason}. Fix: {fix}.")
 
 
-def _size(count: float) -> str:
+def size_text(count: float) -> str:
     """A number of bytes for people."""
     scale, prefix = si_scale(count, least=0, digits=3)
     return f"{count / scale:.3g} {prefix}B" if prefix else f"{count:.3g} bytes"

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from taichi_foam.results.files import whole_file, write_json
-from taichi_foam.version import __version__
+from taichi_foam.version import version
 
 MANIFEST = "manifest.json"
 
@@ -72,7 +72,9 @@ class Manifest:
                 for name, entry in found["files"].items()
             }
             folders = frozenset(map(str, found["folders"]))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (
+            OSError, ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError,
+        ):  # fmt: skip
             return None
         return cls(files, folders) if all(map(_is_inside, (*files, *folders))) else None
 
@@ -92,7 +94,7 @@ class Manifest:
             for name, entry in sorted(self.files.items())
         }
         content = {
-            "program": _PROGRAM, "version": __version__, "files": entries,
+            "program": _PROGRAM, "version": version(), "files": entries,
             "folders": sorted(self.folders),
         }  # fmt: skip
         with whole_file(folder / name) as partial:

@@ -44,12 +44,14 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
+from taichi_foam.results.packed import check_shapes
 from taichi_foam.results.snapshot_file import NAMES, record_type, shapes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
 
 _FORMAT = 1
+_LONGEST_SUMMARY = 10_000_000
 # without these there is no result
 _FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
@@ -59,6 +61,7 @@ _DAMAGE = (
     ValueError,
     KeyError,
     TypeError,
+    RecursionError,
     csv.Error,
     zipfile.BadZipFile,
     zlib.error,
@@ -74,6 +77,13 @@ class Result(Record):
         from taichi_foam.analysis.measures import summary
 
         return summary(self)
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """Sentences about what makes its figures doubtful; see `analysis.soundness.warnings_of`."""
+        from taichi_foam.analysis.soundness import warnings_of
+
+        return warnings_of(self)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the files of a run into a new folder, all or nothing, and return its path.
@@ -126,11 +136,10 @@ class Result(Record):
         try:
             history = _read_history(root / "history.csv")
             snapshots = _read_snapshots(root / "snapshots.npz", scene)
-            run = json.loads((root / "summary.json").read_text(encoding="utf-8"))["run"]
-            return cls(scene, history, snapshots, run)
+            return cls(scene, history, snapshots, _read_run(root / "summary.json"))
         except _DAMAGE as error:
             raise UserError(
-                f"result folder {root}: not a complete result of this version ({error}). "
+                f"result folder {root}: not a complete result of this version ({_words(error)}). "
                 f"Fix: run {root / 'scene.toml'} again."
             ) from error
 
@@ -197,6 +206,23 @@ def _read_history(path: Path) -> History:
     return History({name: table[:, k].copy() for k, name in enumerate(header)})
 
 
+def _read_run(path: Path) -> dict[str, Any]:
+    with path.open("rb") as file:
+        text = file.read(_LONGEST_SUMMARY + 1)
+    if len(text) > _LONGEST_SUMMARY:
+        raise ValueError(f"summary.json is longer than {_LONGEST_SUMMARY:,} bytes")
+    summary = json.loads(text)
+    if not (isinstance(summary, dict) and isinstance(summary.get("run"), dict)):
+        raise ValueError("summary.json has no table `run`")
+    return summary["run"]
+
+
+def _words(error: BaseException) -> str:
+    """What a reader says, cut to a line's share: it may repeat what it has read."""
+    text = str(error) or type(error).__name__
+    return text if len(text) <= 300 else text[:297] + "..."
+
+
 def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) -> None:
     """Write an .npz, array by array and instant by instant: one snapshot is in memory at a time."""
     record = record_type(scene)
@@ -217,19 +243,17 @@ def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) ->
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
+    most = int(scene.numerics.latest_end / scene.output.snapshot_interval) + 3
+    check_shapes(path, shapes(scene), most)
     with np.load(path) as archive:
         if archive["format"] != _FORMAT:
             raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
         arrays = {name: archive[name] for name in NAMES}
-    count = len(arrays["time"])
-    for name, shape in shapes(scene).items():
-        if arrays[name].shape != (count, *shape):
-            raise ValueError(f"{name} in snapshots.npz has the shape {arrays[name].shape}")
     return [
         Snapshot(
             float(arrays["time"][n]),
             float(arrays["impactor_y"][n]),
             *(arrays[name][n] for name in NAMES[2:]),
         )
-        for n in range(count)
+        for n in range(len(arrays["time"]))
     ]

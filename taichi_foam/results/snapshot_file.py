@@ -72,7 +72,9 @@ class _Records:
         Once one has been read they all stay readable, also when the file has been removed.
         """
         if self._mapped is None:
-            self._mapped = np.memmap(self.path, self.kind, "r").view(np.ndarray)
+            # a disk that was full, or a kill, may have left part of a record at the end
+            whole = np.memmap(self.path, self.kind, "r", shape=(self.count(),))
+            self._mapped = whole.view(np.ndarray)
         return self._mapped[place]
 
 

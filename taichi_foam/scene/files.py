@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,7 @@ import tomli_w
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from taichi_foam.scene.toml import MOST_BYTES, decoded, parsed
 
 
 def scene_to_toml(scene: Scene) -> str:
@@ -29,19 +24,17 @@ def scene_from_toml(path: Path) -> Scene:
 
 def scene_from_text(text: str, source: str) -> Scene:
     """The scene of TOML text from `source`. Raises UserError: not TOML, or no scene."""
-    try:
-        return Scene.checked(tomllib.loads(text), source)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{source}: not valid TOML: {error}") from None
+    return Scene.checked(parsed(text, source), source)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the data of a TOML file, not yet validated."""
+    """Return the data of a TOML file, not yet validated.
+
+    Raises UserError: unreadable, or not TOML within the bounds of `scene.toml`.
+    """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{path}: not valid TOML: {error}") from None
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+    return parsed(decoded(data, str(path)), str(path))

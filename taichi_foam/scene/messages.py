@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import Any
@@ -18,6 +19,11 @@ from taichi_foam.parts import Part
 _CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 """Parts of a scene that are one of several classes, by their key."""
 
+_MOST_PROBLEMS = 20
+_LONGEST_LINE = 400
+_LONGEST_KEY = 60
+"""Messages are for people, whatever a file holds."""
+
 _KIND_OF_VALUE = {
     "float_type": "a number, ",
     "int_type": "a whole number, ",
@@ -32,16 +38,53 @@ def explain(error: ValidationError, scene: type[Part]) -> str:
 
     `scene` is the class of scenes, from which keys and parts are known.
     """
-    lines = (
-        line for detail in error.errors(include_url=False) for line in _lines(error, detail, scene)
-    )
-    return "\n".join(dict.fromkeys(lines))
+    lines: dict[str, None] = {}
+    for detail in error.errors(include_url=False):
+        if len(lines) >= _MOST_PROBLEMS:
+            lines[f"and more: {error.error_count():,} problems in all"] = None
+            break
+        lines |= dict.fromkeys(_printable(line) for line in _lines(error, detail, scene))
+    return "\n".join(lines)
+
+
+def shown(value: Any) -> str:
+    """Return a value as a message shows it, cut to a line's share."""
+    text = "none" if value is None else _short.repr(value)
+    return text if len(text) <= _LONGEST_KEY else text[: _LONGEST_KEY - 3] + "..."
+
+
+def key_shown(key: str) -> str:
+    """Return a key as a message shows it: printable, and cut to a line's share."""
+    return _printable(key, _LONGEST_KEY)
 
 
 def titled(source: str, problems: str) -> str:
     """Return problems as an indented list under the scene that has them."""
     listed = "\n".join(f"  {line}" for line in problems.splitlines())
     return f"{source}: not a valid scene:\n{listed}"
+
+
+class _Short(reprlib.Repr):
+    """Representations that take little work, however long or deep a value is."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = self.maxlong = _LONGEST_KEY
+
+    def repr_int(self, x: int, level: int) -> str:
+        try:
+            return super().repr_int(x, level)
+        except ValueError:  # Python refuses to write thousands of digits
+            return f"a whole number of {x.bit_length():,} bits"
+
+
+_short = _Short()
+
+
+def _printable(text: str, most: int = _LONGEST_LINE) -> str:
+    """Return text of a line, cut, with what a terminal would not print written out."""
+    cut = text if len(text) <= most else text[: most - 3] + "..."
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in cut)
 
 
 @lru_cache
@@ -77,19 +120,20 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
     elif kind == "union_tag_not_found" and isinstance(value, Mapping):
         yield f"{path}.{tag}: missing; choose one of {tags}"
     elif kind == "union_tag_invalid":
-        yield f"{path}.{tag} = {context['tag']!r}: must be one of {tags}"
+        given = value.get(tag) if isinstance(value, Mapping) else context["tag"]
+        yield f"{path}.{tag} = {shown(given)}: must be one of {tags}"
     elif kind in ("union_tag_not_found", "model_type", "model_attributes_type", "dict_type"):
         known = ", ".join(owner.model_fields)
-        yield f"{path} = {_shown(value)}: must be a table with keys such as {known}"
+        yield f"{path} = {shown(value)}: must be a table with keys such as {known}"
     elif kind == "bool_type":
-        yield f"{path} = {_shown(value)}: must be true or false"
+        yield f"{path} = {shown(value)}: must be true or false"
     else:
         extra = field.json_schema_extra if field else None
         hints = extra if isinstance(extra, dict) else {}
         allowed = str(hints.get("allowed") or context.get("expected") or detail["msg"])
         # Ranges that begin with a word say themselves what kind of value they want.
         sort = _KIND_OF_VALUE.get(kind, "") if allowed.startswith(("above", "at")) else ""
-        given = ": missing;" if kind == "missing" else f" = {_shown(value)}:"
+        given = ": missing;" if kind == "missing" else f" = {shown(value)}:"
         fix = f"; {hints['fix']}" if "fix" in hints else ""
         yield f"{path}{given} must be {sort}{allowed}{fix}"
 
@@ -121,7 +165,7 @@ def _locate(
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
     """Say that a key is unknown, and which known one comes nearest."""
     *_, key = path.split(".")
-    head = path[: -len(key)]
+    head = path.removesuffix(key)
     here = {name: head + name for name in owner.model_fields}
     # Other shapes' keys stand in the same place: to suggest one would repeat the question.
     everywhere = {
@@ -131,10 +175,10 @@ def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
         if f"{part}.{name}" != path
     }
     for known in (here, everywhere):
-        near = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
+        near = difflib.get_close_matches(key[:_LONGEST_KEY], known, n=1, cutoff=0.6)
         if near:
-            return f"{path}: unknown key; did you mean {known[near[0]]}?"
-    return f"{path}: unknown key; known here: {', '.join(here)}"
+            return f"{key_shown(path)}: unknown key; did you mean {known[near[0]]}?"
+    return f"{key_shown(path)}: unknown key; known here: {', '.join(here)}"
 
 
 def _all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
@@ -142,9 +186,3 @@ def _all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
     yield from _parts(scene).items()
     for name, registry in _CHOSEN.items():
         yield from ((name, kind) for kind in registry.values())
-
-
-def _shown(value: Any) -> str:
-    """Return a value as a message shows it, cut to a line's share."""
-    text = "none" if value is None else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,11 +11,8 @@ import numpy as np
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from taichi_foam.scene.messages import key_shown, shown
+from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
 
 def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
@@ -31,7 +27,12 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
     for text in given:
         key, equals, word = (part.strip() for part in text.partition("="))
         if not equals or not all(key.split(".")) or not word:
-            raise UserError(f"{text!r}: must read KEY=VALUE, e.g. block.rows=40")
+            raise UserError(f"{shown(text)}: must read KEY=VALUE, e.g. block.rows=40")
+        if len(word) > LONGEST_LINE:
+            raise UserError(
+                f"{shown(key)}: a value of {len(word):,} characters; at most {LONGEST_LINE:,}; "
+                "shorten it"
+            )
         values[key] = _value(word)
     return values
 
@@ -45,8 +46,8 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     """
     found = copy.deepcopy(dict(data))
     for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
-        if not all(key.split(".")):
-            raise UserError(f"{key!r}: must be the key of a value, e.g. block.rows")
+        if not all(key.split(".")) or key.count(".") > DEEPEST:
+            raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
     return found
 
@@ -69,7 +70,9 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
             table[head] = {}
         table = table[head]
         if not isinstance(table, dict):
-            raise UserError(f"{key}: unknown key; {head} has no keys of its own")
+            raise UserError(
+                f"{key_shown(key)}: unknown key; {key_shown(head)} has no keys of its own"
+            )
     if key == "impactor.shape" and isinstance(value, str) and value in SHAPES:
         # Keys of the old shape that the new one lacks would be refused as unknown.
         for old in table.keys() - SHAPES[value].model_fields.keys():
@@ -89,7 +92,7 @@ def _value(word: str) -> Any:
     if word == "none":
         return None
     try:
-        table = tomllib.loads(f"value = {word}")
-    except tomllib.TOMLDecodeError:
+        table = parsed(f"value = {word}", "a value")
+    except UserError:
         return word
     return table["value"] if table.keys() == {"value"} else word

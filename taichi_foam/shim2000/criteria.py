@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 from taichi_foam.analysis import pattern
 from taichi_foam.analysis.fragments import Crack, crack_over_time
-from taichi_foam.analysis.measures import Impact, impact
+from taichi_foam.analysis.impact import Impact, impact
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Impactor, Scene

@@ -21,7 +21,7 @@ from taichi_foam.results.folders import Claim
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import nearest
-from taichi_foam.shim2000.compare import JUDGED
+from taichi_foam.shim2000.compare import JUDGED, at_rest
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.study import Case, Computed, Member, from_contact, has_failed
 from taichi_foam.simulation import simulate
@@ -112,7 +112,7 @@ class _Test:
 
     def _nearest(self) -> int:
         places = sorted(self.members)
-        figures = [self.members[place].figures for place in places]
+        figures = [at_rest(self.members[place].figures) for place in places]
         return places[nearest(figures, [quantity.key for quantity in JUDGED])]
 
 
@@ -183,7 +183,9 @@ def _failure(result: Result) -> str:
     )
 
 
-def _cell(value: float | bool | None) -> str:
+def _cell(value: float | bool | str | list[str] | None) -> str:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
+    if isinstance(value, (str, list)):
+        return value if isinstance(value, str) else " | ".join(value)
     return f"{value:.6g}" if isinstance(value, float) else str(int(value))

@@ -97,6 +97,9 @@ def _damage(case: Case) -> Row:
         "depth": text(q.CRACK),
         "broken": found["broken_bonds"],
         "rebound": text(q.REBOUND),
+        "peak": f"{text(q.CREST)} ({text(q.CREST_G)}) at {text(q.CREST_TIME)}",
+        "raw_peak": f"{text(q.RAW_CREST)} ({text(q.RAW_CREST_G)})",
+        "statement": found["statement"] or "the impactor never touched the foam",
     }
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import Interrupted, RunError, UserError
+from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.picture import films as film_files
 from taichi_foam.records.ending import Ending
@@ -152,6 +152,8 @@ def reproduce(
             write_json(staging / "summary.json", content)
         if not content["interrupted"]:
             claim.finish()
+    if ensemble is not None and content["warnings"]:  # of single runs simulate has warned
+        warn_of_run("\n  ".join(("reproduce:", *content["warnings"])))
     if computed.failure is not None:
         raise RunError(
             f"{computed.failure}\nWhat was computed is in {out}.",
@@ -174,14 +176,32 @@ def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
         "not_finished": computed.cut,
         "failed": [result.scene.name for result in computed.failed],
         "failure": computed.failure,
+        "warnings": [text for case in computed.cases for text in _warnings(case)],
     }
 
 
 def _entry(case: Case) -> dict[str, Any]:
     if not case.members:
         return compare.comparison(case.name, case.test, case.figures)
-    found = bands([member.figures for member in case.members])
+    found = bands([compare.at_rest(member.figures) for member in case.members])
     return compare.comparison_of_medians(case.name, case.test, found, len(case.members))
+
+
+def _warnings(case: Case) -> list[str]:
+    """What there is to say against a case's runs, by its name; of members each thing once."""
+    if not case.members:
+        return [f"{case_folder(case.name)}: {text}" for text in case.figures["warnings"]]
+    doubtful = [member for member in case.members if member.figures["warnings"]]
+    if not doubtful:
+        return []
+    worst = max(doubtful, key=lambda member: len(member.figures["warnings"]))
+    assert worst.scene.impactor is not None  # every test has one
+    velocity = worst.scene.impactor.velocity
+    return [
+        f"{case_folder(case.name)}: {len(doubtful)} of {len(case.members)} runs are doubtful, "
+        f"such as that at {velocity:.4g} m/s: {text}"
+        for text in worst.figures["warnings"]
+    ]
 
 
 def case_folder(name: str) -> str:

@@ -5,7 +5,6 @@
 
 import contextlib
 import math
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +17,7 @@ from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING, State
+from taichi_foam.errors import LongRunWarning, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
@@ -26,15 +26,21 @@ from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
-from taichi_foam.version import __version__
+from taichi_foam.simulation.provenance import provenance
 
 # A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
 MOST_STEPS = 1_000_000
 
+# A run that needs more than this is told when it begins: a small block takes a day for it.
+MANY_STEPS = 1e9
+
 # Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
 MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
 MOST_LATTICES = {"cpu": 64, "gpu": 4096}
+# On a CPU so many for each thread: enough that no thread waits for long when a lattice pauses, and
+# few enough that some scenes end long before others begin.
+LATTICES_PER_THREAD = 8
 
 ENDINGS = {
     RUNNING: Ending.INTERRUPTED,
@@ -116,6 +122,19 @@ class Run:
         if snapshot.time > self.recorded:
             self.snapshots.append(rounded(snapshot, self.scene))
             self.recorded = snapshot.time
+
+    @property
+    def length(self) -> str | None:
+        """What to say of a run that needs a very great number of steps, once it has begun."""
+        step = self.report["shortest"]
+        ahead = (self.scene.numerics.latest_end - self.time) / step
+        if ahead <= MANY_STEPS:
+            return None
+        return (
+            f"{self.scene.name}: needs up to {ahead:.1g} steps of {step:.1g} s, which may take "
+            "days; end it sooner (numerics.end, numerics.time_limit), or make its fastest swing "
+            "slower: a heavier impactor, softer contacts or foam, larger cells"
+        )
 
     def rows_since(self, since: int) -> np.ndarray:
         """The rows (n, 18) that have come after the first `since`."""
@@ -212,7 +231,7 @@ class Slots:
             recorded=stored.snapshots[-1].time,
             status=int(clock["status"]),
             time=clock["time"],
-            report={"steps": clock["steps"]},
+            report=_report(stored.state),
             resumed=stored.resumed + 1,
         )  # fmt: skip
 
@@ -261,6 +280,8 @@ class Slots:
             run.report = {name: float(values[b]) for name, values in standing.items()}
             run.status, run.time = int(run.report["status"]), run.report["time"]
             taken = int(run.report["steps"] - before)
+            if not before and taken and run.length:
+                warn_of_run(run.length, LongRunWarning)
             most = max(most, taken)
             self._wall.steps += taken
             self._wall.node_stages += 4 * self._lattice.nodes * taken
@@ -338,6 +359,11 @@ def advance_all(
                 raise
 
 
+def _report(state: State) -> dict[str, float]:
+    """What the last call has told of a run that stands in this state."""
+    return {**state.clock, "overlap": float(state.overlap.max(initial=0.0))}
+
+
 def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
     """A run that had ended when its checkpoint was written: nothing is to be computed."""
     state, begun = stored.state, Wall(wall.seconds - stored.seconds, 0, 0)
@@ -349,15 +375,19 @@ def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
         recorded=stored.snapshots[-1].time,
         status=int(state.clock["status"]),
         time=state.clock["time"],
-        report={**state.clock, "overlap": float(state.overlap.max(initial=0.0))},
+        report=_report(state),
         resumed=stored.resumed,
     )  # fmt: skip
 
 
 def _batch_size(scenes: int, nodes: int) -> int:
     """Lattices at a time: a power of two, so that few sizes are ever compiled."""
-    device = "cpu" if runtime.settings()["arch"] == "cpu" else "gpu"
-    most = max(1, min(MOST_LATTICES[device], MOST_NODES[device] // nodes))
+    settings = runtime.settings()
+    device = "cpu" if settings["arch"] == "cpu" else "gpu"
+    most = min(MOST_LATTICES[device], MOST_NODES[device] // nodes)
+    if device == "cpu":
+        most = min(most, LATTICES_PER_THREAD * int(settings["threads"]))
+    most = max(1, most)
     return 1 << min((scenes - 1).bit_length(), most.bit_length() - 1)
 
 
@@ -379,16 +409,13 @@ def result_of(run: Run, wall: Wall) -> Result:
             "steps": int(run.report["steps"]),
             "dt_min_s": run.report["shortest"],
             "dt_max_s": run.report["longest"],
+            "dt_stable_min_s": run.report["stable"],
             "max_overlap_m": run.report["overlap"],
             "batch": run.batch,
             "resumed": run.resumed,
             "wall_s": seconds,
             "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),
-            "taichi_foam": __version__,
-            "taichi": ".".join(map(str, ti.__version__)),
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-            "machine": platform.platform(),
+            **provenance(run.scene),
         },
     )

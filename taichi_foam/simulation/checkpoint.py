@@ -30,9 +30,9 @@ from taichi_foam.results.snapshot_file import SnapshotFile
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
-from taichi_foam.version import __version__
+from taichi_foam.version import version
 
-FORMAT = 2
+FORMAT = 3
 
 CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
 """Names of the two files in a folder of checkpoints."""
@@ -43,7 +43,7 @@ EVERY = 60.0
 LARGEST_SHARE = 0.05
 """Writing takes no more than this share of the time: checkpoints of large runs are rarer."""
 
-_DAMAGE = (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error)
+_DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Checkpoint:
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = {
             "format": FORMAT,
-            "version": __version__,
+            "version": version(),
             "scene": scene_to_toml(self.scene),
             "arch": self.arch,
             "rows": self.rows,
@@ -122,10 +122,10 @@ def _opened(folder: Path) -> Iterator[Any]:
     try:
         with np.load(path) as archive:
             written = int(archive["format"]), str(archive["version"])
-            if written != (FORMAT, __version__):
+            if written != (FORMAT, version()):
                 raise UserError(
                     f"{path}: written by taichi_foam {written[1]} (format {written[0]}), which "
-                    f"{__version__} (format {FORMAT}) cannot continue to the last bit. "
+                    f"{version()} (format {FORMAT}) cannot continue to the last bit. "
                     f"Fix: continue with {written[1]}, or run the scene again."
                 )
             yield archive

@@ -19,7 +19,7 @@ from typing import Any
 import psutil
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import Interrupted, RunError, UserError
+from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import Result, request_of, snapshots_bytes
@@ -130,7 +130,8 @@ def run(
 ) -> Result:
     """Run `scene` to its end and return everything it gave.
 
-    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED.
+    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED. A
+    `RunWarning` says what makes its figures doubtful, if anything does (`Result.warnings`).
 
     Args:
         scene: what to run.
@@ -256,8 +257,17 @@ def _run_all(
             raise
         raise Interrupted(results) from None
     ordered = [results[index] for index in sorted(results)]
+    for result in ordered:
+        _warn(result)
     _raise_on_failure(list(begun.values()), ordered)
     return ordered
+
+
+def _warn(result: Result) -> None:
+    """Warn once of what there is to say against a result."""
+    if not result.warnings or (result.ending is not None and result.ending.failed):
+        return  # of a failure its error tells
+    warn_of_run("\n  ".join((f"{result.scene.name}:", *result.warnings)))
 
 
 def _check_memory(scenes: Sequence[Scene]) -> None:

@@ -99,7 +99,7 @@ class _Computing:
         self._group = f"chunk-{secrets.token_hex(4)}"
 
     def run(self) -> None:
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
 
         try:
             self._hand_over()

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from taichi_foam.analysis import measures
+from taichi_foam.analysis import impact, measures
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Block, Cylinder, FlatBlock, Numerics, Scene, Wedge
+from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Numerics, Scene, Wedge
 
 V0, A, MASS, Z = 3.03, 74.0, 6.0, 0.057
 STOP = V0 / A  # 40.9 ms, between two rows
@@ -32,16 +32,14 @@ def braked(make_result):
         t = np.append(np.arange(0.0, end - 1e-9, 1e-4), end)
         since = np.clip(t - contact, 0, None)
         v = V0 - A * since
-        return make_result(
-            scene=scene_with(impactor),
-            time=t,
-            displacement_m=V0 * t - 0.5 * A * since**2,
-            velocity_m_s=v,
-            deceleration_m_s2=np.where(t > contact, A, 0.0),
-            contact_force_N=np.where(t > contact, MASS * A, 0.0),
-            impactor_kinetic_J=0.5 * MASS * v**2,
-            **more,
-        )
+        columns = {
+            "displacement_m": V0 * t - 0.5 * A * since**2,
+            "velocity_m_s": v,
+            "deceleration_m_s2": np.where(t > contact, A, 0.0),
+            "contact_force_N": np.where(t > contact, MASS * A, 0.0),
+            "impactor_kinetic_J": 0.5 * MASS * v**2,
+        }
+        return make_result(scene=scene_with(impactor), time=t, **(columns | more))
 
     return make
 
@@ -117,7 +115,7 @@ def test_a_gap_delays_and_deepens_nothing(braked) -> None:
     """Contact 1.234 ms after the start, between two rows: all measures count from there."""
     gap = V0 * 1.234e-3
     late = braked(FlatBlock(velocity=V0, gap=gap), contact=1.234e-3)
-    found = measures.impact(late)
+    found = impact.impact(late)
     assert found is not None
     assert found.contact == pytest.approx(1.234e-3, rel=1e-9)
     assert found.duration == pytest.approx(STOP, rel=1e-9)
@@ -131,7 +129,6 @@ def test_a_run_that_ends_before_the_stop_has_no_such_measures(braked, end: float
     result = braked(end=end)
     for measure in (
         measures.impact_duration,
-        measures.max_displacement,
         measures.plateau,
         measures.initial_peak,
         measures.energy_absorbed,
@@ -141,6 +138,117 @@ def test_a_run_that_ends_before_the_stop_has_no_such_measures(braked, end: float
         measures.rebound_velocity,
     ):
         assert measure(result) is None
+
+
+@pytest.mark.parametrize("end", [0.02, STOP - 1e-4])
+def test_its_displacement_is_the_largest_until_then(braked, end: float) -> None:
+    """A number for whatever has touched: scripts go on with it."""
+    result = braked(end=end)
+    assert measures.max_displacement(result) == pytest.approx(V0 * end - 0.5 * A * end**2)
+    assert measures.came_to_rest(result) is False
+    assert measures.came_to_rest(braked()) is True
+
+
+# --- peaks, and what became of the impactor ---------------------------------------------------
+
+
+def test_peaks_in_the_middle_of_their_rows_and_in_g(braked) -> None:
+    """The raw peak is a row's mean; neither looks at what was before contact."""
+    t = braked(contact=2e-3).history["time_s"]
+    raw, smooth = np.where(t > 2e-3, A, 0.0), np.where(t > 2e-3, A, 0.0)
+    raw[10], raw[200], smooth[5], smooth[210] = 5e3, 980.665, 5e3, 490.3325
+    result = braked(
+        FlatBlock(velocity=V0, gap=V0 * 2e-3),
+        contact=2e-3,
+        deceleration_m_s2=raw,
+        deceleration_smoothed_m_s2=smooth,
+    )
+    found = measures.summary(result)
+    assert found["peak_deceleration_g"] == pytest.approx(100.0)
+    assert found["peak_deceleration_m_s2"] == pytest.approx(980.665)
+    assert found["peak_deceleration_time_s"] == pytest.approx(t[200] - 0.5e-4 - 2e-3)
+    assert found["peak_deceleration_cfc180_g"] == pytest.approx(50.0)
+    assert found["peak_deceleration_cfc180_time_s"] == pytest.approx(t[210] - 2e-3)
+
+
+def test_a_peak_at_the_end_leaves_no_plateau(make_result) -> None:
+    """Free down to the last millimetre, then 600 g: 0.6 m/s2 is no plateau."""
+    v0 = 3.0
+    t = np.arange(0.0, 0.0405, 1e-4)
+    late = t > 0.0395 + 1e-9
+    a = np.where(late, 6000.0, 0.6)
+    v = v0 - np.cumsum(np.append(0.0, a[1:] * np.diff(t)))
+    result = make_result(
+        scene=scene_with(FlatBlock()),
+        time=t,
+        velocity_m_s=v,
+        displacement_m=np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))),
+        deceleration_m_s2=a,
+        contact_force_N=1.0,
+    )
+    found = measures.summary(result)
+    assert found["plateau_deceleration_m_s2"] is None
+    assert found["bottomed_out"] is True  # 11.8 cm into a block of 10: on the support
+    assert found["statement"].startswith("the foam bottomed out: its deceleration peaked at")
+    assert "no plateau: most of the stopping came in a peak" in found["statement"]
+
+
+def test_foam_bottoms_out_when_it_is_used_up_and_presses(braked, make_snapshot) -> None:
+    """Crushed to -0.8 in the mean of a column under the face, and above twice its plateau."""
+    block, foam = Block(), scene_with(FlatBlock()).foam
+    enough = 2.0 * foam.plateau_stress * 0.05 * block.thickness
+    strains = np.zeros((block.columns, block.rows - 1))
+
+    def found(column: int, strain: float, force: float) -> bool | None:
+        crushed = strains.copy()
+        crushed[column] = strain
+        snapshot = make_snapshot(block, e_min_b=crushed)
+        return impact.bottomed_out(braked(snapshots=[snapshot], contact_force_N=force))
+
+    middle = block.columns // 2
+    assert found(middle, -0.81, 1.1 * enough) is True
+    assert found(middle, -0.79, 1.1 * enough) is False
+    assert found(middle, -0.81, 0.9 * enough) is False
+    assert found(0, -0.81, 1.1 * enough) is False  # beside the face
+    assert impact.bottomed_out(braked()) is None  # nothing to tell by
+
+
+def test_an_impactor_passes_through_or_past(make_result) -> None:
+    """Below a block without a support; or clear of all foam for two cells, until the end."""
+    t = np.arange(0.0, 0.0505, 1e-3)
+    no_support = scene_with(FlatBlock(), base=Base(stops_impactor=False))
+
+    def end(scene: Scene, touches_until: float) -> tuple[bool | None, bool | None]:
+        result = make_result(
+            scene=scene,
+            time=t,
+            velocity_m_s=2.0,
+            displacement_m=2.0 * t,
+            contact_force_N=np.where(t <= touches_until, 1.0, 0.0),
+        )
+        summary = measures.summary(result)
+        assert summary["max_displacement_m"] == pytest.approx(0.1 - scene.impactor.gap)
+        assert bool(summary["passed_through"]) == any("left the foam" in w for w in result.warnings)
+        return summary["passed_through"], summary["bottomed_out"]
+
+    assert end(no_support, 1.0) == (True, None)
+    assert end(scene_with(FlatBlock()), 1.0) == (False, True)  # on the support
+    assert end(scene_with(FlatBlock(gap=0.02)), 0.030) == (True, None)
+    assert end(scene_with(FlatBlock(gap=0.02)), 0.0499) == (False, None)
+
+
+def test_a_light_impactor_touches_between_two_rows(make_result) -> None:
+    """No row knows of a force; the velocity tells."""
+    result = make_result(
+        scene=scene_with(FlatBlock(mass=1e-9)),
+        time=(0.0, 1e-4, 2e-4),
+        velocity_m_s=(3.0, -2.0, -2.0),
+        displacement_m=(0.0, -1e-4, -3e-4),
+        deceleration_m_s2=(0.0, 5e4, 0.0),
+    )
+    found = measures.summary(result)
+    assert found["came_to_rest"] is True
+    assert found["max_displacement_m"] == pytest.approx(0.5 * 3.0 * 6e-5)
 
 
 # --- other histories --------------------------------------------------------------------------
@@ -218,7 +326,7 @@ def test_initial_peak_is_the_first_of_a_flat_face(braked) -> None:
 
 def test_an_impactor_that_never_touches_has_no_impact(make_result) -> None:
     result = make_result(time=np.linspace(0, 0.01, 11), velocity_m_s=3.0)
-    assert measures.impact(result) is None
+    assert impact.impact(result) is None
 
 
 # --- energy -----------------------------------------------------------------------------------
@@ -291,10 +399,14 @@ def test_summary_without_impactor_and_of_nothing(make_result, make_snapshot) -> 
     )
     found = measures.summary(without)
     assert found["pieces"] == 1
-    known = {"scene", "pieces", "broken_bonds", "interrupted"}
+    known = {"scene", "pieces", "broken_bonds", "interrupted", "warnings"}
     assert {key for key, value in found.items() if value is not None} == known
 
     empty = make_result(time=[], run={"ended_by": Ending.INTERRUPTED})
     found = measures.summary(empty)
     assert found["interrupted"] is True
-    assert {key for key, value in found.items() if value is not None} == {"scene", "interrupted"}
+    assert {key for key, value in found.items() if value is not None} == {
+        "scene",
+        "interrupted",
+        "warnings",
+    }

@@ -49,6 +49,18 @@ def test_a_lattice_that_has_ended_makes_room_and_leaves_no_trace() -> None:
         assert_same_results(run(scene), result)
 
 
+def test_some_of_many_end_before_others_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 40 scenes on one thread eight are on the device: Ctrl-C after a while finds results."""
+    monkeypatch.setattr(batches.runtime, "settings", lambda: {"arch": "cpu", "threads": 1})
+    assert batches._batch_size(40, 800) == 8
+    monkeypatch.setattr(batches.runtime, "settings", lambda: {"arch": "cpu", "threads": 2})
+    assert batches._batch_size(40, 800) == 16
+    assert batches._batch_size(3, 800) == 4
+    assert batches._batch_size(40, 100_000) == 2
+    monkeypatch.setattr(batches.runtime, "settings", lambda: {"arch": "cpu", "threads": 64})
+    assert batches._batch_size(1000, 800) == 64
+
+
 @pytest.mark.usefixtures("two_at_a_time")
 def test_results_come_as_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second of two ends first; the third then has 2 ms, and ends before the first."""

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_foam.analysis.measures import impact
+from taichi_foam.analysis.impact import impact
 from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
 from taichi_foam.results.result import Result

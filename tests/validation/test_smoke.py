@@ -9,6 +9,7 @@ from types import ModuleType
 
 import fidelity
 import model_tables
+import odd_scenes
 import pytest
 import step_size
 import verify
@@ -16,7 +17,7 @@ import verify
 VALIDATION = Path(verify.__file__).parent
 
 
-@pytest.mark.parametrize("script", [fidelity, step_size, model_tables, verify])
+@pytest.mark.parametrize("script", [fidelity, step_size, model_tables, odd_scenes, verify])
 def test_the_short_form_works_and_leaves_nothing(script: ModuleType) -> None:
     before = {path: path.stat().st_mtime_ns for path in VALIDATION.rglob("*.[mj][ds]*")}
     script.smoke()

@@ -18,7 +18,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.compare import comparison_of_medians, measured_figures
+from taichi_foam.shim2000.compare import at_rest, comparison_of_medians, measured_figures
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.ensemble import members_of
 from taichi_foam.shim2000.study import has_failed
@@ -108,7 +108,7 @@ def figures_of(result: Result, test: PaperTest) -> dict[str, Any]:
     keys = [quantity.key for quantity in JUDGED if quantity.key in measured]
     if has_failed(result):
         return {"figures": dict.fromkeys(keys), "criteria": {}, "failed": result.run["ended_by"]}
-    found = summary(result)
+    found = at_rest(summary(result))
     return {
         "figures": {key: _rounded(found[key]) for key in keys},
         "criteria": {each.key: bool(each.holds) for each in criteria(result, test)},

@@ -1,0 +1,138 @@
+"""What there is to say against the figures of a run, in plain sentences.
+
+Each names what is wrong, with its figure, and what helps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taichi_foam.analysis.crush import over_bonds
+from taichi_foam.analysis.impact import passed_through
+from taichi_foam.records.record import Record
+from taichi_foam.records.snapshot import Snapshot
+
+RESIDUAL_LIMIT = 1e-2
+"""The part of the impact energy that may stay unaccounted for: the paper's tests leave 1e-4, and
+figures of broken foam differ by more than this by chance."""
+
+OVERLAP_LIMIT = 0.1
+"""How deep a mass point may sink into the impactor, in cells: what lies closer together than a cell
+the lattice does not resolve, and a tenth of one moves no figure; the paper's tests reach 0.01."""
+
+LOOSE_LIMIT = 0.25
+"""The share of mass points without a whole bond up to which the lattice stands for foam: contact
+of points is a model of contact of pieces; the paper's tests reach 0.005."""
+
+_STIFFEST_CONTACT = 1e4  # the most that numerics.contact_stiffness may be
+
+
+def energy_residual(record: Record) -> float | None:
+    """Unaccounted energy at its worst row, with its sign, over the impact energy.
+
+    The impact energy is the largest kinetic and strain energy that any row holds: that of the
+    first row, or, when things fall, that at contact. None if it is zero.
+    """
+    h = record.history
+    parts = ("impactor_kinetic_J", "foam_kinetic_J", "strain_J")
+    impact_energy = np.sum([np.nan_to_num(h[name]) for name in parts], axis=0).max(initial=0.0)
+    if impact_energy == 0:
+        return None
+    return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)
+
+
+def loose_share(snapshot: Snapshot) -> float:
+    """The share of mass points that hang on no whole bond."""
+    whole = over_bonds(np.maximum, ~snapshot.broken_a, ~snapshot.broken_b)
+    return float(np.mean(whole == 0.0))
+
+
+def warnings_of(record: Record) -> list[str]:
+    """Sentences about what makes the run's figures doubtful; empty if nothing does."""
+    found = (
+        _of_step(record),
+        _of_residual(record),
+        _of_overlap(record),
+        _of_leaving(record),
+        _of_loose_points(record),
+    )
+    return [sentence for sentence in found if sentence is not None]
+
+
+def _of_step(record: Record) -> str | None:
+    given, stable = record.scene.numerics.dt, record.run.get("dt_stable_min_s")
+    if given == "auto" or stable is None or given <= stable:
+        return None
+    return (
+        f"numerics.dt = {given:g} s is {given / stable:.2g} times the stable step, which came down "
+        f"to {stable:.3g} s: vibrations that do not exist may have grown; set numerics.dt = 'auto'"
+    )
+
+
+def _of_residual(record: Record) -> str | None:
+    residual = energy_residual(record)
+    if residual is None or not abs(residual) > RESIDUAL_LIMIT:
+        return None
+    return (
+        f"{abs(residual):.1%} of the impact energy is unaccounted for, where 1 % is the most to be "
+        f"trusted; {_cure(record)}"
+    )
+
+
+def _cure(record: Record) -> str:
+    """What brings the residual down."""
+    scene, stable = record.scene, record.run.get("dt_stable_min_s")
+    numerics = scene.numerics
+    if scene.model.broken_contact == "jump":
+        return (
+            "broken bonds that jump on to the loading curve create energy: set "
+            "model.broken_contact = 'reload'"
+        )
+    if numerics.dt == "auto":
+        return f"set numerics.safety = {numerics.safety / 4:.2g}, for a step a quarter as long"
+    if stable is not None and numerics.dt > stable:
+        return "set numerics.dt = 'auto'"
+    return f"set numerics.dt = {numerics.dt / 4:.2g}"
+
+
+def _of_overlap(record: Record) -> str | None:
+    overlap, scene = record.run.get("max_overlap_m"), record.scene
+    if overlap is None or scene.impactor is None:
+        return None
+    cells = overlap / min(scene.block.dx, scene.block.dy)
+    if cells <= OVERLAP_LIMIT:
+        return None
+    # at a given force the overlap falls with the stiffness; half the limit leaves some room
+    stiffer = float(f"{scene.numerics.contact_stiffness * cells / (0.5 * OVERLAP_LIMIT):.1g}")
+    if stiffer <= _STIFFEST_CONTACT:
+        cure = f"set numerics.contact_stiffness = {stiffer:g}"
+    else:
+        cure = "such an impact is too hard for a contact by penalty; take a slower or lighter one"
+    return (
+        f"mass points sank into the impactor by up to {cells:.2g} of a cell, where "
+        f"{OVERLAP_LIMIT:g} is the most to be trusted; {cure}"
+    )
+
+
+def _of_leaving(record: Record) -> str | None:
+    if not passed_through(record):
+        return None
+    velocity = record.history["velocity_m_s"]
+    return (
+        f"the impactor left the foam at {velocity[-1]:.3g} m/s, of {velocity.max():.3g} m/s: "
+        "max_displacement_m is how far it had come when the run ended, no stopping distance; take "
+        "a thicker block (block.height), or less of an impact"
+    )
+
+
+def _of_loose_points(record: Record) -> str | None:
+    if not record.snapshots:
+        return None
+    share = loose_share(record.snapshots[-1])
+    if share <= LOOSE_LIMIT:
+        return None
+    return (
+        f"{share:.0%} of the mass points hang on no whole bond: the lattice fell apart into flying "
+        "points, which stand for no foam; take smaller cells (block.columns, block.rows), or end "
+        "the run before (numerics.end)"
+    )

@@ -1,0 +1,142 @@
+"""Where compiled kernels are kept on disk, so that a later process need not compile them again.
+
+Taichi keeps them in `ticache.tcb`, a list, and one `.tic` file for each kernel. It writes them when
+the process ends, while it holds the file `ticache.lock`. Three things it does not get over by
+itself: a folder that cannot be written ends the process by a segmentation fault; a lock that a
+killed process has left, and a kernel that is listed but damaged, make every later process compile
+everything again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+LOCK, INDEX = "ticache.lock", "ticache.tcb"
+LOCK_SECONDS = 60.0
+"""A lock is held while files are written, a second or so: one this old has been left behind."""
+
+_CHECKED = "checked"
+"""Files that are older than this one have been read to their ends, and were whole."""
+
+_KERNEL = re.compile(rb"T[0-9a-f]{64}")
+
+
+def prepared() -> Path | None:
+    """The folder for compiled kernels, ready to be used; None: do without.
+
+    It is TI_OFFLINE_CACHE_FILE_PATH, by default `taichi_foam/kernels` in the user's cache.
+    TI_OFFLINE_CACHE=0 does without. One line on stderr says what was wrong with it.
+    """
+    if os.environ.get("TI_OFFLINE_CACHE") == "0":
+        return None
+    folder = _folder()
+    if folder is None:
+        return None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder) as probe:
+            probe.write(b"0")
+            probe.flush()
+            # by the clock of the disk, which need not be this machine's
+            now = os.fstat(probe.fileno()).st_mtime
+    except OSError as error:
+        _say(
+            f"{folder}: cannot be written ({error.strerror}); kernels are compiled for this "
+            "process alone; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can"
+        )
+        return None
+    with contextlib.suppress(OSError):  # another process may mend it at the same time
+        _mend(folder, now)
+    return folder
+
+
+def _folder() -> Path | None:
+    given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+    if given:
+        return Path(given)
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    # relative: a user without a home
+    return Path(caches) / "taichi_foam" / "kernels" if os.path.isabs(caches) else None
+
+
+def _mend(folder: Path, now: float) -> None:
+    """Remove a lock that was left behind, and all kernels if one of them is damaged."""
+    lock = folder / LOCK
+    if lock.exists() and now - lock.stat().st_mtime > LOCK_SECONDS:
+        lock.unlink()
+        _say(f"{lock}: left by a process that was killed; removed")
+    if _is_whole(folder):
+        checked = folder / _CHECKED
+        checked.touch()
+        os.utime(checked, (now, now))
+        return
+    if not _locked(lock):
+        return
+    try:
+        if _is_whole(folder):
+            return  # another process was writing it
+        for file in (folder / INDEX, *folder.glob("T*.tic")):
+            file.unlink(missing_ok=True)
+        _say(f"{folder}: some compiled kernels were damaged; all are compiled again")
+    finally:
+        lock.unlink(missing_ok=True)
+
+
+def _locked(lock: Path) -> bool:
+    """Take Taichi's own lock, as Taichi does. Whether that worked out."""
+    for _ in range(5):
+        with contextlib.suppress(FileExistsError):
+            lock.touch(exist_ok=False)
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether every kernel that is listed is there and is what was written."""
+    index, checked = folder / INDEX, folder / _CHECKED
+    if not index.is_file():
+        return not any(folder.glob("T*.tic"))
+    since = checked.stat().st_mtime if checked.is_file() else -1.0
+    listed = index.read_bytes()
+    if int.from_bytes(listed[:8], "little") != len(listed):
+        return False
+    return all(_is_sound(folder / f"{name.decode()}.tic", since) for name in _names(listed))
+
+
+def _names(listed: bytes) -> set[bytes]:
+    return set(_KERNEL.findall(listed))
+
+
+def _is_sound(file: Path, since: float) -> bool:
+    """Whether a kernel's file is whole; its bytes are read if it is newer than `since`.
+
+    It is 8 bytes of mark, the lengths of two parts, the parts, and their SHA-256.
+    """
+    try:
+        with file.open("rb") as opened:
+            stat = os.fstat(opened.fileno())
+            head = opened.read(24)
+            parts = sum(int.from_bytes(head[k : k + 8], "little") for k in (8, 16))
+            if stat.st_size != 24 + parts + 64:
+                return False
+            if stat.st_mtime < since:
+                return True
+            rest = opened.read()
+    except OSError:
+        return False
+    return hashlib.sha256(rest[:-64]).hexdigest().encode() == rest[-64:]
+
+
+def _say(text: str) -> None:
+    """A line on stderr, which need not be there."""
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            print(f"kernel cache: {text}", file=sys.stderr)

@@ -1,0 +1,106 @@
+"""TOML text as plain data, within the bounds of what a scene can need."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from taichi_foam.errors import UserError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOST_BYTES = 200_000
+"""A scene's text may have so many; those of the package have about 1,000."""
+
+LONGEST_LINE = 2_000
+"""Characters of a line. What a reader does with a dotted key grows with the square of its parts,
+and a key cannot go on in the next line."""
+
+DEEPEST = 20
+"""Levels of tables and arrays within one another; a scene has four."""
+
+_MARKS = {
+    b"\xff\xfe\x00\x00": "UTF-32",
+    b"\x00\x00\xfe\xff": "UTF-32",
+    b"\xff\xfe": "UTF-16",
+    b"\xfe\xff": "UTF-16",
+}
+"""How texts in other encodings begin, the longer marks first."""
+
+
+def decoded(data: bytes, source: str) -> str:
+    """UTF-8 text, with or without a byte order mark.
+
+    Raises UserError: another encoding, or more than MOST_BYTES.
+    """
+    if len(data) > MOST_BYTES:
+        raise UserError(
+            f"{source}: longer than {MOST_BYTES:,} bytes; a scene has some thousand at most; "
+            "name the file of a scene"
+        )
+    for mark, encoding in _MARKS.items():
+        if data.startswith(mark):
+            raise UserError(f"{source}: {encoding} text; save it as UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserError(
+            f"{source}: not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from None
+
+
+def parsed(text: str, source: str) -> dict[str, Any]:
+    """The data of TOML text from `source`.
+
+    Raises UserError: not TOML, or beyond the bounds of this module.
+    """
+    for number, line in enumerate(text.split("\n"), 1):
+        if len(line) > LONGEST_LINE:
+            raise UserError(
+                f"{source}: line {number} has {len(line):,} characters; at most {LONGEST_LINE:,}; "
+                "break it, or shorten its key"
+            )
+    try:
+        data = tomllib.loads(text)
+    except ValueError as error:  # also of whole numbers with thousands of digits
+        raise UserError(f"{source}: not valid TOML: {_first_words(error)}") from None
+    except RecursionError:
+        raise UserError(_too_deep(source)) from None
+    if _is_deeper(data, DEEPEST):
+        raise UserError(_too_deep(source))
+    return data
+
+
+def _first_words(error: ValueError) -> str:
+    """What the reader says, which may repeat a key of any length."""
+    text = str(error)
+    if not isinstance(error, tomllib.TOMLDecodeError) and "digits" in text:
+        return "a whole number with thousands of digits"
+    return text if len(text) <= 200 else f"{text[:120]} ... {text[-40:]}"
+
+
+def _too_deep(source: str) -> str:
+    return (
+        f"{source}: tables or arrays within one another, more than {DEEPEST} deep; a scene has "
+        "four levels at most"
+    )
+
+
+def _is_deeper(data: Any, levels: int) -> bool:
+    """Whether tables and arrays stand deeper than `levels`; takes no stack of its own."""
+    level = [data]
+    for _ in range(levels + 1):
+        inner: list[Any] = []
+        for value in level:
+            if isinstance(value, Mapping):
+                inner += value.values()
+            elif isinstance(value, list):
+                inner += value
+        level = inner
+        if not level:
+            return False
+    return True

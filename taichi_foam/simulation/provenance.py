@@ -1,0 +1,61 @@
+"""Where a result comes from: what computed it, when, by which command, and from what."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import shlex
+import sys
+from datetime import datetime, timezone
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import taichi as ti
+
+from taichi_foam.scene import Scene
+from taichi_foam.version import version
+
+_LONGEST_COMMAND = 2_000
+
+
+def provenance(scene: Scene) -> dict[str, str]:
+    """The stamp of a run that ends now, for `run` in summary.json.
+
+    taichi_foam   version; of a development version with its commit
+    taichi, numpy, python
+    machine, processor
+    date          UTC, ISO 8601
+    command       of the process, as a line of the shell
+    scene_sha256  see `content_hash`
+    """
+    return {
+        "taichi_foam": version(),
+        "taichi": ".".join(map(str, ti.__version__)),
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+        "machine": platform.platform(),
+        "processor": processor(),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "command": shlex.join(sys.orig_argv)[:_LONGEST_COMMAND],
+        "scene_sha256": content_hash(scene),
+    }
+
+
+def content_hash(scene: Scene) -> str:
+    """SHA-256 of a scene's values, every default filled in: equal scenes have equal ones."""
+    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def processor() -> str:
+    """The processor's name; Python itself knows it on some systems only."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

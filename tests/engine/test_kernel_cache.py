@@ -1,0 +1,130 @@
+"""Compiled kernels on disk, in a folder that cannot be written, or that is damaged."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import taichi_foam
+from taichi_foam.engine.kernel_cache import INDEX, LOCK
+
+PROGRAM = """
+import taichi as ti
+from taichi_foam.engine import runtime
+
+runtime.start(threads=1)
+
+@ti.kernel
+def answer() -> ti.i32:
+    total = 0
+    for k in range(7):
+        total += 6
+    return total
+
+print(answer())
+"""
+
+
+def process(tmp_path: Path, **environment: str) -> str:
+    """Compile a kernel in a process of its own, which has to end well; returns its stderr."""
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    root = str(Path(taichi_foam.__file__).parents[1])
+    kept = {name: value for name, value in os.environ.items() if name != "XDG_CACHE_HOME"}
+    kept["PYTHONWARNINGS"] = "ignore"  # of Taichi's own source
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        env={**kept, "PYTHONPATH": root, "TI_SKIP_VERSION_CHECK": "ON", **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "42\n"), done.stderr
+    return done.stderr
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the kernels of a process that has ended."""
+    folder = tmp_path_factory.mktemp("filled")
+    assert process(folder, TI_OFFLINE_CACHE_FILE_PATH=str(folder / "cache")) == ""
+    assert kernels(folder / "cache")
+    return folder / "cache"
+
+
+@pytest.fixture
+def cache(filled: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(filled, tmp_path / "cache"))
+
+
+def kernels(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.glob("T*.tic")}
+
+
+def again(tmp_path: Path, cache: Path) -> str:
+    return process(tmp_path, TI_OFFLINE_CACHE_FILE_PATH=str(cache))
+
+
+def test_a_home_that_cannot_be_written(tmp_path: Path) -> None:
+    """It was a segmentation fault when the process ended."""
+    (tmp_path / "home").write_text("a file")
+    told = process(tmp_path, HOME=str(tmp_path / "home"))
+    assert told.count("\n") == 1
+    assert "home/.cache/taichi_foam/kernels: cannot be written" in told
+    assert process(tmp_path, HOME=str(tmp_path / "home"), TI_OFFLINE_CACHE="0") == ""
+
+
+def test_the_users_cache(tmp_path: Path) -> None:
+    assert process(tmp_path, HOME=str(tmp_path)) == ""
+    assert kernels(tmp_path / ".cache" / "taichi_foam" / "kernels")
+
+
+def test_kernels_are_found_again(tmp_path: Path, cache: Path) -> None:
+    before = {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")}
+    assert again(tmp_path, cache) == ""
+    assert {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")} == before
+
+
+def test_a_lock_that_was_left_behind(tmp_path: Path) -> None:
+    """Nothing was ever written while it lay there."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    lock = cache / LOCK
+    lock.touch()
+    os.utime(lock, (time.time() - 120, time.time() - 120))
+    assert "ticache.lock: left by a process that was killed; removed" in again(tmp_path, cache)
+    assert not lock.exists()
+    assert kernels(cache)
+
+
+def test_a_lock_that_is_held(tmp_path: Path) -> None:
+    """Another process may be writing: it is left alone."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    (cache / LOCK).touch()
+    assert again(tmp_path, cache) == ""
+    assert (cache / LOCK).exists()
+    assert not kernels(cache)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "missing", "empty", "index cut"])
+def test_damage_is_mended_once(damage: str, tmp_path: Path, cache: Path) -> None:
+    whole = kernels(cache)
+    name, content = max(whole.items(), key=lambda item: len(item[1]))
+    file = cache / (INDEX if damage == "index cut" else name)
+    if damage == "missing":
+        file.unlink()
+    elif damage == "flipped":
+        file.write_bytes(content[:200] + bytes([content[200] ^ 1]) + content[201:])
+    else:
+        file.write_bytes(b"" if damage == "empty" else file.read_bytes()[:-50])
+    assert "some compiled kernels were damaged; all are compiled again" in again(tmp_path, cache)
+    assert kernels(cache).keys() == whole.keys()
+    assert again(tmp_path, cache) == ""
