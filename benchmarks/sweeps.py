@@ -334,7 +334,8 @@ def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
                 time.sleep(0.1)
             worker = [
                 *dask, "worker", "--nthreads", "1", "--nworkers", "2", "--no-dashboard",
-                "--death-timeout", "60", "--host", "127.0.0.1", "--local-directory", scratch, *where,
+                "--death-timeout", "60", "--host", "127.0.0.1", "--local-directory", scratch,
+                *where,
             ]  # fmt: skip
             address = json.loads(told.read_text(encoding="utf-8"))["address"]
             with (
