@@ -75,11 +75,11 @@ def test_the_table_in_the_terminal(make_result, study) -> None:
     assert "measured" in printed(tables.key_figures(load_scene(WEDGE), figures))
     own = printed(tables.key_figures(written_by_hand(), figures))
     assert "my wedge" in own
-    assert "7.50" in own
+    assert " 7.50 " in own
     other = printed(tables.key_figures(changed(), figures))
     assert f"{WEDGE}, changed" in other
     assert "measured" not in other
-    assert "7.50" not in other
+    assert " 7.50 " not in other
 
 
 def test_a_notebook(make_result, make_snapshot) -> None:
