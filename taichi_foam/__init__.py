@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from taichi_foam.shim2000.reproduce import reproduce
     from taichi_foam.shim2000.tests import paper_scene
     from taichi_foam.simulation.simulate import init, resume, run, run_many, simulate, simulate_many
+    from taichi_foam.sweeps.run import sweep
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -56,6 +57,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "summary",
+    "sweep",
     "watch",
 ]
 
@@ -79,6 +81,7 @@ _HOMES = {
     "simulate": "simulation.simulate",
     "simulate_many": "simulation.simulate",
     "summary": "analysis.measures",
+    "sweep": "sweeps.run",
     "watch": "live.watch",
 }
 

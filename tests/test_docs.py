@@ -20,7 +20,8 @@ _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _FILE = re.compile(r"`((?:[\w.-]+/)+[\w.-]*|[\w-]+\.(?:py|md))`")
 # What a run or an installation writes, names of scenes, words for what stands for others.
 _NOT_HERE = re.compile(
-    r"(runs|paper|figures|frames|comparison|reproduction)/|FOLDER|MODE|MACHINE|NAME|gallery|my_scene|utils\.py"
+    r"(runs|paper|figures|frames|comparison|reproduction|unfinished|chunks|histories|lost)/"
+    r"|FOLDER|MODE|MACHINE|NAME|gallery|my_scene|utils\.py"
 )
 
 

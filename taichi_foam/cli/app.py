@@ -12,7 +12,7 @@ from rich.console import Console
 
 from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
-from taichi_foam.cli import replay, serve
+from taichi_foam.cli import replay, serve, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -161,6 +161,7 @@ def scenes_command() -> None:
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
 _app.command("serve")(serve.serve_command)
+_app.add_typer(sweep.app, name="sweep")
 
 
 @_app.command("reproduce")
@@ -256,7 +257,7 @@ def _run(
         if live:
             from taichi_foam.cli.live import run_live
 
-            run_live(scene, folder, overwrite, arch, threads, bars, console, errors)
+            run_live(scene, folder, overwrite, every, arch, threads, bars, console, errors)
             return
         from taichi_foam.engine import runtime
         from taichi_foam.picture import films

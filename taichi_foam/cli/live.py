@@ -2,30 +2,85 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable
 from pathlib import Path
 
-import typer
 from rich.console import Console
 
 from taichi_foam.cli import tables
-from taichi_foam.cli.outcome import INTERRUPTED, say_warnings, say_where
+from taichi_foam.cli.outcome import say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.live import window
 from taichi_foam.live.controller import Controller, Outcome
+from taichi_foam.live.messages import Keeping
 from taichi_foam.picture import films
 from taichi_foam.results import manifest
 from taichi_foam.results.files import next_numbered
-from taichi_foam.results.folders import check_output_folder
-from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import tests
 from taichi_foam.simulation.progress import Bars
+
+
+class _Folders:
+    """Where drops are kept: the first in the folder that was claimed, the next beside it.
+
+    Until the first is kept, drops of the scene as it was given leave checkpoints in the claim, from
+    which the same command goes on. Later ones, and those that keys have changed, leave none.
+
+    kept  folders of the drops that are kept, in order
+    """
+
+    def __init__(
+        self, scene: Scene, folder: str, claim: Claim, every: float | None, release: Callable
+    ) -> None:
+        """`release` gives the claim up; checkpoints are written `every` seconds."""
+        self.kept: list[Path] = []
+        self._scene, self._first, self._claim, self._every = scene, Path(folder), claim, every
+        self._release = release
+        self._has_begun = False
+        self._drops: set[int] = set()
+
+    def keeping(self, scene: Scene) -> Keeping | None:
+        """Where a drop leaves checkpoints; the very first goes on from what is there."""
+        if self.kept or scene != self._scene:
+            return None
+        goes_on, self._has_begun = not self._has_begun, True
+        return Keeping(self._claim.work, self._every, goes_on)
+
+    def keep(self, outcome: Outcome) -> None:
+        """Save what a drop has given. Raises UserError, OSError."""
+        if outcome.drop in self._drops:
+            return  # Ctrl-C came when it had just been kept
+        if self.kept:
+            path = next_numbered(self._first, digits=1, first=2)
+            outcome.result.save(path)
+            self._note(outcome, path)
+            return
+        try:
+            with self._claim.publishing() as staging:
+                outcome.result.write(staging)
+        except KeyboardInterrupt:
+            self._note(outcome, self._first)  # it is whole: Ctrl-C is held until then
+            raise
+        self._note(outcome, self._first)
+        # what was cut short the same command continues
+        if not (outcome.ended == "cut short" and outcome.result.scene == self._scene):
+            self._claim.finish()
+            self._release()
+
+    def _note(self, outcome: Outcome, path: Path) -> None:
+        self._drops.add(outcome.drop)
+        self.kept.append(path)
 
 
 def run_live(
     scene: Scene,
     folder: str,
     overwrite: bool,
+    every: float | None,
     arch: str,
     threads: int | None,
     bars: Bars,
@@ -37,17 +92,15 @@ def run_live(
     The first drop becomes `folder`, the next `folder`-2 and so on.
     """
     window.check_display()
-    check_output_folder(folder, overwrite, storage_bytes(scene) + films.storage_bytes(scene))
-    kept: list[Path] = []
-
-    def keep(outcome: Outcome) -> None:
-        first = Path(folder)
-        path = next_numbered(first, digits=1, first=2) if kept else first
-        outcome.result.save(path, overwrite and not kept)
-        kept.append(path)
-
-    controller = Controller(scene, keep, arch=arch, threads=threads)
-    window.show(controller, shots=Path(f"{Path(folder)}-shots"))
+    needed = storage_bytes(scene) + films.storage_bytes(scene)
+    with contextlib.ExitStack() as claims:
+        claim = claims.enter_context(claimed(folder, request_of(scene), overwrite, needed))
+        folders = _Folders(scene, folder, claim, every, claims.close)
+        controller = Controller(
+            scene, folders.keep, arch=arch, threads=threads, keeping=folders.keeping
+        )
+        window.show(controller, shots=Path(f"{Path(folder)}-shots"))
+    kept = folders.kept
     if not kept and not controller.failures and not controller.unkept:
         raise KeyboardInterrupt("the window was closed before there was anything to save")
     # What has failed or was cut short has no film, as in `run` without a window.
@@ -66,9 +119,11 @@ def run_live(
         where = "; what was computed is in the folders above" if kept else ""
         raise RunError(f"{controller.failures[-1]}{where}")
     if controller.was_cut:
-        errors.print(f"closed before its end: what there was is in {kept[-1]}", soft_wrap=True)
-    if controller.was_cut or not has_films:
-        raise typer.Exit(INTERRUPTED)
+        is_given = len(kept) == 1 and controller.scene == scene
+        goes_on = "; the same command goes on from there" if is_given else ""
+        raise KeyboardInterrupt(f"closed before its end: what there was is in {kept[-1]}{goes_on}")
+    if not has_films:
+        raise KeyboardInterrupt("films may be missing")
 
 
 def _draw_films(folders: list[Path], bars: Bars) -> bool:

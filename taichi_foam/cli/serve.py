@@ -18,7 +18,7 @@ from taichi_foam.errors import installed
 def serve_command(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name or file.")],
     host: Annotated[
-        str, typer.Option(help="Address to serve on; others than this machine need a token.")
+        str, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines in, too.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; 0 takes any that is free.")] = 8000,
     out: Annotated[str, typer.Option(help="Folder for the folders of drops.")] = "runs/served",
@@ -46,7 +46,7 @@ def serve_command(
                 # it may take its time, or all of it
                 threading.Thread(target=open_browser, args=[server.address], daemon=True).start()
 
-        if server.token is not None:
+        if server.is_open:
             errors.print(
                 f"warning: whoever reaches {host} and has the token in the address can drop "
                 "things, and fill the disk; the connection is not encrypted",

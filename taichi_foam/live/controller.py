@@ -18,7 +18,16 @@ from taichi_foam.engine.state import initial_state
 from taichi_foam.errors import UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.laws.shape import SHAPES
-from taichi_foam.live.messages import Died, Ended, Event, Failed, Frame, NothingYet, Refused
+from taichi_foam.live.messages import (
+    Died,
+    Ended,
+    Event,
+    Failed,
+    Frame,
+    Keeping,
+    NothingYet,
+    Refused,
+)
 from taichi_foam.live.session import Session
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
@@ -83,8 +92,12 @@ class Controller:
         arch: str = "cpu",
         threads: int | None = None,
         pace: float | None = PACE,
+        keeping: Callable[[Scene], Keeping | None] = lambda scene: None,
     ) -> None:
-        """Nothing runs before the first `drop`; `with` drops `scene` on entering."""
+        """Nothing runs before the first `drop`; `with` drops `scene` on entering.
+
+        `keeping` tells for each drop where it leaves checkpoints, if it is to leave some.
+        """
         self.given = self.scene = self.next = scene
         self.number = 0
         self._over: State | None = None  # how the current drop ended
@@ -98,6 +111,7 @@ class Controller:
         self.problem = ""
         self.was_cut = False
         self._keep = keep
+        self._keeping = keeping
         self._settings = (arch, threads)
         self._pace = pace
         self._session: Session | None = None
@@ -310,15 +324,9 @@ class Controller:
                 return
         self._sizes.add(size)
         self._session.pace = self.pace
-        self.number = self._session.start(self.scene)
+        self.number = self._session.start(self.scene, self._keeping(self.scene))
 
 
 def offered_shapes() -> tuple[str, ...]:
     """The shapes of impactors that a live view offers: those with sizes to change."""
     return tuple(name for name, kind in SHAPES.items() if kind.controls)
-
-
-def renamed(scene: Scene, name: str) -> Scene:
-    """A scene under another name: it stands for what was measured, which a change ends."""
-    short = name if len(name) <= 100 else f"{name[:99]}…"
-    return scene.model_copy(update={"name": short})

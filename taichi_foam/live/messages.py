@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
 
     from taichi_foam.records.snapshot import Snapshot
@@ -14,11 +16,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Keeping:
+    """Where a drop leaves checkpoints, so that it survives both processes."""
+
+    folder: Path
+    every: float | None  # wall time between two [s]; None: as usual
+    goes_on: bool  # from a checkpoint that is there; else that is removed
+
+
+@dataclass(frozen=True)
 class Start:
     """Drop this scene, whatever goes on; it runs at once, at the pace that is set."""
 
     drop: int  # its number, which all its events carry
     scene: Scene
+    keeping: Keeping | None = None
 
 
 @dataclass(frozen=True)

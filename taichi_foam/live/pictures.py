@@ -29,8 +29,8 @@ _MOST_LINES = 6
 PIXELS, WIDEST, TALLEST = 960 * 540, 2.4, 0.8
 #: Colours that the gradient of the page's colour key is made of.
 STOPS = 24
-#: In front of a page's picture: the drop's number, time [s], displacement [m]; little endian.
-HEADER = struct.Struct("<3d")
+#: In front of a page's picture: the bytes of the JSON that comes first; little endian.
+LENGTH = struct.Struct("<I")
 
 
 def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
@@ -94,16 +94,18 @@ def field_size(scene: Scene) -> tuple[int, int]:
     return 2 * round(width / 2), 2 * round(PIXELS / width / 2)
 
 
-def field_png(snapshot: Snapshot, scene: Scene, look: Look, drop: int) -> bytes:
-    """A picture as the page gets it: `HEADER`, then a PNG.
+def field_png(snapshot: Snapshot, scene: Scene, look: Look, readouts: str) -> bytes:
+    """A picture as the page gets it: `LENGTH`, the JSON of what is read out beside it, then a PNG.
+
+    They travel together, so that all that is shown is of one instant.
 
     At 960 x 540 and its like a PNG takes 36 kB and 8 ms, a JPEG as sharp 95 kB and 3 ms, a WebP
     that blurs lines 47 kB and 8 ms: flat colours suit PNG, and a phone or a tunnel feels the bytes.
     """
     image = raster.frame(snapshot, scene, field_size(scene), look=look, threads=1)
-    sunk = 0.0 if scene.impactor is None else raster.sunk(snapshot, scene)
+    head = readouts.encode()
     file = io.BytesIO()
-    file.write(HEADER.pack(drop, snapshot.time, sunk))
+    file.write(LENGTH.pack(len(head)) + head)
     Image.fromarray(image).save(file, "PNG", compress_level=1)
     return file.getvalue()
 

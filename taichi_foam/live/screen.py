@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from taichi_foam.errors import UserError
-from taichi_foam.live.controller import Controller, offered_shapes, renamed
+from taichi_foam.live.controller import Controller, offered_shapes
+from taichi_foam.live.heading import renamed
 from taichi_foam.live.pictures import Image8, strip
 from taichi_foam.picture import raster
 from taichi_foam.picture.colours import THEMES
@@ -116,9 +117,15 @@ class Screen:
         except UserError as error:
             self._refused = str(error).splitlines()[-1].strip()
             return
-        assert scene.impactor is not None
-        impactor = f"{scene.impactor.shape}, {scene.impactor.velocity:.2f} m/s"
-        self.controller.drop(renamed(scene, f"{self.controller.given.name}: {impactor}"))
+        given, impactor = self.controller.given, scene.impactor
+        assert given.impactor is not None
+        assert impactor is not None
+        changes = {}
+        if impactor.shape != given.impactor.shape:
+            changes["impactor.shape"] = impactor.label
+        if impactor.velocity != given.impactor.velocity:
+            changes["impactor.velocity"] = f"velocity {impactor.velocity:.6g} m/s"
+        self.controller.drop(renamed(scene, given, changes))
 
     def next_mode(self, by: int = 1) -> None:
         """Show the next figure of the foam, or the one before (-1)."""

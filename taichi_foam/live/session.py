@@ -35,6 +35,7 @@ from taichi_foam.live.messages import (
     Failed,
     Finish,
     Frame,
+    Keeping,
     Pace,
     Pause,
     Refused,
@@ -100,17 +101,17 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def start(self, scene: Scene) -> int:
+    def start(self, scene: Scene, keeping: Keeping | None = None) -> int:
         """Drop `scene`, whatever goes on, and return the drop's number.
 
         It runs at once, at the pace that is set. Kernels that no drop of this session has needed
-        yet take seconds to prepare; frames begin after that.
+        yet take seconds to prepare; frames begin after that. With `keeping` it leaves checkpoints.
         """
         self.drop += 1
         self.last = self.result = None
         self.paused = self.ended = False
         self._rows = []
-        self._send(Start(self.drop, scene))
+        self._send(Start(self.drop, scene, keeping))
         return self.drop
 
     def pause(self, on: bool = True) -> None:

@@ -37,6 +37,7 @@ from taichi_foam.live.messages import (
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.results.result import Result
     from taichi_foam.simulation.stepwise import Drop
 
@@ -69,6 +70,7 @@ class _Worker:
         self._is_over = True  # nothing more is computed of the drop
         self._rows_sent = 0
         self._is_asked = False
+        self._shown: Snapshot | None = None  # of the last frame of the drop
         self._is_paused = False
         self._step_to: float | None = None  # simulated time [s] that a Step goes to
         self._pace = _PaceMaker()
@@ -82,6 +84,8 @@ class _Worker:
                     self._go_on()
             except Exception as error:
                 self._fail(_words(error))
+        if self._drop is not None and not self._is_over:
+            self._drop.save_checkpoint()  # the viewer has gone, and not asked for what there is
 
     def _listen(self, wait: float | None) -> bool:
         """Do what the viewer wants, waiting so long [s] for it; False if it wants no more."""
@@ -99,9 +103,27 @@ class _Worker:
 
     def _idle_seconds(self) -> float | None:
         """How long there is nothing to do unless a command comes; None: for ever."""
-        if self._drop is None or self._stands_still:
+        if self._drop is None:
+            return None
+        if self._is_asked and (self._stands_still or self._shown is None):
+            return 0.0
+        if self._stands_still:
             return None
         return 0.0 if self._step_to is not None else self._pace.idle_seconds(self._drop.time)
+
+    def _due(self, drop: Drop) -> float:
+        """When the row of the instant that is shown was due [s]: what steps count from.
+
+        It was taken at the end of a step, a little later; such remainders must not add up.
+        """
+        shown = drop.time if self._shown is None else self._shown.time
+        interval = drop.scene.output.history_interval
+        return interval * math.floor(shown / interval + 1e-9)
+
+    def _shows_last_row(self, drop: Drop) -> bool:
+        """Whether the frame that went last is as new as the history."""
+        shown = self._shown
+        return shown is not None and shown.time == drop.last_row and drop.has_last_row
 
     @property
     def _stands_still(self) -> bool:
@@ -115,7 +137,7 @@ class _Worker:
                 self._is_paused, self._step_to = on, None
                 self._anchor()
             case Step(seconds) if self._drop is not None:
-                start = self._drop.time if self._step_to is None else self._step_to
+                start = self._due(self._drop) if self._step_to is None else self._step_to
                 self._is_paused, self._step_to = True, start + seconds
             case Pace(rate):
                 self._pace.rate = rate
@@ -131,16 +153,24 @@ class _Worker:
         self._is_paused, self._step_to = False, None
         try:
             from taichi_foam.engine import runtime
+            from taichi_foam.simulation.checkpoint import CHECKPOINT
             from taichi_foam.simulation.stepwise import Drop
 
             runtime.start(self._arch, self._threads)
-            self._drop = Drop(command.scene)
+            keeping = command.keeping
+            if keeping is None:
+                self._drop = Drop(command.scene)
+            else:
+                if not keeping.goes_on:
+                    (keeping.folder / CHECKPOINT).unlink(missing_ok=True)
+                folder, every = keeping.folder, keeping.every
+                self._drop = Drop(command.scene, checkpoint=folder, every=every)
         except UserError as error:
             self._send(Refused(str(error)))
         except Exception as error:
             self._fail(_words(error))
         else:
-            self._is_over, self._rows_sent = False, 0
+            self._is_over, self._rows_sent, self._shown = False, 0, None
             self._anchor()
 
     def _go_on(self) -> None:
@@ -148,13 +178,21 @@ class _Worker:
         drop = self._drop
         if drop is None:
             return
-        if self._is_asked:
-            self._is_asked = False
-            self._send(self._frame(drop))
-        if self._stands_still:
-            return
+        is_still = self._stands_still
         until = self._pace.due(drop.time) if self._step_to is None else self._step_to
-        drop.advance(CALL_SECONDS, until)
+        if not self._is_asked:
+            if is_still:
+                return
+            drop.advance(CALL_SECONDS, until)
+        elif self._is_over or (is_still and self._shows_last_row(drop)):
+            self._answer(drop, drop.now() if drop.ended or self._shown is None else self._shown)
+            return
+        else:
+            # even at rest a frame is of an instant that the history holds: the next one is near
+            is_urgent = is_still or self._shown is None
+            snapshot = drop.catch(CALL_SECONDS, math.inf if is_urgent else until)
+            if snapshot is not None:
+                self._answer(drop, snapshot)
         if self._step_to is not None and drop.time >= self._step_to:
             self._step_to = None
         if drop.failure is not None:
@@ -166,6 +204,8 @@ class _Worker:
 
     def _finish(self) -> None:
         self._is_over = True
+        if self._drop is not None:
+            self._drop.save_checkpoint()
         result = None if self._drop is None else _result(self._drop)
         self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
 
@@ -186,18 +226,22 @@ class _Worker:
         if self._drop is not None:
             self._pace.anchor(self._drop.time)
 
-    def _frame(self, drop: Drop) -> Frame:
+    def _answer(self, drop: Drop, snapshot: Snapshot) -> None:
+        """Send a frame of this instant, and the rows so far."""
         rows = drop.rows(self._rows_sent)
         self._rows_sent += len(rows)
-        return Frame(
-            drop=self._number,
-            snapshot=drop.now(),
-            rows=rows,
-            fraction=drop.fraction,
-            steps=drop.steps,
-            wall=drop.wall,
-            paused=self._is_paused and self._step_to is None,
-            ended=self._is_over,
+        self._is_asked, self._shown = False, snapshot
+        self._send(
+            Frame(
+                drop=self._number,
+                snapshot=snapshot,
+                rows=rows,
+                fraction=drop.fraction,
+                steps=drop.steps,
+                wall=drop.wall,
+                paused=self._is_paused and self._step_to is None,
+                ended=self._is_over,
+            )
         )
 
 

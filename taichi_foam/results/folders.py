@@ -214,8 +214,8 @@ def check_output_folder(
         free = shutil.disk_usage(parent).free
     if free < needed_bytes:
         raise UserError(
-            f"output folder {target}: the result needs about {size_text(needed_bytes)}, but the disk "
-            f"has {size_text(free)} free. Fix: free some space, choose another disk, make "
+            f"output folder {target}: the result needs about {size_text(needed_bytes)}, but the "
+            f"disk has {size_text(free)} free. Fix: free some space, choose another disk, make "
             "output.snapshot_interval and output.history_interval longer, or set "
             'output.snapshot_precision = "single".'
         )

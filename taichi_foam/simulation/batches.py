@@ -231,7 +231,7 @@ class Slots:
             recorded=stored.snapshots[-1].time,
             status=int(clock["status"]),
             time=clock["time"],
-            report={"steps": clock["steps"]},
+            report=_report(stored.state),
             resumed=stored.resumed + 1,
         )  # fmt: skip
 
@@ -359,6 +359,11 @@ def advance_all(
                 raise
 
 
+def _report(state: State) -> dict[str, float]:
+    """What the last call has told of a run that stands in this state."""
+    return {**state.clock, "overlap": float(state.overlap.max(initial=0.0))}
+
+
 def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
     """A run that had ended when its checkpoint was written: nothing is to be computed."""
     state, begun = stored.state, Wall(wall.seconds - stored.seconds, 0, 0)
@@ -370,7 +375,7 @@ def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
         recorded=stored.snapshots[-1].time,
         status=int(state.clock["status"]),
         time=state.clock["time"],
-        report={**state.clock, "overlap": float(state.overlap.max(initial=0.0))},
+        report=_report(state),
         resumed=stored.resumed,
     )  # fmt: skip
 

@@ -51,16 +51,18 @@ class Bars:
                 close(f"{steps:,} steps, {_count(steps / max(wall, 1e-9))} steps/s")
 
     @contextlib.contextmanager
-    def counting(self, name: str, what: str, total: int, unit: str) -> Iterator[Callable[[], None]]:
-        """A bar for `total` equal pieces of work; call what it yields after each."""
+    def counting(
+        self, name: str, what: str, total: int, unit: str
+    ) -> Iterator[Callable[..., None]]:
+        """A bar for `total` equal pieces of work; call what it yields after each, or after n."""
         with self._stage(name, what, what, total) as (show, close):
             done, start = 0, time.perf_counter()
 
-            def advance() -> None:
+            def advance(count: int = 1) -> None:
                 nonlocal done
-                done += 1
+                done += count
                 pace = done / max(time.perf_counter() - start, 1e-9)
-                show(done, f"{done} of {total} {unit}, {pace:.0f}/s")
+                show(done, f"{done} of {total} {unit}, {_count(pace)}/s")
 
             yield advance
             close(f"{done} {unit}")

@@ -13,6 +13,7 @@ lie: a step's size does not look at them.
 import contextlib
 import math
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.batches import CALL_SECONDS, ENDINGS, Wall, borrowed_slots, result_of
+from taichi_foam.simulation.checkpoint import Checkpoints
 
 # Less than this part of what `advance` was given is not worth another call of the engine.
 REST = 0.2
@@ -30,16 +32,28 @@ REST = 0.2
 class Drop:
     """A scene on a borrowed lattice. What it has recorded stays readable when it is closed."""
 
-    def __init__(self, scene: Scene) -> None:
-        """Load the scene and compile what it needs; starts Taichi unless that runs already."""
+    def __init__(
+        self, scene: Scene, *, checkpoint: Path | None = None, every: float | None = None
+    ) -> None:
+        """Load the scene and compile what it needs; starts Taichi unless that runs already.
+
+        Args:
+            scene: what is dropped.
+            checkpoint: folder for a checkpoint, from which it goes on if there is one.
+            every: wall time between two checkpoints [s]; None: as `simulate.run`.
+
+        Raises:
+            UserError: a checkpoint cannot be continued.
+        """
         self.scene = scene
         self._wall = Wall()
+        self._kept = None if checkpoint is None else Checkpoints([checkpoint], every)
         with contextlib.ExitStack() as borrowed:
             block = scene.block
             features = features_of(scene)
             slots = borrowed_slots(1, block.columns, block.rows, features, self._wall)
             self._slots = borrowed.enter_context(slots)
-            self._slots.fill([(0, scene)])
+            self._slots.fill([(0, scene)], self._kept)
             self._borrowed = borrowed.pop_all()
         self._run = self._slots.runs[0]
         self._is_open = True
@@ -67,7 +81,47 @@ class Drop:
         while spent < (1.0 - REST) * seconds and self.time < until and not self.ended:
             if self._slots.advance(min(seconds - spent, CALL_SECONDS), until):
                 raise KeyboardInterrupt
+            if self._kept is not None and self._kept.are_due():
+                self.save_checkpoint()
             spent = time.perf_counter() - start
+
+    def save_checkpoint(self) -> None:
+        """Write a checkpoint of this instant, if it has a folder for one and something to keep."""
+        self._check_open()
+        if self._kept is not None and self._run.rows:
+            self._kept.save(self._slots.checkpoints())
+
+    def catch(self, seconds: float, until: float = math.inf) -> Snapshot | None:
+        """As `advance`, but stop where a row of the history is due, and return that instant.
+
+        The row is there then: the one step that follows has written it. None if the instant has
+        not come yet. The last instant of a run has a row of its own.
+        """
+        if self.has_last_row:
+            self.advance(seconds, min(until, self._next_row))
+            if self.has_last_row and not self.ended:
+                return None
+        caught = self.now()
+        if not self.ended:
+            self.advance(seconds, math.nextafter(self.time, math.inf))
+        return caught
+
+    @property
+    def has_last_row(self) -> bool:
+        """Whether no row is due: what is due at an instant is written by the next step."""
+        return self.time < self._next_row
+
+    @property
+    def last_row(self) -> float:
+        """Time of the latest row of the history [s]; NaN before the first."""
+        return float(self._run.rows[-1][-1, 0]) if self._run.rows else math.nan
+
+    @property
+    def _next_row(self) -> float:
+        """When the row after the latest is due [s]."""
+        interval = self.scene.output.history_interval
+        rows = self._run.rows
+        return interval * (math.floor(self.last_row / interval + 1e-9) + 1) if rows else 0.0
 
     def now(self) -> Snapshot:
         """This instant, which is not recorded. Raises ValueError once closed."""

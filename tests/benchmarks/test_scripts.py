@@ -67,6 +67,12 @@ def test_gpu_steps_a_batch() -> None:
     assert "| 2 | 800 |" in run_script("gpu.py", "--arch", "cpu")
 
 
+def test_sweeps_waits_and_computes() -> None:
+    shown = run_script("sweeps.py")
+    assert "100 drops that only wait" in shown
+    assert "3 drops of 10 x 5 mass points" in shown
+
+
 class _Workers(Workers):
     """Workers whose answers are known."""
 

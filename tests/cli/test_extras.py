@@ -1,4 +1,4 @@
-"""Packages that only the live window and the live page need may be absent."""
+"""Packages that only the live window, the live page and sweeps need may be absent."""
 
 from __future__ import annotations
 
@@ -19,25 +19,31 @@ main()
 """
 
 LIVE = ("pygame", "starlette", "uvicorn", "websockets", "plotly")
+SWEEP = ("dask", "distributed", "pyarrow", "cryptography")
+VARIED = ["sweep", "paper/wedge-2.86", "--vary", "impactor.velocity=2:4:3"]
 
 
 @pytest.mark.parametrize(
-    ("absent", "arguments", "says"),
+    ("absent", "arguments", "says", "extra"),
     [
-        (LIVE, ["serve", "paper/wedge-2.86", "--no-open"], "a live page: needs "),
-        (["plotly"], ["serve", "paper/wedge-2.86", "--no-open"], "a live page: needs plotly"),
-        (LIVE, ["run", "paper/wedge-2.86", "--live"], "a live window: needs pygame"),
+        (LIVE, ["serve", "paper/wedge-2.86", "--no-open"], "a live page: needs ", "live"),
+        (["plotly"], ["serve", "paper/wedge-2.86", "--no-open"], "page: needs plotly", "live"),
+        (LIVE, ["run", "paper/wedge-2.86", "--live"], "a live window: needs pygame", "live"),
+        (SWEEP, VARIED, "a sweep: needs ", "sweep"),
+        (["distributed"], VARIED, "a sweep: needs distributed", "sweep"),
+        (["pyarrow"], [*VARIED, "--dry-run"], "a sweep: needs pyarrow", "sweep"),
+        (["pyarrow"], ["sweep", "status", "."], "a sweep: needs pyarrow", "sweep"),
     ],
 )
 def test_one_line_says_what_to_install(
-    absent: list[str], arguments: list[str], says: str, tmp_path: Path
+    absent: list[str], arguments: list[str], says: str, extra: str, tmp_path: Path
 ) -> None:
     done = call("-c", PROGRAM.format(absent=list(absent), arguments=arguments), cwd=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert says in line
-    assert line.endswith("Fix: python -m pip install 'taichi-foam[live]'")
+    assert line.endswith(f"Fix: python -m pip install 'taichi-foam[{extra}]'")
     assert tree(tmp_path) == {}
 
 
@@ -45,7 +51,7 @@ def test_all_else_works_without_them(tmp_path: Path) -> None:
     """All commands that compute nothing, and the modules of those that compute and draw."""
     modules = "taichi_foam.shim2000.reproduce, taichi_foam.live.notebook, taichi_foam.live.cell"
     program = f"import {modules}\n" + PROGRAM.format(absent=[], arguments=["scenes"])
-    absent = f"import sys\nfor name in {LIVE}:\n    sys.modules[name] = None\n"
+    absent = f"import sys\nfor name in {LIVE + SWEEP}:\n    sys.modules[name] = None\n"
     done = call("-c", absent + program, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "paper/wedge-2.86" in done.stdout

@@ -23,7 +23,7 @@ def shell(line: str, cwd: Path, **environment: str) -> subprocess.CompletedProce
         line.replace("foam ", f"{sys.executable} -m taichi_foam ", 1),
         shell=True,
         cwd=cwd,
-        env={**ENVIRONMENT, **environment},
+        env={**ENVIRONMENT, "PYTHONWARNINGS": "ignore", **environment},
         capture_output=True,
         timeout=240,
         check=False,

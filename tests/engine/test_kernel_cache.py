@@ -37,6 +37,7 @@ def process(tmp_path: Path, **environment: str) -> str:
     program.write_text(PROGRAM)
     root = str(Path(taichi_foam.__file__).parents[1])
     kept = {name: value for name, value in os.environ.items() if name != "XDG_CACHE_HOME"}
+    kept["PYTHONWARNINGS"] = "ignore"  # of Taichi's own source
     done = subprocess.run(
         [sys.executable, str(program)],
         env={**kept, "PYTHONPATH": root, "TI_SKIP_VERSION_CHECK": "ON", **environment},

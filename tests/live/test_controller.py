@@ -148,10 +148,10 @@ def test_a_faster_impactor_and_another_shape_drop_again_under_a_name_of_their_ow
     wait(screen, lambda: screen.state == "full speed")
     screen.change_velocity(1)
     assert controller.next.impactor.velocity == pytest.approx(2.86 + VELOCITY_STEP)
-    assert controller.next.name == "paper/wedge-2.86: wedge, 2.96 m/s"
+    assert controller.next.name == "wedge, 2.96 m/s"
     assert screen.state == "preparing"
     screen.next_shape()
-    assert controller.next.name == "paper/wedge-2.86: flat, 2.96 m/s"
+    assert controller.next.name == "flat block, 2.96 m/s"
     wait(screen, lambda: screen.state == "full speed")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
@@ -19,6 +20,7 @@ from taichi_foam.picture import raster
 from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
 from taichi_foam.results.result import Result
+from taichi_foam.simulation.simulate import resume, run
 
 SIZE = (1280, 720)
 PATIENCE = 120.0  # a busy machine that compiles [s]
@@ -194,12 +196,12 @@ def test_the_window_shows_what_it_saves_and_another_shape_and_speed_are_kept_bes
     The curve is cut and smoothed from the same rows; text is drawn by the same fonts.
     """
     window = show("--set", "numerics.end=0.003")
-    window.wait(window.folder.is_dir, "it was not kept at its end")
+    window.wait((window.folder / "manifest.json").is_file, "it was not kept at its end")
     seen = window.wait_for_rest()
     window.press("i")
-    window.wait(Path(f"{window.folder}-2").is_dir, "the second drop was not kept")
+    window.wait(Path(f"{window.folder}-2", "manifest.json").is_file, "the second drop was not kept")
     window.press("Up")
-    window.wait(Path(f"{window.folder}-3").is_dir, "the third drop was not kept")
+    window.wait(Path(f"{window.folder}-3", "manifest.json").is_file, "the third drop was not kept")
     code, out, err = window.close()
     assert code == 0, err
     assert "maximum displacement" in out or "energy unaccounted for" in out
@@ -226,9 +228,36 @@ def test_ctrl_c_closes_the_window_and_keeps_what_there_is(show: Callable[..., Sh
     assert Result.load(window.folder).run["interrupted"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_what_is_killed_goes_on_with_the_same_command(show: Callable[..., Shown]) -> None:
+    """SIGKILL to both processes, then SIGTERM, then `resume`: as one unbroken run."""
+    settings = ("--set", "numerics.end=0.06", "--checkpoint", "0.1")
+    window = show(*settings)
+    checkpoint = window.folder / "unfinished" / "checkpoint.npz"
+    window.wait(checkpoint.is_file, "no checkpoint came")
+    children = Path(f"/proc/{window.process.pid}/task/{window.process.pid}/children").read_text()
+    for pid in (window.process.pid, *map(int, children.split())):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    window.process.communicate(timeout=PATIENCE)
+    window = show(*settings)
+    window.wait_for_motion()
+    window.process.send_signal(signal.SIGTERM)
+    _, err = window.process.communicate(timeout=PATIENCE)
+    assert (window.process.returncode, "closed before its end" in err) == (143, True), err
+    cut = Result.load(window.folder)
+    assert cut.run["interrupted"]
+    assert cut.run["resumed"] == 1
+    result = resume(window.folder)
+    assert result.run["resumed"] == 2
+    whole = run(result.scene)
+    for name, column in whole.history.items():
+        np.testing.assert_array_equal(result.history[name], column, err_msg=name)
+
+
 def test_a_run_that_fails_says_so_and_ends_with_1(show: Callable[..., Shown]) -> None:
     window = show("--dt", "1e-4")
-    window.wait(window.folder.is_dir, "what there was is not kept")
+    window.wait((window.folder / "manifest.json").is_file, "what there was is not kept")
     window.wait_for_rest()
     code, _, err = window.close()
     assert code == 1

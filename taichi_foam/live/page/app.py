@@ -33,7 +33,7 @@ _TYPES = {
     "js": "text/javascript; charset=utf-8",
     "svg": "image/svg+xml",
 }
-_ASSETS = ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg")
+_ASSETS = ("page.css", "page.js", "controls.js", "typed.js", "curve.js", "tables.js", "icon.svg")
 _PLOTLY = "plotly.min.js"
 # Looked for on import: a missing package is told before the page is served.
 _PLOTLY_FOLDER = resources.files("plotly") / "package_data"
@@ -57,7 +57,10 @@ def app_of(view: PageView) -> Starlette:
 
     async def download(request: Request) -> Response:
         name = request.path_params["name"]
-        drop = view.archive.find(request.path_params["number"])
+        number = request.path_params["number"]
+        # more digits than any drop has, Python may refuse to read
+        is_number = number.isascii() and number.isdecimal() and len(number) < 10
+        drop = view.archive.find(int(number)) if is_number else None
         if drop is None or drop.folder is None or name not in (*FILES, *FILMS):
             return PlainTextResponse("there is no such file of a drop that is saved", 404)
         path = drop.folder / name
@@ -77,7 +80,7 @@ def app_of(view: PageView) -> Starlette:
         routes=[
             Route("/", page),
             Route("/assets/{name}", asset),
-            Route("/drops/{number:int}/{name}", download),
+            Route("/drops/{number}/{name}", download),
             WebSocketRoute("/live", live),
         ],
         lifespan=lifespan,

@@ -58,12 +58,12 @@ class Finished:
 class Archive:
     """Saves what drops have given, in a thread of its own, and keeps the list of them."""
 
-    def __init__(self, out: Path, name: str, on_change: Callable[[], object]) -> None:
-        """`name` is that of the scene that is served, which folders are called after.
+    def __init__(self, out: Path, on_change: Callable[[], object]) -> None:
+        """Folders lie in `out`, called after what was dropped, and numbered.
 
         `on_change` is called, by any thread, when the list has changed.
         """
-        self._stem = out / file_name(name)
+        self._out = out
         self._on_change = on_change
         self._drops: list[Finished] = []
         self._state = threading.Condition()  # guards the list and what follows
@@ -76,7 +76,7 @@ class Archive:
         if len(self._waiting()) >= MOST_WAITING:
             problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
             raise UserError(f"{len(self._waiting())} drops wait to be saved; {problem}")
-        check_output_folder(next_numbered(self._stem), needed_bytes=storage_bytes(scene))
+        check_output_folder(self._next_folder(scene), needed_bytes=storage_bytes(scene))
 
     def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
         """Save what a drop has given, soon."""
@@ -132,6 +132,9 @@ class Archive:
             self._thread.join()
         return self._waiting()
 
+    def _next_folder(self, scene: Scene) -> Path:
+        return next_numbered(self._out / file_name(scene.name))
+
     def _waiting(self) -> list[Finished]:
         with self._state:
             return [drop for drop in self._drops if drop.result is not None]
@@ -159,7 +162,7 @@ class Archive:
         result = drop.result
         assert result is not None
         try:
-            folder = result.save(next_numbered(self._stem))
+            folder = result.save(self._next_folder(result.scene))
             figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         except Exception as error:
             # whatever it is: the thread has other drops to save, and this one once more

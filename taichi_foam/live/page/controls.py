@@ -9,7 +9,8 @@ from typing import Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES, Impactor
-from taichi_foam.live.controller import offered_shapes, renamed
+from taichi_foam.live.controller import offered_shapes
+from taichi_foam.live.heading import renamed
 from taichi_foam.parts import Part
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.options import Numerics
@@ -136,18 +137,18 @@ class Controls:
                 f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
                 "that size"
             )
-        return renamed(scene, f"{self.given.name} with {', '.join(self.changes(scene))}")
+        return renamed(scene, self.given, self.changes(scene))
 
-    def changes(self, scene: Scene) -> list[str]:
-        """How a scene differs from the one that is served, for people."""
-        told = []
+    def changes(self, scene: Scene) -> dict[str, str]:
+        """How a scene differs from the one that is served, by key, for people."""
+        told = {}
         shape = scene.impactor.shape if scene.impactor else NO_SHAPE
         if shape != self.shape:
-            told.append(shape)
+            told["impactor.shape"] = shape
         for knob in self.knobs.values():
             value = _value(scene, knob)
             if self._has(shape, knob) and value != self.defaults[knob.key]:
-                told.append(f"{knob.label} {_shown(knob, value)}")
+                told[knob.key] = f"{knob.label} {_shown(knob, value)}"
         return told
 
     def _has(self, shape: str, knob: Knob) -> bool:

@@ -1,4 +1,4 @@
-"""Who may come in: on loopback only pages of this machine, elsewhere only who has the token."""
+"""Who may come in: only who has the token, and on loopback only pages of this machine."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import cookie_parser
 from starlette.responses import HTMLResponse
 
+from taichi_foam.live.page.gate import admit
+
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 #: Names of this machine for itself. A page elsewhere that has its own name point here (DNS
 #: rebinding) still sends that name.
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+#: Requests and WebSockets of people with the token at a time.
+MOST_INSIDE = 300
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
@@ -37,14 +42,17 @@ _NO_TOKEN = (
 class Guard:
     """Lets requests and WebSockets through to an app, or refuses them.
 
-    With a token: every request needs it, as ?token= or as the cookie that the first one sets.
-    Without: every request must name this machine. A WebSocket must come from this very page.
+    Every request needs the token, as ?token= or as the cookie that the first one sets. Unless the
+    server is open to other machines, it must name this one. A WebSocket must come from this very
+    page. What goes on at a time is bounded, and only who has the token counts.
     """
 
-    def __init__(self, app: ASGIApp, token: str | None, port: int) -> None:
+    def __init__(self, app: ASGIApp, token: str, port: int, *, is_open: bool) -> None:
         self._app = app
         self._token = token
+        self._is_open = is_open
         self._cookie = f"taichi-foam-{port}"  # cookies of one host are those of all its ports
+        self._inside = 0  # requests and WebSockets that go on
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -53,6 +61,10 @@ class Guard:
         headers = Headers(scope=scope)
         given = QueryParams(scope["query_string"]).get("token")
         problem = self._problem(scope["type"], headers, given)
+        if problem is None:
+            admit(scope)
+            if self._inside >= MOST_INSIDE:
+                problem = HTTPStatus.SERVICE_UNAVAILABLE, "Too much at once. Try again."
         if problem is not None:
             await _refuse(scope, receive, send, *problem)
             return
@@ -62,12 +74,16 @@ class Guard:
                 answer = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
                     answer[name] = value
-                if given is not None and self._token is not None:
+                if given is not None and self._is_token(given):
                     cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
                     answer.append("Set-Cookie", cookie)
             await send(message)
 
-        await self._app(scope, receive, send_on)
+        self._inside += 1
+        try:
+            await self._app(scope, receive, send_on)
+        finally:
+            self._inside -= 1
 
     def _problem(
         self, kind: str, headers: Headers, given: str | None
@@ -77,14 +93,12 @@ class Guard:
         origin = headers.get("origin")
         if kind == "websocket" and origin is not None and not _is_at(origin, host):
             return HTTPStatus.FORBIDDEN, "This page was opened by another one."
-        if self._token is None:
-            if _name(host) not in LOOPBACK:
-                return (
-                    HTTPStatus.FORBIDDEN,
-                    "This server answers to its own machine only. Open it as localhost, or serve "
-                    "it on another host and use the address that it prints.",
-                )
-            return None
+        if not self._is_open and _name(host) not in LOOPBACK:
+            return (
+                HTTPStatus.FORBIDDEN,
+                "This server answers to its own machine only. Open it as localhost, or serve "
+                "it on another host and use the address that it prints.",
+            )
         kept = cookie_parser(headers.get("cookie", "")).get(self._cookie)
         if not any(self._is_token(each) for each in (given, kept)):
             return (
@@ -97,7 +111,6 @@ class Guard:
 
     def _is_token(self, given: str | None) -> bool:
         """In a time that does not tell how much of it is right."""
-        assert self._token is not None
         return given is not None and secrets.compare_digest(given.encode(), self._token.encode())
 
 
@@ -135,4 +148,5 @@ async def _refuse(
         "<body style='font:16px/1.5 system-ui,sans-serif;max-width:34rem;margin:4rem auto;"
         f"padding:0 1rem'><h1>{status.phrase}</h1><p>{escape(words)}</p>"
     )
-    await HTMLResponse(page, status)(scope, receive, send)
+    # the connection has no other use, and what may still follow of the request is not read
+    await HTMLResponse(page, status, {"Connection": "close"})(scope, receive, send)

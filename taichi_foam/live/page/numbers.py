@@ -1,4 +1,4 @@
-"""What the page shows of one drop in numbers: now, its measures so far, and its curve."""
+"""What the page shows of one drop in numbers: at an instant, its measures so far, its curve."""
 
 from __future__ import annotations
 
@@ -54,8 +54,27 @@ class Numbers:
         if is_over or time.monotonic() >= self._measure_at:
             self._measure(result, is_over)
 
+    def at(self, time: float, result: Result) -> dict[str, Any]:
+        """What is read out beside the picture of an instant [s]; SI units.
+
+        The worker shows instants that the history holds. Before its first row there is the time
+        alone.
+        """
+        history = result.history
+        row = int(np.searchsorted(history["time_s"], time, side="right")) - 1
+        if row < 0:
+            return {"drop": self.drop, "time": time}
+        return {
+            "drop": self.drop,
+            "time": float(history["time_s"][row]),
+            "displacement": float(history["displacement_m"][row]),
+            "velocity": float(history["velocity_m_s"][row]),
+            "deceleration": float(history["deceleration_smoothed_m_s2"][row]),
+            "energies": {name: float(history[name][row]) for name, _ in ENERGIES},
+        }
+
     def told(self) -> dict[str, Any]:
-        """What the page shows now; SI units."""
+        """What the page shows beside the picture; SI units."""
         return {
             "drop": self.drop,
             **self._told,
@@ -68,16 +87,7 @@ class Numbers:
         """Go through the history once more."""
         history = result.history
         self.curve = Curve(self.drop, history["time_s"], history["deceleration_smoothed_m_s2"])
-        now = {name: float(column[-1]) for name, column in history.items()}
-        self._told = {
-            "time": now["time_s"],
-            "displacement": now["displacement_m"],
-            "velocity": now["velocity_m_s"],
-            "deceleration": now["deceleration_smoothed_m_s2"],
-            "force": now["contact_force_N"],
-            "broken": int(now["broken_bonds"]),
-            "energies": {name: now[name] for name, _ in ENERGIES},
-        }
+        self._told = {"time": float(history["time_s"][-1])}
 
     def _measure(self, result: Result, is_over: bool) -> None:
         start = time.monotonic()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import secrets
 import signal
@@ -20,6 +21,7 @@ import uvicorn
 
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.app import app_of
+from taichi_foam.live.page.gate import Gate, NoNoise
 from taichi_foam.live.page.guard import LOOPBACK, Guard
 from taichi_foam.live.page.view import PageView
 
@@ -30,8 +32,6 @@ if TYPE_CHECKING:
 MOST_BYTES = 64 * 1024
 #: What the system may hold back for a viewer that does not read [bytes], and for how long [ms].
 SEND_BUFFER, MOST_SILENCE = 256 * 1024, 30_000
-#: Connections of all kinds at a time.
-MOST_CONNECTIONS = 300
 #: How long a device may take to say that it is there [s].
 PATIENCE = 60.0
 #: Between two looks whether somebody wants to stop meanwhile [s].
@@ -39,7 +39,12 @@ TURN = 0.1
 
 
 class Server:
-    """A scene, served. `run` returns when the server has been told to stop."""
+    """A scene, served. `run` returns when the server has been told to stop.
+
+    token    without which nothing is served
+    address  to open, with the token
+    is_open  whether other machines reach it
+    """
 
     def __init__(
         self,
@@ -55,20 +60,23 @@ class Server:
         self.view.archive.check(scene)
         self._is_plain = (arch, threads) == ("cpu", None)
         self._socket = _bound(host, port)
-        self.token = None if _is_loopback(self._socket) else secrets.token_urlsafe(24)
-        self.address = _address(host, self._socket.getsockname()[1], self.token)
-        guarded = Guard(app_of(self.view), self.token, self._socket.getsockname()[1])
+        self.token = secrets.token_urlsafe(24)
+        self.is_open = not _is_loopback(self._socket)
+        bound_port = self._socket.getsockname()[1]
+        self.address = _address(host, bound_port, self.token)
+        guarded = Guard(app_of(self.view), self.token, bound_port, is_open=self.is_open)
+        logging.getLogger("uvicorn.error").addFilter(NoNoise())
         self._server = _Quiet(
             uvicorn.Config(
                 guarded,
                 log_level="error",
                 access_log=False,  # addresses hold the token
                 server_header=False,
+                http=Gate().protocol(),  # type: ignore[arg-type]
                 ws="websockets-sansio",
                 ws_max_size=MOST_BYTES,
                 ws_max_queue=16,
                 ws_per_message_deflate=False,  # pictures are packed already
-                limit_concurrency=MOST_CONNECTIONS,
                 timeout_graceful_shutdown=2,
             )
         )
@@ -188,8 +196,8 @@ def _is_loopback(bound: socket.socket) -> bool:
     return str(bound.getsockname()[0]) in LOOPBACK
 
 
-def _address(host: str, port: int, token: str | None) -> str:
+def _address(host: str, port: int, token: str) -> str:
     """What to open. An address that stands for all of the machine's is replaced by its name."""
     name = socket.gethostname() if host in ("0.0.0.0", "::", "") else host
     name = f"[{name}]" if ":" in name else name
-    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+    return f"http://{name}:{port}/?token={token}"

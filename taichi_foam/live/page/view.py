@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import PACES, Controller, Outcome
+from taichi_foam.live.heading import heading
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.page import commands, figures
 from taichi_foam.live.page.archive import Archive
 from taichi_foam.live.page.controls import Controls, Value
 from taichi_foam.live.page.numbers import Numbers
-from taichi_foam.live.page.view_state import Tone, ViewState
+from taichi_foam.live.page.view_state import Tone, ViewState, as_json
 from taichi_foam.live.pictures import colour_key, field_png, field_size
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
@@ -44,7 +45,7 @@ class PageView:
     ) -> None:
         self.view_state = ViewState()
         self.controls = Controls(scene)
-        self.archive = Archive(out, scene.name, self._post_drops)
+        self.archive = Archive(out, self._post_drops)
         self.controller = Controller(scene, self._keep, arch=arch, threads=threads)
         self.watchers = 0  # viewers who are there; set by `viewers.Viewers`
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
@@ -130,7 +131,7 @@ class PageView:
             self._next_numbers = now + min(max(usual, 5.0 * took), IDLE_SECONDS)
 
     def _keep(self, outcome: Outcome) -> None:
-        about = self.controls.changes(outcome.result.scene)
+        about = list(self.controls.changes(outcome.result.scene).values())
         self.archive.add(outcome.drop, about, outcome.ended, outcome.result)
 
     # what viewers want
@@ -189,11 +190,12 @@ class PageView:
         number, scene, snapshot = controller.number, controller.scene, controller.snapshot
         for tone in tuple(self._wanted):
             look = replace(self._look, theme=tone)
-            key = (number, snapshot.time, look)
+            readouts = as_json(self._numbers.at(snapshot.time, controller.so_far))
+            key = (number, snapshot.time, look, readouts)
             if self._drawn.get(tone) != key:
                 self._drawn[tone] = key
                 self._wanted.discard(tone)
-                self.view_state.set_picture(tone, field_png(snapshot, scene, look, number))
+                self.view_state.set_picture(tone, field_png(snapshot, scene, look, readouts))
 
     def _post_numbers(self) -> None:
         controller = self.controller
@@ -205,13 +207,13 @@ class PageView:
     def _post_scene(self) -> None:
         scene, given = self.controller.scene, self.controls.given
         test = tests.test_of(scene)
+        title, changes = heading(scene, given, self.controls.changes(scene))
         self.view_state.post(
             "scene",
             {
                 "drop": self.controller.number,
-                # the changes stand beside it: those that make it another impact take the title away
-                "name": tests.title(given) if test == tests.test_of(given) else given.name,
-                "changes": self.controls.changes(scene),
+                "name": title,
+                "changes": changes,
                 "size": field_size(scene),
                 "key": colour_key(scene, self._look.mode),
                 "measured": {"test": test.name, **measured_figures(test)} if test else None,
@@ -231,6 +233,7 @@ class PageView:
                 "theme": self._theme,
                 "grid": self._look.grid,
             },
+            digits=None,  # a control's value is dropped as it was set
         )
 
     def _post_drops(self) -> None:

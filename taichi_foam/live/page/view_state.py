@@ -20,6 +20,11 @@ DIGITS = 6
 _EMPTY = np.empty(0)
 
 
+def as_json(content: dict[str, Any], digits: int | None = DIGITS) -> str:
+    """A message's text; `digits` are those that its floats keep, None: all."""
+    return json.dumps(plain(content, digits), separators=(",", ":"), allow_nan=False)
+
+
 class ViewState:
     """Written once for all viewers, who read it in whatever thread they are in.
 
@@ -36,10 +41,9 @@ class ViewState:
         self._wanted: set[Tone] = set()
         self._lock = threading.Lock()  # guards the tones
 
-    def post(self, kind: str, content: dict[str, Any]) -> None:
-        """Show this from now on; the same again is no change."""
-        told = {"kind": kind, **plain(content, DIGITS)}
-        text = json.dumps(told, separators=(",", ":"), allow_nan=False)
+    def post(self, kind: str, content: dict[str, Any], digits: int | None = DIGITS) -> None:
+        """Show this from now on; the same again is no change. `digits` as of `as_json`."""
+        text = as_json({"kind": kind, **content}, digits)
         number, before = self.notes.get(kind, (0, ""))
         if text != before:
             self.notes[kind] = (number + 1, text)

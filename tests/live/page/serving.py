@@ -17,7 +17,7 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 import taichi_foam
-from taichi_foam.live.pictures import HEADER
+from taichi_foam.live.pictures import LENGTH
 
 PATIENCE = 60.0  # a busy machine that compiles [s]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
@@ -75,16 +75,37 @@ class Served:
     def port(self) -> int:
         return int(self.base.rpartition(":")[2])
 
-    def get(self, path: str, **more: Any) -> httpx.Response:
-        return httpx.get(f"{self.base}{path}", timeout=PATIENCE, **more)
+    @property
+    def token(self) -> str:
+        return self.address.partition("?token=")[2]
+
+    @property
+    def cookie(self) -> dict[str, str]:
+        """What the browser of one who has opened the address sends."""
+        return {"Cookie": f"taichi-foam-{self.port}={self.token}"}
+
+    def get(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+        """What one gets who has the token."""
+        return self.get_as_stranger(path, self.cookie | (headers or {}))
+
+    def get_as_stranger(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+        return httpx.get(f"{self.base}{path}", timeout=PATIENCE, headers=headers)
 
     @contextlib.contextmanager
-    def viewer(self, watches: bool = True, **more: Any) -> Iterator[Viewer]:
-        """A viewer, who watches from the first moment on."""
+    def viewer(
+        self, watches: bool = True, headers: dict[str, str] | None = None
+    ) -> Iterator[Viewer]:
+        """A viewer, who watches from the first moment on; `headers` instead of the cookie."""
+        sent = self.cookie if headers is None else headers
         address = f"ws://127.0.0.1:{self.port}/live"
         # without a bound on what it has not read yet a viewer could not hear that it is let go
         with connect(
-            address, max_size=None, max_queue=None, compression=None, proxy=None, **more
+            address,
+            max_size=None,
+            max_queue=None,
+            compression=None,
+            proxy=None,
+            additional_headers=sent,
         ) as socket:
             found = Viewer(socket)
             if watches:
@@ -132,9 +153,10 @@ class Viewer:
             self.last[message["kind"]] = message
             return message
         self.say(do="next")
-        drop, seconds, sunk = HEADER.unpack(content[: HEADER.size])
-        image = content[HEADER.size :]
-        return {"kind": "picture", "drop": drop, "time": seconds, "sunk": sunk, "image": image}
+        (length,) = LENGTH.unpack_from(content)
+        readouts, image = content[LENGTH.size :][:length], content[LENGTH.size + length :]
+        self.last["picture"] = {"kind": "picture", **json.loads(readouts), "image": image}
+        return self.last["picture"]
 
     def wait_for(self, kind: str, is_it: Callable[[dict[str, Any]], Any] = bool) -> dict[str, Any]:
         """The first message of a kind that `is_it`."""

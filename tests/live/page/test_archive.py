@@ -25,15 +25,16 @@ from taichi_foam.live.page.archive import (
 from taichi_foam.live.page.view_state import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
 
 SCENE = paper_scene("paper/wedge-2.86")
 
 
-def a_result() -> Result:
+def a_result(scene: Scene = SCENE) -> Result:
     """One that has come to nothing."""
     history = {name: np.linspace(0.0, 1e-3, 11) for name in HISTORY_COLUMNS}
-    return Result(SCENE, history, [], {"interrupted": True})
+    return Result(scene, history, [], {"interrupted": True})
 
 
 def wait_until(is_it: Callable[[], Any]) -> None:
@@ -45,7 +46,7 @@ def wait_until(is_it: Callable[[], Any]) -> None:
 
 def test_folders_are_numbered_on(tmp_path: Path) -> None:
     (tmp_path / "paper-wedge-2.86-007").mkdir()
-    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    archive = Archive(tmp_path, lambda: None)
     archive.add(1, ["velocity 3 m/s"], "cut short", a_result())
     archive.add(2, [], "rebound", a_result())
     assert archive.close() == []
@@ -58,7 +59,7 @@ def test_folders_are_numbered_on(tmp_path: Path) -> None:
 
 
 def test_the_list_is_bounded(tmp_path: Path) -> None:
-    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    archive = Archive(tmp_path, lambda: None)
     for number in range(MOST_LISTED + 5):
         archive.add(number, [], "rebound", a_result())
         wait_until(lambda: not archive._waiting())
@@ -74,7 +75,7 @@ def test_what_a_disk_refuses_is_kept_and_saved_later(
 ) -> None:
     monkeypatch.setattr(archive_module, "TRY_AGAIN", 1000.0)
     out = tmp_path / "out"
-    archive = Archive(out, SCENE.name, lambda: None)
+    archive = Archive(out, lambda: None)
     archive.check(SCENE)
     out.write_text("in the way")
     for number in range(MOST_WAITING):
@@ -106,7 +107,7 @@ def test_what_is_not_saved_stays_however_many_follow(
         return save(result, folder)
 
     monkeypatch.setattr(Result, "save", moody)
-    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    archive = Archive(tmp_path, lambda: None)
     for number in range(1, 6):
         result = a_result()
         result.run["number"] = number
@@ -123,8 +124,9 @@ def test_what_is_not_saved_stays_however_many_follow(
 
 
 def test_a_folder_has_the_whole_name_of_the_scene(tmp_path: Path) -> None:
-    archive = Archive(tmp_path, "foam with holes", lambda: None)
-    archive.add(1, [], "rebound", a_result())
+    archive = Archive(tmp_path, lambda: None)
+    holed = SCENE.model_copy(update={"name": "foam with holes"})
+    archive.add(1, [], "rebound", a_result(holed))
     assert archive.close() == []
     assert [path.name for path in tmp_path.iterdir()] == ["foam-with-holes-001"]
 
@@ -136,7 +138,7 @@ def test_who_waits_for_a_film_when_the_server_ends_is_told(
         await asyncio.Event().wait()
 
     monkeypatch.setattr(films_module, "_drawn_apart", for_ever)
-    archive = Archive(tmp_path, SCENE.name, lambda: None)
+    archive = Archive(tmp_path, lambda: None)
     drop = Finished(1, [], "rebound", None, folder=tmp_path)
 
     async def ask() -> None:
@@ -158,7 +160,7 @@ def test_who_waits_for_a_film_when_the_server_ends_is_told(
 def test_closing_tells_what_could_not_be_saved(tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.write_text("in the way")
-    archive = Archive(out, SCENE.name, lambda: None)
+    archive = Archive(out, lambda: None)
     archive.add(1, [], "rebound", a_result())
     (lost,) = archive.close()
     assert lost.problem is not None

@@ -146,7 +146,7 @@ def test_new_settings_are_dropped_and_the_result_comes_home(
     assert page["#impactor-velocity"].get_property("value") == "3"
     page["#pace"].send_keys("fastest")
     page["#drop"].click()
-    page.until(lambda: page.text("#changes") == "with velocity 3 m/s")
+    page.until(lambda: page.text("#name") == page.driver.title == "wedge, 3 m/s")
     page.until(lambda: page.text("#state") == "at its end")
     first = "#list tbody tr:first-child"
     page.until(lambda: page.text(f"{first} td:nth-child(2)") == "velocity 3 m/s")
@@ -190,6 +190,89 @@ def test_what_cannot_be_is_told_beside_the_controls(page: Page) -> None:
     page["#reset"].click()
     page.until(lambda: page["#foam-densification_strain"].get_property("value") == "-0.8")
     assert not page["#problem"].is_displayed()
+
+
+def type_in(page: Page, key: str, text: str) -> Any:
+    """Type into a control's field in place of what stands there, and leave it uncommitted."""
+    field = page[f"#{key}"]
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, Keys.BACKSPACE, text)
+    return field
+
+
+def test_what_cannot_be_stays_marked_in_its_field_and_nothing_drops(
+    page: Page, server: Served
+) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    wrong = ("600", "-3", "1e9", "abc", "1,000", "1.000,5", "1,000.5", "0x3", "Infinity", "")
+    ways = (
+        lambda field: page["#drop"].click(),
+        lambda field: field.send_keys(Keys.ENTER),
+        lambda field: field.send_keys(Keys.TAB),
+    )
+    with server.viewer(watches=False) as other:
+        before = other.wait_for("scene")["drop"]
+        for n, text in enumerate(wrong):
+            field = type_in(page, "impactor-velocity", text)
+            ways[n % 3](field)
+            if n % 3 == 2:
+                page["#drop"].click()
+            assert (field.get_property("value"), field.get_attribute("aria-invalid")) == (
+                text,
+                "true",
+            )
+            beside = page["#impactor-velocity-wrong"]
+            assert beside.is_displayed()
+            assert beside.text == f"{text or 'nothing'}{_WHY.get(text, '')}: must be 0 to 500 m/s"
+            assert page.text("#problem") == f"Nothing is dropped. velocity {beside.text}."
+            assert page.ask("document.activeElement.id") == "impactor-velocity"
+        # nor does what another viewer does take it away
+        other.say(do="set", shape="wedge", values={"impactor.velocity": 4, "impactor.mass": 9})
+        page.until(lambda: page["#impactor-mass"].get_property("value") == "9")
+        field = type_in(page, "impactor-velocity", "600")
+        page["#impactor-mass"].click()
+        assert field.get_property("value") == "600"
+        # a message from the page after all of it: it has sent no drop before
+        page["#grid"].click()
+        other.see(lambda last: not last["settings"]["grid"])
+        assert other.last["scene"]["drop"] == before
+        page["#grid"].click()
+        page["#reset"].click()
+        page.until(lambda: field.get_property("value") == "2.86")
+        assert field.get_attribute("aria-invalid") == "false"
+
+
+_WHY = {
+    "abc": " is not a number",
+    "0x3": " is not a number",
+    "Infinity": " is not a number",
+    "1,000": " may mean 1000 or 1.000, write the one that you mean",
+    "1.000,5": " has separators of thousands, leave them out",
+    "1,000.5": " has separators of thousands, leave them out",
+}
+
+
+def test_what_is_typed_is_what_drops(page: Page, server: Served) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    page["#pace"].send_keys("fastest")
+    typed = {"3,3": 3.3, "2.8612345678": 2.8612345678, "0,125": 0.125, ".5": 0.5, "1e-1": 0.1}
+    with server.viewer(watches=False) as other:
+        for text, velocity in typed.items():
+            field = type_in(page, "impactor-velocity", text)
+            page["#drop"].click()  # at once, with no Enter or Tab before
+            told = other.see(
+                lambda last, v=velocity: last["scene"]["name"] == f"wedge, {v:.6g} m/s"
+            )
+            assert told["settings"]["values"]["impactor.velocity"] == velocity
+            page.until(lambda v=velocity, f=field: f.get_property("value") == str(v))
+            page.until(lambda v=velocity: page.text("#name") == f"wedge, {v:.6g} m/s")
+        other.see(lambda last: last["numbers"]["state"] == "ended")
+        about = "velocity 0.1 m/s"
+        other.see(lambda last: last["drops"]["drops"][0]["about"] == [about])
+        folder = other.see(lambda last: last["drops"]["drops"][0]["folder"])["drops"]["drops"][0]
+    scene = Result.load(Path(folder["folder"])).scene
+    assert scene.impactor is not None
+    assert (scene.impactor.velocity, scene.name) == (0.1, "wedge, 0.1 m/s")
+    page["#reset"].click()
 
 
 def test_who_types_is_not_disturbed_and_others_follow(page: Page, server: Served) -> None:

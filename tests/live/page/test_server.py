@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import random
 import signal
 import socket
 import sys
@@ -20,6 +21,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from taichi_foam import load_scene
 from taichi_foam.live.controller import PACES
+from taichi_foam.live.page.gate import MOST_SECONDS
+from taichi_foam.live.page.viewers import MOST_VIEWERS
 from taichi_foam.results.result import Result
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -29,7 +32,15 @@ def test_everything_that_the_page_is_made_of_is_served(served: Served) -> None:
     page = served.get("/")
     assert page.headers["content-type"].startswith("text/html")
     assert "default-src 'self'" in page.headers["content-security-policy"]
-    for name in ("page.css", "page.js", "controls.js", "curve.js", "tables.js", "icon.svg"):
+    for name in (
+        "page.css",
+        "page.js",
+        "controls.js",
+        "typed.js",
+        "curve.js",
+        "tables.js",
+        "icon.svg",
+    ):
         answer = served.get(f"/assets/{name}")
         assert (answer.status_code, bool(answer.content)) == (200, True)
     plotly = served.get("/assets/plotly.min.js")
@@ -40,7 +51,17 @@ def test_everything_that_the_page_is_made_of_is_served(served: Served) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/assets/../server.py", "/assets/app.py", "/drops/1/../x", "/drops/99/history.csv"]
+    "path",
+    [
+        "/assets/../server.py",
+        "/assets/app.py",
+        "/drops/1/../x",
+        "/drops/99/history.csv",
+        "/drops/" + "9" * 5000 + "/history.csv",
+        "/drops/-1/history.csv",
+        "/drops/%D9%A1/history.csv",
+        "/drops/1/%00",
+    ],
 )
 def test_nothing_else_is_served(served: Served, path: str) -> None:
     assert served.get(path).status_code == 404
@@ -66,13 +87,13 @@ def test_on_loopback_only_names_of_this_machine_will_do(
 
 def test_pages_of_others_get_no_socket(served: Served) -> None:
     own = f"http://127.0.0.1:{served.port}"
-    with served.viewer(additional_headers={"Origin": own}) as viewer:
+    with served.viewer(headers={**served.cookie, "Origin": own}) as viewer:
         assert viewer.wait_for("hello")["paces"] == list(PACES)
     elsewhere = ("http://evil.example", f"http://127.0.0.1:{served.port + 1}", "null", "http://[")
     for other in elsewhere:
         with (
             pytest.raises(InvalidStatus, match="403"),
-            served.viewer(additional_headers={"Origin": other}),
+            served.viewer(headers={**served.cookie, "Origin": other}),
         ):
             pass
 
@@ -200,7 +221,8 @@ def _deaf(served: Served) -> socket.socket:
     line.connect(("127.0.0.1", served.port))
     line.sendall(
         b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+        + f"Cookie: {served.cookie['Cookie']}\r\n".encode()
+        + b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
     )
     watch = b'{"do": "watch", "on": true, "tone": "light"}'
     mask = bytes(4)
@@ -292,18 +314,31 @@ def test_drops_are_saved_and_a_killed_worker_is_replaced(tmp_path: Path) -> None
             viewer.wait_for("numbers", lambda m: m["state"] == "running")
             # a drop that the next one cuts short is kept
             viewer.say(do="drop", shape="cylinder", values={"impactor.velocity": 3})
-            viewer.see(lambda last: last["scene"]["changes"] == ["cylinder", "velocity 3 m/s"])
+            viewer.see(lambda last: last["scene"]["name"] == "cylinder, 3 m/s")
+            early = viewer.wait_for("picture", lambda m: m["drop"] == 2 and m["time"] > 0)
             viewer.say(do="pace", rate=None)
             viewer.see(lambda last: last["numbers"]["state"] == "ended")
+            end = viewer.see(lambda last: last["picture"]["time"] > 0.199)["picture"]
             viewer.see(lambda last: sum(bool(d["folder"]) for d in last["drops"]["drops"]) == 2)
             ended = [(drop["number"], drop["ended"]) for drop in viewer.last["drops"]["drops"]]
             assert ended == [(2, "end time"), (1, "cut short")]
-        names = ["paper-wedge-2.86-001", "paper-wedge-2.86-002"]
-        assert sorted(path.name for path in tmp_path.iterdir()) == names
+        names = ["paper-wedge-2.86-001", "cylinder-3-m-s-001"]
+        assert {path.name for path in tmp_path.iterdir()} == set(names)
         result = Result.load(tmp_path / names[1])
         assert result.scene.impactor is not None
         assert (result.scene.impactor.shape, result.scene.impactor.velocity) == ("cylinder", 3.0)
         assert result.history["time_s"][-1] == pytest.approx(0.2, rel=1e-2)
+        # what is read out beside a picture is one row of the history
+        history = result.history
+        for told in (early, end):
+            row = int(np.argmin(np.abs(history["time_s"] - told["time"])))
+            for name in ("time_s", "displacement_m", "velocity_m_s"):
+                shown = told[name.partition("_")[0]]
+                assert shown == pytest.approx(history[name][row], rel=1e-5)
+            for name, energy in told["energies"].items():
+                assert energy == pytest.approx(history[name][row], rel=1e-5, abs=1e-12)
+        smoothed = history["deceleration_smoothed_m_s2"][-1]
+        assert end["deceleration"] == pytest.approx(smoothed, rel=1e-5)
         for name in ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.json"):
             assert (
                 server.get(f"/drops/2/{name}").content == (tmp_path / names[1] / name).read_bytes()
@@ -358,36 +393,129 @@ def test_what_could_not_be_saved_is_told_at_the_end(tmp_path: Path) -> None:
         assert list(tmp_path.iterdir()) == []
 
 
-def test_elsewhere_a_token_is_needed(tmp_path: Path) -> None:
-    server = Served(tmp_path, *ENDLESS, options=("--host", "0.0.0.0"))
-    try:
-        token = server.address.partition("?token=")[2]
-        assert len(token) >= 32
-        local = f"http://127.0.0.1:{server.port}"
-        server.address = f"{local}/?token={token}"
-        for path in ("/", "/assets/page.js", "/drops/1/history.csv", "/?token=", "/?token=é"):
-            answer = server.get(path)
+def test_without_the_token_nothing_is_served(served: Served) -> None:
+    assert len(served.token) >= 32
+    wrong = f"taichi-foam-{served.port}=wrong"
+    for path in ("/", "/assets/page.js", "/drops/1/history.csv", "/?token=", "/?token=é"):
+        for headers in ({}, {"Cookie": wrong}):
+            answer = served.get_as_stranger(path, headers)
             assert (answer.status_code, "token" in answer.text) == (401, True)
-        # a page that is still open has to be told why
-        with server.viewer(watches=False) as viewer, pytest.raises(ConnectionClosed) as closed:
-            viewer.hear()
-        assert closed.value.rcvd is not None
-        assert "open the address that it printed" in closed.value.rcvd.reason
-        first = server.get(f"/?token={token}")
-        assert first.status_code == 200
-        cookie = first.headers["set-cookie"]
-        assert "HttpOnly" in cookie
-        assert "SameSite=Strict" in cookie
-        kept = {"Cookie": cookie.partition(";")[0]}
-        assert server.get("/assets/page.js", headers=kept).status_code == 200
-        # whoever has it may use any name for the machine
-        assert server.get("/", headers={**kept, "Host": "lab-machine:80"}).status_code == 200
-        with server.viewer(additional_headers=kept) as viewer:
-            viewer.wait_for("hello")
-    finally:
+            assert answer.headers["connection"] == "close"
+            assert "set-cookie" not in answer.headers
+    # a page that is still open has to be told why
+    with served.viewer(watches=False, headers={}) as viewer, pytest.raises(ConnectionClosed) as end:
+        viewer.hear()
+    assert end.value.rcvd is not None
+    assert "open the address that it printed" in end.value.rcvd.reason
+    first = served.get_as_stranger(f"/?token={served.token}")
+    assert first.status_code == 200
+    cookie = first.headers["set-cookie"]
+    assert cookie.startswith(served.cookie["Cookie"])
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+
+
+def test_elsewhere_any_name_of_the_machine_will_do(tmp_path: Path) -> None:
+    with Served(tmp_path, *ENDLESS, options=("--host", "0.0.0.0")) as server:
+        server.address = f"http://127.0.0.1:{server.port}/?token={server.token}"
+        assert server.get("/", {"Host": "lab-machine:80"}).status_code == 200
+        assert server.get_as_stranger("/", {"Host": "lab-machine:80"}).status_code == 401
         code, said = server.stop(signal.SIGTERM)
     assert code in (0, 130)  # whether there was something to cut short yet
     assert "warning: whoever reaches 0.0.0.0" in said
+
+
+def test_silent_strangers_do_not_lock_the_owner_out(served: Served) -> None:
+    """Neither those who say nothing, nor those who never end what they say."""
+    begun = (b"", b"GET / HTTP/1.1\r\nHost: localh", b"POST / HTTP/1.1\r\nHost: localhost\r\n")
+    upgrade = (
+        b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    start = time.monotonic()
+    with contextlib.ExitStack() as lines, served.viewer() as viewer:
+        strangers = []
+        for n in range(305):
+            line = lines.enter_context(socket.create_connection(("127.0.0.1", served.port)))
+            with contextlib.suppress(OSError):  # it may have been closed for the next ones
+                line.sendall((*begun, upgrade)[n % 4])
+            strangers.append(line)
+        came = time.monotonic()
+        assert served.get("/").status_code == 200
+        with served.viewer() as other:
+            other.wait_for("picture")
+        viewer.wait_for("picture")  # who was in stays in
+        assert time.monotonic() - came < 5.0
+        for line in strangers:
+            line.settimeout(PATIENCE)
+            with contextlib.suppress(ConnectionError):
+                while line.recv(4096):
+                    pass
+    # none is held longer than it takes to show a token
+    assert time.monotonic() - start < MOST_SECONDS + 15.0
+    with served.viewer() as viewer:
+        viewer.wait_for("picture")
+
+
+def test_who_has_the_token_is_counted_and_not_the_others(served: Served) -> None:
+    with contextlib.ExitStack() as inside:
+        for _ in range(MOST_VIEWERS):
+            inside.enter_context(served.viewer(watches=False))
+        with served.viewer(watches=False) as late, pytest.raises(ConnectionClosed) as end:
+            late.hear()
+        assert end.value.rcvd is not None
+        assert "100 viewers already" in end.value.rcvd.reason
+        assert served.get("/").status_code == 200
+
+
+def test_odd_requests_are_answered_or_closed_without_a_trace(served: Served) -> None:
+    """What the server says at its end, the fixture checks: nothing of any of these."""
+    known = f"Host: localhost\r\nCookie: {served.cookie['Cookie']}\r\n".encode()
+    rng = random.Random(5)
+    paths = [
+        *("/drops/1/" + "x" * 8000, "/drops//history.csv", "/drops/1e3/history.csv", "//", "/%"),
+        *(
+            "/assets/%2e%2e%2fapp.py",
+            "/%ff%fe",
+            "/drops/%00/%00",
+            "/?token=%ff",
+            "/live",
+            "/assets/",
+        ),
+        *("http://localhost/", "*", "/drops/0x1/scene.toml", "/assets/page.js/", "/;" * 500),
+    ]
+    paths += ["/" + "".join(rng.choices("/.%2e5c\\;:@&=+$,0123drops", k=40)) for _ in range(60)]
+    requests = [f"GET {path} HTTP/1.1\r\n".encode() + known + b"\r\n" for path in paths]
+    requests += [
+        b"POST / HTTP/1.1\r\n" + known + b"Content-Length: 99999999999\r\n\r\n" + b"x" * 200_000,
+        b"POST / HTTP/1.1\r\n" + known + b"Transfer-Encoding: chunked\r\n\r\nzz\r\nnonsense",
+        b"GET / HTTP/1.1\r\n" + known + b"Content-Length: 3\r\n\r\nabc\x00\x01\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + known + b"\r\n\x16\x03\x01 not HTTP\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + known + b"X: " + b"y" * 100_000 + b"\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + known + b"Range: bytes=9-1,-\r\nIf-None-Match: \xff\r\n\r\n",
+        b"GET /live HTTP/1.1\r\n" + known + b"Upgrade: websocket\r\nConnection: Upgrade\r\n\r\n",
+        b"GET /live HTTP/1.1\r\n" + known + b"Upgrade: h2c\r\nConnection: Upgrade\r\n\r\n",
+        b"HEAD / HTTP/1.0\r\n" + known + b"\r\n",
+        b"OPTIONS * HTTP/1.1\r\n" + known + b"\r\n",
+        *(rng.randbytes(200) for _ in range(40)),
+    ]
+    for request in requests:
+        with socket.create_connection(("127.0.0.1", served.port)) as line:
+            line.settimeout(PATIENCE)
+            with contextlib.suppress(ConnectionError):
+                line.sendall(request)
+                line.shutdown(socket.SHUT_WR)
+                status = line.recv(4096).split(b" ")[1:2]
+                assert status == [] or 200 <= int(status[0]) < 500, (request[:200], status)
+    frames = [bytes([first, 0xFE]) + rng.randbytes(60) for first in (0x81, 0x82, 0x83, 0xF1, 0x09)]
+    frames += [b"\x81\x82\0\0\0\0\xff\xfe", b"\x01\x80\0\0\0\0" * 3, rng.randbytes(500)]
+    for frame in frames:
+        line = _deaf(served)
+        with contextlib.suppress(ConnectionError):
+            line.sendall(frame)
+        line.close()
+    with served.viewer() as viewer:
+        viewer.wait_for("picture")
 
 
 def test_the_scene_of_a_drop_is_that_of_the_command_line(served: Served) -> None:

@@ -37,7 +37,7 @@ class _Session:
         self.rows = np.empty((0, len(ROW_COLUMNS)))
         self.before, self.drops = drops, 0
 
-    def start(self, scene: Any) -> int:
+    def start(self, scene: Any, keeping: Any) -> int:
         self.drops += 1
         return self.before + self.drops
 
@@ -163,4 +163,4 @@ def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> 
     finer = view.controls.scene_of("wedge", {"block.rows": 30})
     assert (told(finer)["name"], told(finer)["measured"]["test"]) == ("wedge, 2.86 m/s", given.name)
     heavier = view.controls.scene_of("wedge", {"impactor.mass": 7.0})
-    assert (told(heavier)["name"], told(heavier)["measured"]) == (given.name, None)
+    assert (told(heavier)["changes"], told(heavier)["measured"]) == (["mass 7 kg"], None)

@@ -1,8 +1,11 @@
 // The controls of the next drop. A slider covers what is usual, its number field all that may be.
+import { typed } from "./typed.js";
+
 const $ = (id) => document.getElementById(id);
 const GROUPS = { impactor: "Impactor", block: "Block", foam: "Foam" };
 const SOON = 150; // after the last movement of a slider the others are told [ms]
 const NOTCHES = 1000; // of a slider that goes by ratios
+const DIGITS = 12; // of a number as it is shown and read: a factor's rounding is beyond them
 
 export class Controls {
   constructor(send) {
@@ -10,14 +13,22 @@ export class Controls {
     this.knobs = new Map(); // by key: what the server told, and the elements
     this.values = {}; // of the server, SI
     this.shape = null;
-    this.moved = new Set(); // keys that the server has yet to hear of
+    // What is set here and the server has not confirmed, by key [SI]; undefined for a text that
+    // cannot be a value. Whatever comes meanwhile, it stays in its field, and it is what drops.
+    this.own = new Map();
+    this.built = "";
     this.timer = null;
     $("controls").addEventListener("submit", (event) => { event.preventDefault(); this.drop(); });
-    $("reset").addEventListener("click", () => { this.blur(); this.problem(""); send({ do: "reset" }); });
+    $("reset").addEventListener("click", () => { this.own.clear(); this.problem(""); this.take(null); send({ do: "reset" }); });
   }
 
-  build({ shapes, knobs }) {
+  build(told) {
+    // the same server again after a lost connection: what is typed here stays
+    if (JSON.stringify(told) === this.built) return;
+    this.built = JSON.stringify(told);
+    const { shapes, knobs } = told;
     this.knobs.clear();
+    this.own.clear();
     $("shapes").replaceChildren($("shapes").firstElementChild, ...shapes.map((shape) => {
       const label = document.createElement("label");
       label.innerHTML = `<input type="radio" name="shape"> `;
@@ -39,70 +50,78 @@ export class Controls {
   row(knob) {
     const row = document.createElement("div"), id = knob.key.replace(".", "-");
     row.className = "knob";
-    row.innerHTML = `<label for="${id}"></label><input type="number" id="${id}" inputmode="decimal" step="any"
-      aria-describedby="${id}-hint"><span class="unit"></span><input type="range"><small id="${id}-hint"></small>`;
-    const [label, number, unit, slider, hint] = row.children;
+    // a field of type number would drop a comma without a word, and hide what it cannot read
+    row.innerHTML = `<label for="${id}"></label><input type="text" id="${id}" inputmode="decimal" autocomplete="off"
+      aria-describedby="${id}-wrong ${id}-hint"><span class="unit"></span><small class="wrong" id="${id}-wrong" hidden></small>
+      <input type="range"><small id="${id}-hint"></small>`;
+    const [label, number, unit, wrong, slider, hint] = row.children;
     label.textContent = knob.label;
     unit.textContent = knob.unit;
     hint.textContent = knob.about === knob.label ? knob.allowed : `${knob.about}; ${knob.allowed}`;
     number.name = knob.key;
+    if (knob.min < 0) number.inputMode = "text"; // keyboards for decimals have no minus
     if (knob.optional) number.placeholder = "none";
     slider.setAttribute("aria-label", `${knob.label}, usual range`);
     Object.assign(slider, knob.log ? { min: 0, max: NOTCHES, step: 1 } : { min: knob.low, max: knob.high, step: knob.step });
-    Object.assign(knob, { row, number, slider });
+    Object.assign(knob, { row, number, wrong, slider });
     this.knobs.set(knob.key, knob);
-    number.addEventListener("input", () => this.touch(knob, this.read(knob)));
+    number.addEventListener("input", () => this.touch(knob));
     number.addEventListener("change", () => this.tell());
     number.addEventListener("blur", () => this.take(null));
     slider.addEventListener("input", () => {
       const share = slider.value / NOTCHES;
-      const shown = knob.log ? Number((knob.low * (knob.high / knob.low) ** share).toPrecision(3)) : Number(slider.value);
-      number.value = shown;
-      this.touch(knob, this.read(knob));
+      number.value = knob.log ? Number((knob.low * (knob.high / knob.low) ** share).toPrecision(3)) : Number(slider.value);
+      this.touch(knob);
     });
     slider.addEventListener("change", () => this.tell());
     return row;
   }
 
-  // The value of a number field [SI]: null for none, undefined for what is not allowed.
+  // What stands in a field [SI], null for none. What cannot be is marked, and undefined.
   read(knob) {
-    const { number } = knob;
-    const shown = number.value === "" ? null : Number(number.value);
-    const open = (word) => knob.open.includes(word);
-    const fits = number.validity.badInput ? false
-      : shown === null ? knob.optional
-      : !(shown < knob.min || shown > knob.max || (open("above") && shown <= knob.min) ||
-          (open("below") && shown >= knob.max) || (knob.whole && !Number.isInteger(shown)));
-    number.setAttribute("aria-invalid", String(!fits));
+    const { value: shown, problem } = typed(knob.number.value);
+    const open = (word) => knob.open.includes(word), min = knob.min ?? -Infinity, max = knob.max ?? Infinity;
+    const fits = problem === undefined && (shown === null ? knob.optional
+      : Number.isFinite(shown) && !(shown < min || shown > max || (open("above") && shown <= min) ||
+          (open("below") && shown >= max) || (knob.whole && !Number.isInteger(shown))));
+    const text = knob.number.value.trim().slice(0, 30) || "nothing";
+    const allowed = `must be ${knob.allowed}${knob.whole ? ", a whole number" : ""}`;
+    this.mark(knob, fits ? "" : `${text}${problem ? ` ${problem}` : ""}: ${allowed}`);
     if (!fits) return undefined;
-    return shown === null ? null : knob.whole ? shown : Number((shown * knob.factor).toPrecision(12));
+    return shown === null || knob.whole ? shown : Number((shown * knob.factor).toPrecision(DIGITS));
   }
 
-  touch(knob, value) {
+  mark(knob, words) {
+    knob.number.setAttribute("aria-invalid", String(Boolean(words)));
+    knob.wrong.textContent = words;
+    knob.wrong.hidden = !words;
+  }
+
+  touch(knob) {
+    const value = this.read(knob);
+    this.own.set(knob.key, value);
     if (value === undefined) return;
     this.slide(knob, value);
-    this.moved.add(knob.key);
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.tell(), SOON);
   }
 
   slide(knob, value) {
-    const shown = value === null ? null : Number((value / knob.factor).toPrecision(9));
+    const shown = value === null ? null : this.shown(knob, value);
     // a slider that goes by ratios holds a number of notches, which is nothing to read out
     knob.slider.setAttribute("aria-valuetext", shown === null ? "none" : `${shown} ${knob.unit}`.trim());
     if (shown === null) return;
     knob.slider.value = knob.log ? NOTCHES * Math.log(Math.max(shown, 1e-9) / knob.low) / Math.log(knob.high / knob.low) : shown;
   }
 
-  // Tell the server, and through it all viewers, what has been moved.
+  shown(knob, value) {
+    return Number((value / knob.factor).toPrecision(DIGITS));
+  }
+
+  // Tell the server, and through it all viewers, what has been set here.
   tell() {
     clearTimeout(this.timer);
-    const values = {};
-    for (const key of this.moved) {
-      const value = this.read(this.knobs.get(key));
-      if (value !== undefined) values[key] = value;
-    }
-    this.moved.clear();
+    const values = Object.fromEntries([...this.own].filter(([, value]) => value !== undefined));
     this.send({ do: "set", shape: this.shape, values });
   }
 
@@ -110,11 +129,13 @@ export class Controls {
   take(message) {
     if (message) ({ shape: this.shape, values: this.values } = message);
     for (const input of $("shapes").querySelectorAll("input")) input.checked = input.value === this.shape;
-    for (const knob of this.knobs.values()) {
-      const value = this.values[knob.key];
-      if (value === undefined || document.activeElement === knob.number || this.moved.has(knob.key)) continue;
-      knob.number.value = value === null ? "" : Number((value / knob.factor).toPrecision(9));
-      knob.number.setAttribute("aria-invalid", "false");
+    for (const [key, knob] of this.knobs) {
+      const value = this.values[key];
+      if (this.own.get(key) === value && document.activeElement !== knob.number) this.own.delete(key);
+      if (value === undefined || this.own.has(key)) continue;
+      const shown = value === null ? "" : String(this.shown(knob, value));
+      if (knob.number.value !== shown) knob.number.value = shown; // else a caret would jump
+      this.mark(knob, "");
       if (document.activeElement !== knob.slider || !message) this.slide(knob, value);
     }
     this.fit();
@@ -129,22 +150,21 @@ export class Controls {
   }
 
   drop() {
-    const values = {};
+    const values = {}, wrong = [];
     for (const [key, knob] of this.knobs) {
       if (knob.row.hidden) continue;
-      const value = this.read(knob);
-      if (value === undefined) {
-        this.problem(`${knob.label}: must be ${knob.allowed}${knob.whole ? ", a whole number" : ""}`);
-        knob.row.closest("details").open = true;
-        knob.number.focus();
-        return;
-      }
-      values[key] = value;
+      values[key] = this.own.has(key) ? this.own.get(key) : this.values[key];
+      if (values[key] === undefined) wrong.push(knob);
+    }
+    if (wrong.length) {
+      this.problem(`Nothing is dropped. ${wrong.map(({ label, wrong: { textContent } }) => `${label} ${textContent}.`).join("\n")}`);
+      wrong[0].row.closest("details").open = true;
+      wrong[0].number.focus();
+      return;
     }
     this.blur();
     this.problem("");
     clearTimeout(this.timer);
-    this.moved.clear();
     this.send({ do: "drop", shape: this.shape, values });
   }
 

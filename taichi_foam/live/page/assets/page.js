@@ -3,7 +3,6 @@ import { Controls } from "./controls.js";
 import { Curve } from "./curve.js";
 import { Tables, dash } from "./tables.js";
 
-const HEADER = 24; // bytes in front of a picture: drop, time [s], displacement [m], as doubles
 const $ = (id) => document.getElementById(id);
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
@@ -86,11 +85,12 @@ function dress() {
 const watch = () => send({ do: "watch", on: !document.hidden, tone: tone() });
 
 function show(message) {
+  if (scene && scene.drop !== message.drop) controls.problem(""); // what was refused is another matter
   scene = message;
   const changes = message.changes.join(", ");
   $("name").textContent = message.name;
   $("changes").textContent = changes && `with ${changes}`;
-  document.title = changes ? `${message.name}, ${changes}` : message.name;
+  document.title = changes ? `${message.name} with ${changes}` : message.name;
   $("picture").style.aspectRatio = `${message.size[0]} / ${message.size[1]}`;
   $("key-words").textContent = message.key.words;
   $("key-bar").style.background = `linear-gradient(90deg, ${message.key.colours.join(", ")})`;
@@ -102,13 +102,14 @@ function show(message) {
   }));
   curve.begin(message);
   tables.begin(message);
-  controls.problem("");
 }
 
+// A picture, after the length and the JSON of what is read out beside it: all of one instant.
 async function draw(data) {
   try {
-    const [, time, sunk] = new Float64Array(data, 0, 3);
-    const canvas = $("picture"), blob = new Blob([new Uint8Array(data, HEADER)]);
+    const start = 4 + new DataView(data).getUint32(0, true);
+    const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, start - 4)));
+    const canvas = $("picture"), blob = new Blob([new Uint8Array(data, start)]);
     let image = await createImageBitmap(blob);
     const shown = Math.min(canvas.clientWidth, (canvas.clientHeight * image.width) / image.height);
     const width = Math.min(image.width, Math.round(shown * devicePixelRatio));
@@ -119,8 +120,12 @@ async function draw(data) {
     Object.assign(canvas, { width: image.width, height: image.height });
     canvas.getContext("2d").drawImage(image, 0, 0);
     image.close();
-    $("time").textContent = (1e3 * time).toFixed(2);
-    $("displacement").textContent = scene && scene.falls ? (1e2 * sunk).toFixed(2) : "–";
+    const falls = scene && scene.falls;
+    $("time").textContent = dash(now.time, 2, 1e3);
+    $("displacement").textContent = falls ? dash(now.displacement, 2, 1e2) : "–";
+    $("velocity").textContent = falls ? dash(now.velocity, 2) : "–";
+    $("deceleration").textContent = falls ? dash(now.deceleration, 1) : "–";
+    tables.balance(now.energies);
   } finally {
     send({ do: "next" });
   }
@@ -140,9 +145,6 @@ function tell(message) {
   const remedy = state === "died" ? ". Drop starts it again." : "";
   alarm(message.message ? `${message.message}${remedy}` : "");
   $("fraction").value = message.fraction;
-  const falls = scene && scene.falls;
-  $("velocity").textContent = falls ? dash(message.velocity, 2) : "–";
-  $("deceleration").textContent = falls ? dash(message.deceleration, 1) : "–";
   $("speed").textContent = state === "running" ? speedWords(message) : `${message.steps.toLocaleString("en")} steps`;
   tables.tell(message);
 }

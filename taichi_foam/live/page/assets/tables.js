@@ -52,7 +52,7 @@ export class Tables {
     this.falls = falls;
   }
 
-  tell({ figures, energies, said }) {
+  tell({ figures, said }) {
     $("said").hidden = !said?.length;
     $("said").replaceChildren(...(said ?? []).map((text) => {
       const li = document.createElement("li");
@@ -62,6 +62,9 @@ export class Tables {
     for (const { key, factor, digits, tr } of this.figures) {
       tr.children[1].textContent = dash(figures && figures[key], digits, factor);
     }
+  }
+
+  balance(energies) {
     const all = energies ?? {};
     const most = Math.max(1e-12, ...Object.values(all).map(Math.abs));
     for (const { key, bar, tr } of this.energies) {

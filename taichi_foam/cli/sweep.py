@@ -1,0 +1,250 @@
+"""`taichi-foam sweep`: many drops into one folder; how far they are, their table, figures of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from typer.core import TyperGroup
+
+from taichi_foam.cli.options import Arch, Choices, Set, Threads
+from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.errors import UserError, installed
+from taichi_foam.results.files import file_name
+from taichi_foam.results.folders import check_output_folder
+from taichi_foam.results.result import storage_bytes
+from taichi_foam.simulation.progress import Bars
+
+if TYPE_CHECKING:
+    from taichi_foam.sweeps.estimate import Estimate
+    from taichi_foam.sweeps.run import Standing, Sweep
+
+_DIR = "Folder of a sweep."
+
+
+class _RunUnlessNamed(TyperGroup):
+    """`sweep PLAN` is `sweep run PLAN`: what is no command's name is what to sweep."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] != "--help":
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_RunUnlessNamed,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Many drops that differ in a few values: `sweep PLAN.toml`, `sweep SCENE --vary ...`.",
+)
+
+
+@app.command("run")
+def run_command(
+    source: Annotated[
+        str, typer.Argument(metavar="PLAN|SCENE", help="A plan; with --vary or --repeat a scene.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=A:B:N|KEY=a,b,c",
+            help="An axis: N values from A to B (A:B:N:log: equal ratios), or these; repeatable.",
+        ),
+    ] = None,
+    repeat: Annotated[
+        int, typer.Option(metavar="N", help="Each drop N times, with other velocities or seeds.")
+    ] = 1,
+    within: Annotated[
+        float, typer.Option(help="The part by which velocities of repeats differ at most.")
+    ] = 0.005,
+    seeds: Annotated[
+        bool, typer.Option("--seeds", help="Repeats differ in foam.strength_seed, not velocity.")
+    ] = False,
+    histories: Annotated[
+        bool, typer.Option("--histories", help="Keep the histories, too, as float32.")
+    ] = False,
+    out: Annotated[str | None, typer.Option(help="Folder; default sweeps/NAME.")] = None,
+    set_: Set = None,
+    choices: Choices = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Compute in N processes; default: in this one."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster that shares the folder."),
+    ] = None,
+    arch: Arch = "cpu",
+    threads: Annotated[
+        int | None,
+        typer.Option(help="CPU threads; default: all cores, of --workers and a cluster 1 each."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say how many drops, how long, how much disk.")
+    ] = False,
+) -> None:
+    """Compute the drops of a plan; the same command again goes on where it has ended."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    bars = Bars(errors)
+    with exit_codes(errors):
+        with installed("a sweep", "taichi-foam[sweep]"):
+            from taichi_foam.sweeps import run
+        from taichi_foam.sweeps.plan import Plan, axis_of
+
+        if vary or repeat != 1:
+            data = {
+                "scene": source,
+                "axes": [axis_of(text) for text in vary or ()],
+                "repeats": {
+                    "count": repeat, "within": within, "vary": "seed" if seeds else "velocity",
+                },
+            }  # fmt: skip
+            plan = Plan.of_scene(data, choices, set_ or [], histories)
+        else:
+            _check_plan_alone(set_, choices, histories, seeds)
+            plan = Plan.load(source)
+        folder = out or f"sweeps/{file_name(plan.name or 'sweep')}"
+        run.prepare(plan, folder, workers, scheduler)
+        if dry_run:
+            _say_estimate(console, run.tried(plan, arch, threads, bars), workers, threads)
+            return
+        found = run.sweep(
+            plan, folder, workers=workers, scheduler=scheduler, arch=arch, threads=threads,
+            bars=bars,
+        )  # fmt: skip
+        _say(console, found, found.standing)
+
+
+@app.command("status")
+def status_command(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
+) -> None:
+    """Say how far a sweep is, and what has failed."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        found = _opened(folder)
+        _say(console, found, found.standing, at_work=True)
+
+
+@app.command("collect")
+def collect_command(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
+) -> None:
+    """Write results.csv and results.parquet of what there is, while it goes on or after."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        count = _opened(folder).collect()
+        if not count:
+            raise UserError(f"{folder}: nothing is complete yet")
+        console.print(f"{count:,} drops in {folder}: results.csv, results.parquet")
+
+
+@app.command("show")
+def show_command(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
+    measure: Annotated[
+        str,
+        typer.Argument(metavar="MEASURE", help="A column, e.g. max_displacement_m."),
+    ],
+    x: Annotated[
+        str | None,
+        typer.Option("--x", metavar="KEY", help="Axis to the right; default the first."),
+    ] = None,
+    by: Annotated[
+        str | None, typer.Option("--by", metavar="KEY", help="Second axis: a curve for each value.")
+    ] = None,
+    map_: Annotated[bool, typer.Option("--map", help="Both axes as a map instead.")] = False,
+    out: Annotated[
+        str | None, typer.Option(help="PNG, SVG or PDF; default DIR/MEASURE.png.")
+    ] = None,
+) -> None:
+    """Draw a measure over one or two axes: medians, and bands from 5 to 95 % of the repeats."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        found = _opened(folder)
+        from taichi_foam.picture import style
+        from taichi_foam.sweeps import figure
+
+        path = Path(out) if out else found.folder / f"{measure}.png"
+        style.save(figure.shown(found, measure, x=x, by=by, as_map=map_), path)
+        console.print(f"{path}", soft_wrap=True, markup=False)
+
+
+@app.command("again")
+def again_command(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
+    member: Annotated[int, typer.Argument(metavar="MEMBER", help="Its number in the table.")],
+    out: Annotated[str | None, typer.Option(help="Folder; default DIR-MEMBER.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Compute one drop of a sweep again and keep its whole result; the numbers are the same."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        found = _opened(folder)
+        scene = found.member(member).scene
+        target = out or f"{Path(folder)}-{member}"
+        check_output_folder(target, needed_bytes=storage_bytes(scene))
+        with Bars(errors).computing(f"member {member}") as on_progress:
+            result = found.again(member, on_progress, threads=threads)
+        from taichi_foam.cli import tables
+
+        result.save(target)
+        console.print(tables.key_figures(result.scene, result.summary))
+        console.print(f"in {target}", soft_wrap=True, markup=False)
+
+
+def _opened(folder: str) -> Sweep:
+    with installed("a sweep", "taichi-foam[sweep]"):
+        import pyarrow  # noqa: F401
+    from taichi_foam.sweeps.run import Sweep
+
+    return Sweep.open(folder)
+
+
+def _check_plan_alone(
+    set_: list[str] | None, choices: str | None, histories: bool, seeds: bool
+) -> None:
+    """Refuse options that a plan says itself."""
+    given = {"--set": set_, "--choices": choices, "--histories": histories, "--seeds": seeds}
+    for option, value in given.items():
+        if value:
+            raise UserError(
+                f"{option}: goes with --vary; a plan says that itself. Fix: write it into the plan"
+            )
+
+
+def _say_estimate(
+    console: Console, found: Estimate, workers: int | None, threads: int | None
+) -> None:
+    from taichi_foam.sweeps.estimate import cores, size_text, time_text
+
+    assert found.core_seconds is not None
+    count = cores(workers, threads)
+    shown = Table(box=None, show_header=False, pad_edge=False)
+    chunks = f"{found.chunks:,} chunk{'' if found.chunks == 1 else 's'}"
+    shown.add_row("drops", f"{found.drops:,}, in {chunks}")
+    took = time_text(found.core_seconds / count)
+    shown.add_row(
+        "time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine"
+    )
+    shown.add_row("disk", f"at most {size_text(found.bytes)}")
+    console.print(shown)
+
+
+def _say(console: Console, found: Sweep, standing: Standing, at_work: bool = False) -> None:
+    """How far it is, in words."""
+    parts = [f"{standing.done:,} of {standing.drops:,} drops"]
+    if standing.failed:
+        parts.append(f"{standing.failed:,} failed (see the column failure)")
+    if standing.lost:
+        parts.append(f"{standing.lost:,} lost, to be tried again (see {found.folder / 'lost'})")
+    if at_work:
+        parts.append("at work" if standing.at_work else "nobody is at work")
+    console.print("; ".join(parts), soft_wrap=True, markup=False)
+    if not at_work:
+        console.print(
+            f"in {found.folder}: results.csv, results.parquet", soft_wrap=True, markup=False
+        )

@@ -1,0 +1,18 @@
+// A number as people type it. A comma may be a decimal point; what could be read in two ways is refused.
+const PLAIN = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
+const COMMA = /^[+-]?\d*,\d+(e[+-]?\d+)?$/i;
+const EITHER = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,000: a thousand, or one with three decimals
+const GROUPED = /^[+-]?\d{1,3}([.,' \u00a0\u202f]\d{3})+([.,]\d+)?$/;
+
+// { value } or { problem }, words for what it is instead; the value of an empty field is null.
+export function typed(text) {
+  const trimmed = text.trim().replace("\u2212", "-");
+  if (trimmed === "") return { value: null };
+  if (EITHER.test(trimmed)) {
+    const [whole, rest] = trimmed.split(",");
+    return { problem: `may mean ${whole}${rest} or ${whole}.${rest}, write the one that you mean` };
+  }
+  const pointed = COMMA.test(trimmed) ? trimmed.replace(",", ".") : trimmed;
+  if (PLAIN.test(pointed)) return { value: Number(pointed) };
+  return { problem: GROUPED.test(trimmed) ? "has separators of thousands, leave them out" : "is not a number" };
+}

@@ -1,0 +1,345 @@
+"""The chunks of a sweep as tasks of Dask: in this process, in others, or on a cluster.
+
+Dask decides who computes what, and computes again what was on a worker that died. Only so many
+chunks are handed to it at a time that all workers are busy: neither the scheduler nor this
+process grows with the sweep.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import queue
+import secrets
+import shutil
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import resource_tracker
+from typing import TYPE_CHECKING, Any
+
+from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
+from taichi_foam.sweeps.chunk import Solve, compute_chunk
+from taichi_foam.sweeps.store import SCRATCH, Store
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# A chunk whose worker has died so many times is not tried again in this go ...
+_MOST_DEATHS = 4
+# ... and after so many such chunks on end nothing is.
+_MOST_LOST = 3
+
+# Chunks that wait at each worker, so that none is idle while news travel.
+_AHEAD = 2
+
+# How long to wait for an answer of the scheduler [s].
+_PATIENCE = 15
+
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
+
+Inbox = queue.SimpleQueue[Callable[[], None]]
+
+
+def compute(
+    store: Store,
+    solve: Solve,
+    on_drops: Callable[[int], None],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> None:
+    """Compute all chunks of a sweep that are not there yet, and write them into its folder.
+
+    Args:
+        store: the sweep, claimed.
+        solve: what computes scenes; it is sent to workers that are other processes.
+        on_drops: called in this thread with how many more drops have been computed.
+        workers: processes on this machine; None: in this thread.
+        scheduler: address of a Dask scheduler whose workers share the folder; instead of `workers`.
+
+    Raises:
+        UserError: no scheduler there, or the disk is full.
+        RunError: chunks could not be computed, or the scheduler was lost. What was complete stays.
+        KeyboardInterrupt: Ctrl-C; likewise.
+    """
+    inbox: Inbox = queue.SimpleQueue()
+    with _client(store, inbox, workers, scheduler) as client:
+        if workers is None and scheduler is None:
+            with _by_name(solve, on_drops) as named:
+                _Computing(store, compute_chunk, named, lambda count: None, client, inbox).run()
+        else:
+            _Computing(store, _in_one_thread, solve, on_drops, client, inbox).run()
+
+
+class _Computing:
+    """Chunks on their way through Dask."""
+
+    def __init__(
+        self,
+        store: Store,
+        task: Callable[..., None],
+        solve: Solve,
+        on_drops: Callable[[int], None],
+        client: Client,
+        inbox: Inbox,
+    ) -> None:
+        self._store = store
+        self._task = partial(task, str(store.folder), store.plan.hash)
+        self._solve, self._on_drops = solve, on_drops
+        self._client, self._inbox = client, inbox
+        self._waiting = iter(store.pending())
+        self._flying: dict[int, Any] = {}
+        self._lost = 0
+        self._lost_on_end = 0
+        self._group = f"chunk-{secrets.token_hex(4)}"
+
+    def run(self) -> None:
+        from distributed.comm.core import CommClosedError
+
+        try:
+            self._hand_over()
+            while self._flying:
+                try:
+                    self._inbox.get(timeout=1.0)()
+                except queue.Empty:
+                    self._check_scheduler()
+        except CommClosedError:
+            raise RunError(_words_of_loss(self._store)) from None
+        finally:
+            with contextlib.suppress(Exception):  # nobody may be there any more
+                self._client.cancel(list(self._flying.values()), force=True)
+        if self._lost:
+            raise RunError(_words_of_lost(self._store, self._lost))
+
+    def _hand_over(self) -> None:
+        """Keep the workers busy: those that are there now, and at least one that may come."""
+        workers: Any = self._client.nthreads()
+        room = _AHEAD * max(1, sum(workers.values())) - len(self._flying)
+        for _, chunk in zip(range(room), self._waiting, strict=False):
+            future = self._client.submit(
+                self._task, chunk, self._solve, key=(self._group, chunk), priority=-chunk
+            )
+            self._flying[chunk] = future
+            future.add_done_callback(partial(self._report, chunk))
+
+    def _report(self, chunk: int, future: Any) -> None:
+        self._inbox.put(partial(self._take, chunk, future))
+
+    def _take(self, chunk: int, future: Any) -> None:
+        """Note what has become of a chunk, and hand over the next."""
+        there = future.status == "finished" or self._store.chunk_file(chunk).exists()
+        if not there and future.status in ("lost", "pending"):
+            # its worker died when it had said that it was done: it is computed again
+            future.add_done_callback(partial(self._report, chunk))
+            return
+        if there:
+            self._lost_on_end = 0
+            self._on_drops(len(self._store.design.numbers(chunk)))
+        else:
+            self._check_scheduler()
+            self._lose(chunk, future)
+        del self._flying[chunk]
+        self._hand_over()
+
+    def _lose(self, chunk: int, future: Any) -> None:
+        from distributed.scheduler import KilledWorker
+
+        if future.status != "error":
+            raise RunError(f"the scheduler has given up chunk {chunk}; {_again(self._store)}")
+        error = future.exception()
+        if isinstance(error, UserError):
+            raise error
+        if isinstance(error, OSError) and error.errno in _DISK:
+            raise UserError(
+                f"{self._store.folder}: cannot be written, {error.strerror}. Fix: make room; "
+                f"{_again(self._store)}"
+            )
+        reason = f"{type(error).__name__}: {error}".strip()
+        if isinstance(error, KilledWorker):
+            reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
+        self._store.lose(chunk, reason)
+        self._lost += 1
+        self._lost_on_end += 1
+        if self._lost_on_end >= _MOST_LOST:
+            raise RunError(f"{_words_of_lost(self._store, self._lost)}\ngiven up: {reason}")
+
+    def _check_scheduler(self) -> None:
+        if self._client.status != "running":
+            raise RunError(_words_of_loss(self._store))
+
+
+def _words_of_lost(store: Store, count: int) -> str:
+    chunks = "1 chunk" if count == 1 else f"{count} chunks"
+    return f"{chunks} could not be computed, see {store.folder / 'lost'}; {_again(store)}"
+
+
+def _words_of_loss(store: Store) -> str:
+    return f"the scheduler is gone; {_again(store)}"
+
+
+def _again(store: Store) -> str:
+    return f"what is complete is in {store.folder}, and the same command goes on"
+
+
+class _Caller(Executor):
+    """Runs tasks in the thread that takes them out of the inbox: Ctrl-C and Taichi want that."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox = inbox
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **more: Any) -> Future:
+        future: Future = Future()
+        self._inbox.put(partial(self._run, future, partial(function, *args, **more)))
+        return future
+
+    @staticmethod
+    def _run(future: Future, function: Callable[[], Any]) -> None:
+        if not future.set_running_or_notify_cancel():
+            return
+        try:
+            future.set_result(function())
+        except Exception as error:
+            future.set_exception(error)
+        except BaseException:
+            # to the caller, whom it is meant for; the event loop would fall over it
+            future.set_exception(RuntimeError("interrupted"))
+            raise
+
+
+_named: dict[str, Solve] = {}
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A solver of this process, which goes through Dask as a name."""
+
+    name: str
+
+    def __call__(self, scenes: Sequence[Scene]) -> Iterable[tuple[int, Result]]:
+        return _named[self.name](scenes)
+
+
+@contextlib.contextmanager
+def _by_name(solve: Solve, on_drops: Callable[[int], None]) -> Iterator[_Named]:
+    """A solver of this process that tells of each drop, for as long as the block lasts."""
+
+    def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
+        for place, result in solve(scenes):
+            yield place, result
+            on_drops(1)
+
+    name = secrets.token_hex(4)
+    _named[name] = told
+    try:
+        yield _Named(name)
+    finally:
+        del _named[name]
+
+
+_alone: ThreadPoolExecutor | None = None
+_making = threading.Lock()
+
+
+def _in_one_thread(*args: Any) -> None:
+    """Compute a chunk in the one thread of this process that calls Taichi.
+
+    A worker may have several threads: Taichi takes calls of one.
+    """
+    global _alone
+    with _making:
+        if _alone is None:
+            _alone = ThreadPoolExecutor(1)
+    _alone.submit(compute_chunk, *args).result()
+
+
+@contextlib.contextmanager
+def _client(
+    store: Store, inbox: Inbox, workers: int | None, scheduler: str | None
+) -> Iterator[Client]:
+    """A client of the scheduler that is wanted."""
+    with installed("a sweep", "taichi-foam[sweep]"):
+        import dask.config
+        from distributed import Client, LocalCluster
+    scratch = store.folder / SCRATCH
+    settings = {
+        "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
+        # no pages about the cluster
+        "distributed.scheduler.http.routes": [],
+        "distributed.worker.http.routes": [],
+    }
+    common: dict[str, Any] = {
+        "threads_per_worker": 1,
+        "dashboard_address": "127.0.0.1:0",
+        "worker_dashboard_address": "127.0.0.1:0",
+        "local_directory": str(scratch),
+        "memory_limit": 0,
+        "silence_logs": logging.CRITICAL + 1,
+    }
+    stack = contextlib.ExitStack()
+    try:
+        stack.enter_context(_quiet())
+        if scheduler is not None:
+            try:
+                client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
+            except (OSError, ValueError) as error:
+                raise UserError(
+                    f"scheduler {scheduler}: does not answer ({error}). "
+                    "Fix: give the address that `dask scheduler` has printed."
+                ) from None
+            yield stack.enter_context(client)
+            return
+        stack.enter_context(dask.config.set(settings))
+        stack.callback(shutil.rmtree, scratch, ignore_errors=True)
+        with _interrupts_for_this_thread_only():
+            if workers is None:
+                cluster = LocalCluster(
+                    processes=False, n_workers=1, executor=_Caller(inbox), **common
+                )
+            else:
+                # over TLS, with a key that is made now: nobody else on this machine may join
+                cluster = LocalCluster(n_workers=workers, security=True, **common)
+        stack.enter_context(cluster)
+        yield stack.enter_context(Client(cluster, set_as_default=False))
+    finally:
+        with held_interrupts():  # workers take a moment to end
+            stack.close()
+
+
+@contextlib.contextmanager
+def _interrupts_for_this_thread_only() -> Iterator[None]:
+    """Threads and processes that begin in the block never hear of Ctrl-C or a closed terminal.
+
+    The whole group of processes gets these; workers would die of them, and write about it. They
+    end with this process.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # where it is not, starting a process unblocks them again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask's logs say nothing: what matters comes as an error."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

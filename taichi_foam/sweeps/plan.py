@@ -1,0 +1,378 @@
+"""What a sweep is: a base scene, the axes along which it varies, repeats, and what to keep.
+
+A plan is a TOML file, or the same as a mapping:
+
+    scene = "paper/wedge-2.86"    # built-in name, a file, or the scene itself as a table
+
+    [[axes]]
+    key = "impactor.velocity"
+    from = 2.0
+    to = 4.0
+    count = 9
+
+    [[axes]]
+    key = "impactor.mass"
+    values = [3.0, 6.0]
+
+    [repeats]
+    count = 8
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from taichi_foam.catalogue import load_scene
+from taichi_foam.errors import UserError
+from taichi_foam.parts import Part
+from taichi_foam.scene import Scene
+from taichi_foam.scene.files import read_toml
+from taichi_foam.scene.values import by_key, settings
+
+MOST = 10_000_000
+"""Most drops of a sweep."""
+
+# Work of a chunk [node steps]: half a minute on one core of 2020 or so. A kill loses no more of a
+# process than this, and what a chunk costs besides is next to nothing.
+_CHUNK_WORK = 4e8
+_CHUNK_MOST = 256
+
+# When an impact that ends by itself mostly does [s].
+_USUAL_END = 0.06
+
+_Count = Annotated[int, Field(ge=1, le=MOST)]
+# Lists are as good as tuples here: TOML has no others.
+_Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=MOST)]
+_Numbers = Annotated[tuple[int, ...], Field(strict=False)]
+Spacing = Literal["linear", "log"]
+Method = Literal["latin-hypercube", "sobol"]
+
+
+class Axis(Part):
+    """One key of the scene and the values that it takes: listed, or a range.
+
+    A range has `count` values, both its ends among them. Where the plan has a `sample`, that draws
+    them.
+    """
+
+    key: str = Field(description="dotted key of the scene")
+    values: _Values | None = None
+    low: float | None = Field(None, alias="from")
+    high: float | None = Field(None, alias="to")
+    count: _Count | None = None
+    spacing: Spacing = "linear"
+
+    @property
+    def is_range(self) -> bool:
+        return self.values is None
+
+    @model_validator(mode="after")
+    def _check_range(self) -> Axis:
+        if self.values is not None:
+            if self.low is not None or self.high is not None or self.count is not None:
+                raise ValueError("has both values and a range; give one of them")
+            shown = [repr(value) for value in self.values]
+            twice = next((value for value in shown if shown.count(value) > 1), None)
+            if len(shown) <= 1000 and twice is not None:
+                raise ValueError(f"values holds {twice} twice; leave one out")
+            return self
+        if self.low is None or self.high is None:
+            raise ValueError("has no values; give values = [...], or from, to and count")
+        if self.low >= self.high:
+            raise ValueError(
+                f"from = {self.low:g} is not below to = {self.high:g}; exchange them, or give one "
+                "value as values = [...]"
+            )
+        if self.spacing == "log" and self.low <= 0:
+            raise ValueError(
+                f"from = {self.low:g}: a logarithmic range must be above 0; take spacing = "
+                '"linear", or a larger from'
+            )
+        if self.count == 1:
+            raise ValueError("count = 1: a range has at least its two ends; give values = [...]")
+        return self
+
+
+class Sample(Part):
+    """All ranges of the plan at once: points that fill the space between them, no grid."""
+
+    method: Method
+    count: _Count
+    seed: int = Field(0, ge=0, lt=2**32, description="of the scrambling")
+
+
+class Repeats(Part):
+    """Each combination so many times, with a difference that no measurement could tell."""
+
+    count: int = Field(default=1, ge=1, le=100_000)
+    vary: Literal["velocity", "seed"] = "velocity"
+    within: float = Field(
+        default=0.005, gt=0, lt=1, description="velocities differ by at most this part of their own"
+    )
+
+
+class Keep(Part):
+    """What is kept of a drop besides its row in the table."""
+
+    histories: Literal["none", "float32", "float64"] = "none"
+    full: _Numbers | Literal["all"] = Field(
+        default=(), description="numbers of members whose whole results are kept"
+    )
+
+
+class Plan(Part):
+    """A whole sweep, checked as far as it can be without its scene."""
+
+    name: str | None = Field(None, min_length=1, max_length=100)
+    scene: str | dict[str, Any]
+    choices: str | None = None
+    set: dict[str, Any] = Field({}, description="values of the scene by dotted key")
+    axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
+    sample: Sample | None = None
+    repeats: Repeats = Repeats()
+    keep: Keep = Keep()
+    chunk: int | None = Field(None, ge=1, le=10_000, description="drops of one task")
+
+    @model_validator(mode="after")
+    def _check_axes(self) -> Plan:
+        if not self.axes and self.repeats.count == 1:
+            raise ValueError("axes: none given; a sweep varies at least one key, or repeats")
+        keys = [axis.key for axis in self.axes]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise ValueError(f"axes: {twice} is there twice; a key has one axis")
+        ranges = [axis for axis in self.axes if axis.is_range]
+        if self.sample is not None and not ranges:
+            raise ValueError("sample: there is no range to draw from; give an axis from and to")
+        for axis in ranges:
+            if self.sample is None and axis.count is None:
+                raise ValueError(f"{axis.key}: has no count; say how many values of the range")
+            if self.sample is not None and axis.count is not None:
+                raise ValueError(f"{axis.key}: has a count, but sample.count says how many points")
+        if self.count > MOST:
+            raise ValueError(f"{self.count:,} drops: a sweep has at most {MOST:,}; take fewer")
+        numbers = self.keep.full
+        beyond = [n for n in numbers if isinstance(n, int) and not 0 <= n < self.count]
+        if beyond:
+            raise ValueError(
+                f"keep.full: there is no member {beyond[0]}; they are 0 to {self.count - 1}"
+            )
+        return self
+
+    @property
+    def count(self) -> int:
+        """How many drops it has."""
+        sizes = [
+            len(axis.values) if axis.values is not None else axis.count or 1 for axis in self.axes
+        ]
+        return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
+
+    @property
+    def hash(self) -> str:
+        """Of everything in it; 16 hexadecimal digits."""
+        text = json.dumps(self.data(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def data(self) -> dict[str, Any]:
+        """As plain data, which `Plan.checked` takes back."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    @classmethod
+    def checked(cls, data: Mapping[str, Any], source: str) -> Plan:
+        """The plan of raw data. Raises UserError with every problem, titled with its source."""
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            lines = dict.fromkeys(_problem(detail, data) for detail in error.errors())
+            listed = "\n".join(f"  {line}" for line in lines)
+            raise UserError(f"{source}: not a valid plan:\n{listed}") from None
+
+    @classmethod
+    def load(cls, source: str | Path | Mapping[str, Any] | Plan) -> Plan:
+        """The plan of a TOML file or of a mapping, its scene resolved (`resolved`)."""
+        if isinstance(source, Plan):
+            return source.resolved()
+        if isinstance(source, Mapping):
+            data = dict(source)
+            if isinstance(data.get("scene"), Scene):
+                data["scene"] = data["scene"].model_dump(exclude_none=True)
+            return cls.checked(data, "plan").resolved()
+        path = Path(source)
+        if not path.is_file():
+            raise UserError(
+                f"{path}: no such file. Fix: give a plan, or to a scene what shall vary, e.g. "
+                "--vary impactor.velocity=2:4:9"
+            )
+        data = read_toml(path)
+        if "scene" not in data and "axes" not in data:
+            raise UserError(
+                f"{path}: is no plan; it has no axes. Fix: say what shall vary, e.g. "
+                "--vary impactor.velocity=2:4:9"
+            )
+        return cls.checked(data, str(path)).resolved(path.parent)
+
+    @classmethod
+    def of_scene(
+        cls, data: Mapping[str, Any], choices: str | None, given: Sequence[str], histories: bool
+    ) -> Plan:
+        """The small case on the command line: a plan of raw data with the options beside it."""
+        path = Path(str(data["scene"]))
+        if path.suffix == ".toml" and path.is_file() and "axes" in read_toml(path):
+            raise UserError(f"{path}: is a plan, which has its own axes; leave --vary out")
+        keep = {"histories": "float32" if histories else "none"}
+        whole = {**data, "choices": choices, "set": settings(given), "keep": keep}
+        return cls.checked(whole, str(data["scene"])).resolved()
+
+    def resolved(self, folder: Path | None = None) -> Plan:
+        """The same sweep, complete in itself: its scene a table, with every value.
+
+        `folder` is where a scene that is a file is looked for first. Raises UserError: the scene
+        cannot be.
+        """
+        if isinstance(self.scene, str):
+            near = (folder or Path()) / self.scene
+            base = load_scene(near if near.is_file() else self.scene, self.choices, self.set)
+        else:
+            base = load_scene(Scene.checked(self.scene, "scene"), self.choices, self.set)
+        _check_repeats(self, base)
+        return self.model_copy(
+            update={
+                "name": self.name or base.name,
+                "scene": base.model_dump(mode="json", exclude_none=True),
+                "choices": None,
+                "set": {},
+                "chunk": self.chunk or _chunk(base),
+            }
+        )
+
+    @property
+    def base(self) -> Scene:
+        """The scene that the axes vary, of a plan that is resolved."""
+        assert isinstance(self.scene, dict)
+        return Scene.checked(self.scene, self.name or "scene")
+
+    def differences(self, other: Mapping[str, Any]) -> list[str]:
+        """How it differs from the data of another one, a line for each key."""
+        old, new = by_key(_by_axis(other)), by_key(_by_axis(self.data()))
+        return [
+            f"{key}: was {_shown(old.get(key))}, is {_shown(new.get(key))}"
+            for key in dict.fromkeys([*old, *new])
+            if old.get(key) != new.get(key)
+        ]
+
+
+def axis_of(text: str) -> dict[str, Any]:
+    """The axis that "KEY=A:B:N", "KEY=A:B:N:log" or "KEY=a,b,c" describes, as raw data.
+
+    Raises UserError for text that does not read so.
+    """
+    key, equals, words = (part.strip() for part in text.partition("="))
+    if not equals or not key or not words:
+        raise UserError(f"{text!r}: must read KEY=A:B:N or KEY=a,b,c, e.g. impactor.velocity=2:4:9")
+    parts = words.split(":")
+    if len(parts) == 1:
+        values = [settings([f"{key}={word}"])[key] for word in words.split(",")]
+        return {"key": key, "values": values}
+    try:
+        low, high, count, *more = parts
+        found = {"key": key, "from": float(low), "to": float(high), "count": int(count)}
+        if more:
+            (found["spacing"],) = more
+    except ValueError:
+        raise UserError(
+            f"{text!r}: a range reads KEY=FROM:TO:COUNT, or KEY=FROM:TO:COUNT:log"
+        ) from None
+    return found
+
+
+def work(scene: Scene) -> float:
+    """About how much a drop computes [node steps], from what its scene says alone."""
+    block, foam, numerics = scene.block, scene.foam, scene.numerics
+    speed = math.sqrt(foam.youngs_modulus / block.density)
+    dt = numerics.dt if isinstance(numerics.dt, float) else 0.25 * min(block.dx, block.dy) / speed
+    until = numerics.latest_end
+    if numerics.end == "rebound":
+        until = min(until, _USUAL_END)
+    return block.columns * block.rows * until / dt
+
+
+def _chunk(base: Scene) -> int:
+    """Drops of one task, from the plan alone: results on disk must not hang on who computes."""
+    wanted = max(1.0, min(_CHUNK_WORK / work(base), _CHUNK_MOST))
+    return 1 << round(math.log2(wanted))  # sizes that the engine has compiled kernels for
+
+
+def _check_repeats(plan: Plan, base: Scene) -> None:
+    """Refuse repeats that would all be the same."""
+    if plan.repeats.count == 1:
+        return
+    keys = {axis.key for axis in plan.axes}
+    if plan.repeats.vary == "seed":
+        if base.foam.strength_scatter == 0 and "foam.strength_scatter" not in keys:
+            raise UserError(
+                "repeats.vary = 'seed': the foam's strength does not scatter, so that all repeats "
+                "are the same; set foam.strength_scatter, or vary the velocity"
+            )
+        if "foam.strength_seed" in keys:
+            raise UserError("repeats.vary = 'seed': foam.strength_seed has an axis of its own")
+    elif base.impactor is None or (base.impactor.velocity == 0 and "impactor.velocity" not in keys):
+        raise UserError(
+            "repeats.vary = 'velocity': there is no impact velocity to vary; vary the seed, or "
+            "leave the repeats out"
+        )
+
+
+def _by_axis(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Data of a plan with its axes by their keys, not by their places."""
+    axes = {f"axes[{axis['key']}]": axis for axis in data.get("axes", ())}
+    return {**{key: value for key, value in data.items() if key != "axes"}, **axes}
+
+
+def _problem(detail: Any, data: Mapping[str, Any]) -> str:
+    """One of pydantic's details for people."""
+    path, owner, names = "", Plan, []
+    found: Any = data
+    for step in detail["loc"]:
+        if isinstance(step, int):
+            path += f"[{step}]"
+            found = found[step] if isinstance(found, Sequence) and step < len(found) else None
+            continue
+        if owner is not None:
+            names = [field.alias or name for name, field in owner.model_fields.items()]
+        path += f".{step}" if path else step
+        if isinstance(found, Mapping):
+            found = found.get(step)
+        owner = _PARTS.get(step, owner)
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind == "value_error":
+        return f"{path}: {context['error']}" if path else str(context["error"])
+    if kind == "extra_forbidden":
+        key = str(detail["loc"][-1])
+        near = difflib.get_close_matches(key, names, n=1, cutoff=0.6)
+        return f"{path}: unknown key; " + (
+            f"did you mean {near[0]}?" if near else f"known here: {', '.join(names)}"
+        )
+    if kind == "missing":
+        return f"{path}: missing"
+    message = str(detail["msg"]).replace("Input should be", "must be")
+    return f"{path} = {_shown(detail['input'])}: {message}"
+
+
+_PARTS: dict[str, type[BaseModel]] = {
+    "axes": Axis, "sample": Sample, "repeats": Repeats, "keep": Keep,
+}  # fmt: skip
+
+METHODS = get_args(Method)
+
+
+def _shown(value: Any) -> str:
+    text = "none" if value is None else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

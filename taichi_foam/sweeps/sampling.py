@@ -1,0 +1,204 @@
+"""The drops of a plan by number: which values each has, and its scene.
+
+Drops are numbered so that what needs other kernels or another lattice (words, switches, whole
+numbers) changes slowest, and the repeats fastest: a chunk then has few kinds of lattices in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene import Scene
+from taichi_foam.scene.values import by_key, changed
+from taichi_foam.sweeps.plan import Axis, Plan
+
+# Seeds of scattered strengths are 32 bits wide.
+_SEEDS = 2**32
+
+
+@dataclass(frozen=True)
+class Member:
+    """One drop of a sweep.
+
+    number  its place, from 0
+    axes    the value on each axis, by the key of the scene
+    repeat  which of the repeats it is, from 0
+    varied  what differs between repeats: impact velocity [m/s] or seed; None without repeats
+    scene   what is dropped
+    """
+
+    number: int
+    axes: dict[str, Any]
+    repeat: int
+    varied: float | int | None
+    scene: Scene
+
+    @property
+    def hash(self) -> str:
+        """Of the scene's content, all but its name; 16 hexadecimal digits."""
+        text = self.scene.model_dump_json(exclude={"name"})
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+class Design:
+    """The members of a plan that is resolved."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Raises UserError: a range of what is no number, or too few whole numbers in it."""
+        self.plan = plan
+        self._base = plan.base
+        self._data = self._base.model_dump(exclude_none=True)
+        known = by_key(self._base.model_dump())
+        ranges = [axis for axis in plan.axes if axis.is_range]
+        for axis in ranges:
+            _check_range(axis, known.get(axis.key))
+        whole = {axis.key for axis in ranges if isinstance(known.get(axis.key), int)}
+        # each level is a list of combinations: keys, and their values together
+        levels: list[tuple[list[str], Sequence[Sequence[Any]]]] = [
+            ([axis.key], _numbers(axis, known.get(axis.key)))
+            for axis in plan.axes
+            if not axis.is_range
+        ]
+        if plan.sample is None:
+            levels += [([a.key], _grid(a, a.key in whole)) for a in ranges]
+        else:
+            points = _drawn(plan, ranges, whole)
+            levels.append(([axis.key for axis in ranges], points))
+        self._levels = sorted(levels, key=_changes_smoothly)
+        self.keys = [axis.key for axis in plan.axes]
+
+    def __len__(self) -> int:
+        return self.plan.count
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Of all values on the axes: another SciPy may draw other points."""
+        text = json.dumps([[keys, list(points)] for keys, points in self._levels])
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        assert self.plan.chunk is not None
+        return math.ceil(len(self) / self.plan.chunk)
+
+    def numbers(self, chunk: int) -> range:
+        """The members of a chunk."""
+        assert self.plan.chunk is not None
+        first = chunk * self.plan.chunk
+        return range(first, min(first + self.plan.chunk, len(self)))
+
+    def axes(self, number: int) -> tuple[dict[str, Any], int]:
+        """The values of a member on the axes, in the plan's order, and which repeat it is."""
+        rest, repeat = divmod(number, self.plan.repeats.count)
+        found: dict[str, Any] = {}
+        for keys, points in reversed(self._levels):
+            rest, place = divmod(rest, len(points))
+            found |= zip(keys, points[place], strict=True)
+        return {key: found[key] for key in self.keys}, repeat
+
+    def member(self, number: int) -> Member:
+        """One drop. Raises UserError: its values make no scene."""
+        axes, repeat = self.axes(number)
+        data = changed(self._data, axes)
+        varied = None
+        if self.plan.repeats.count > 1:
+            key, varied = self._varied(data, repeat)
+            data = changed(data, {key: varied})
+        where = ", ".join(f"{key} = {value!r}" for key, value in axes.items())
+        title = f"member {number} ({where})" if where else f"member {number}"
+        return Member(number, axes, repeat, varied, Scene.checked(data, title))
+
+    def check(self, most: int) -> None:
+        """Build all scenes, or `most` of them spread evenly. Raises UserError: one cannot be."""
+        for number in np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).astype(int)):
+            self.member(int(number))
+
+    def _varied(self, data: dict[str, Any], repeat: int) -> tuple[str, float | int]:
+        """The key that repeats vary, and its value in one of them.
+
+        Velocities are spread evenly from end to end, as those of an ensemble of `reproduce` are.
+        """
+        repeats = self.plan.repeats
+        if repeats.vary == "seed":
+            seed = data["foam"].get("strength_seed", 0)
+            return "foam.strength_seed", (seed + repeat) % _SEEDS
+        factor = 1.0 + repeats.within * (2.0 * repeat / (repeats.count - 1) - 1.0)
+        return "impactor.velocity", factor * data["impactor"]["velocity"]
+
+
+def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
+    """The listed values of an axis; whole ones as floats where the scene's own is one."""
+    values = axis.values or ()
+    if isinstance(usual, float):
+        values = [float(v) if type(v) is int else v for v in values]
+    return [[value] for value in values]
+
+
+def _check_range(axis: Axis, usual: Any) -> None:
+    """Refuse a range of what is no number. Whether the scene has the key, its members tell."""
+    if isinstance(usual, bool) or not isinstance(usual, (int, float, type(None))):
+        raise UserError(
+            f"axis {axis.key}: a range is of numbers, and the scene has {usual!r}; "
+            "give values = [...]"
+        )
+
+
+def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
+    low, high = _ends(axis)
+    assert axis.count is not None  # the plan has seen to it
+    space = np.geomspace if axis.spacing == "log" else np.linspace
+    values = space(low, high, axis.count)
+    if is_whole:
+        values = np.rint(values).astype(int)
+        if len(np.unique(values)) < len(values):
+            raise UserError(
+                f"axis {axis.key}: takes whole numbers, and {low:g} to {high:g} has not "
+                f"{axis.count} of them; take a smaller count"
+            )
+    return [[value] for value in values.tolist()]
+
+
+def _ends(axis: Axis) -> tuple[float, float]:
+    assert axis.low is not None  # the plan has seen to it
+    assert axis.high is not None
+    return axis.low, axis.high
+
+
+def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any]]:
+    """The points of a sample, one list of values for each."""
+    from scipy.stats import qmc
+
+    sample = plan.sample
+    assert sample is not None
+    kind = qmc.Sobol if sample.method == "sobol" else qmc.LatinHypercube
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Sobol: counts that are no power of two
+        # SciPy calls it rng from 1.15 on, and takes the older name, too
+        more: Any = {"seed": np.random.default_rng(sample.seed)}
+        unit = kind(len(ranges), **more).random(sample.count)
+    columns = []
+    for axis, u in zip(ranges, unit.T, strict=True):
+        low, high = _ends(axis)
+        is_log = axis.spacing == "log"
+        values = low * (high / low) ** u if is_log else low + u * (high - low)
+        if axis.key in whole:
+            values = np.floor(low + u * (high - low + 1)).clip(low, high).astype(int)
+        columns.append(values.tolist())
+    return [list(point) for point in zip(*columns, strict=True)]
+
+
+def _changes_smoothly(level: tuple[list[str], Sequence[Sequence[Any]]]) -> bool:
+    """Whether a level changes numbers only, which any kernel and lattice takes."""
+    _, points = level
+    return all(isinstance(value, float) for value in points[0])

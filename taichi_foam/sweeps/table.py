@@ -1,0 +1,235 @@
+"""Rows of a sweep's table, and Parquet and CSV files of them.
+
+A row has `member`, `scene` (hash of its content), a column for each axis, `repeat` and `varied`,
+how the drop ended, why it failed if it did, and every measure of its summary.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taichi_foam.errors import installed
+from taichi_foam.records.record import Record
+from taichi_foam.results.files import plain, whole_file
+from taichi_foam.results.result import Result
+from taichi_foam.sweeps.sampling import Design, Member
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MACHINE = ("wall_s", "node_stages_per_s")
+"""Columns that say how fast it went: all others are the same wherever a sweep is computed."""
+
+PARQUET, CSV = "results.parquet", "results.csv"
+"""The whole table, in the folder of the sweep."""
+
+# Rows of a row group: many shards are put together, so that readers have few of them.
+_GROUP_ROWS = 65_536
+
+MEMBER = "member"
+_HEAD = (MEMBER, "scene", "repeat", "varied", "ending", "failure")
+_LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
+
+
+def row(member: Member, result: Result) -> dict[str, Any]:
+    """The row of a drop that was computed."""
+    ending = result.ending
+    failure = f"{ending.meaning}; {ending.remedy}" if ending and ending.failed else None
+    measures: Mapping[str, Any] = {}
+    try:
+        measures = result.summary
+    except Exception as error:  # one that cannot be measured loses the others nothing
+        failure = failure or f"no measures: {type(error).__name__}: {error}"
+    return {
+        **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
+        "ending": ending and ending.value,
+        "failure": failure,
+        **{key: _cell(value) for key, value in measures.items() if key not in _LEFT_OUT},
+    }
+
+
+def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any]:
+    """The row of a drop whose values make no scene, or which was lost."""
+    return {
+        **_head(number, None, *design.axes(number), None),
+        "ending": None,
+        "failure": reason,
+    }
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a Parquet file, whole or not at all. Raises OSError."""
+    _write(path, _table(rows))
+
+
+def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> None:
+    """Write histories as one Parquet file: a column `member`, then those of history.csv.
+
+    `kind` is that of all their numbers but the member's: float32 or float64.
+    """
+    with installed("a sweep", "taichi-foam[sweep]"):
+        import pyarrow as pa
+    import numpy as np
+
+    parts = []
+    for number in sorted(records):
+        history = records[number].history
+        columns = {name: np.asarray(history[name], dtype=kind) for name in history}
+        length = len(next(iter(columns.values())))
+        parts.append(pa.table({"member": np.full(length, number), **columns}))
+    _write(path, pa.concat_tables(parts) if parts else pa.table({"member": pa.array([], "int64")}))
+
+
+def read(paths: Sequence[Path], columns: Sequence[str]) -> pa.Table:
+    """Some columns of shards as one table; one that a shard lacks is empty there."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    parts = []
+    for path in paths:
+        there = set(pq.read_schema(path).names)
+        parts.append(pq.read_table(path, columns=[name for name in columns if name in there]))
+    schema = _common([part.schema for part in parts])
+    if not parts:
+        return pa.table({name: pa.array([], pa.null()) for name in columns})
+    return _joined(parts, schema)
+
+
+def measures(paths: Sequence[Path], axes: Sequence[str]) -> list[str]:
+    """Columns of shards that are neither axes nor say which drop it is."""
+    import pyarrow.parquet as pq
+
+    names = dict.fromkeys(name for path in paths for name in pq.read_schema(path).names)
+    return [name for name in names if name not in (*axes, *_HEAD)]
+
+
+def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
+    """Write results.parquet and results.csv of shards and of `more` rows; returns how many rows.
+
+    It holds no more than a row group of them at a time. Raises OSError.
+    """
+    import pyarrow.csv as pc
+    import pyarrow.parquet as pq
+
+    last = _table(more) if more else None
+    schemas = [pq.read_schema(path) for path in paths] + ([last.schema] if last else [])
+    if not schemas:
+        return 0
+    schema = _common(schemas)
+    count = 0
+
+    def groups():
+        held, length = [], 0
+        for path in paths:
+            held.append(pq.read_table(path))
+            length += len(held[-1])
+            if length >= _GROUP_ROWS:
+                yield _joined(held, schema)
+                held, length = [], 0
+        if last is not None:
+            held.append(last)
+        if held:
+            yield _joined(held, schema)
+
+    with (
+        whole_file(folder / PARQUET) as parquet,
+        whole_file(folder / CSV) as text,
+        parquet.open("wb") as binary,
+        text.open("wb") as plain_text,
+        pq.ParquetWriter(binary, schema) as writer,
+        pc.CSVWriter(plain_text, schema, write_options=pc.WriteOptions(quoting_style="needed"))
+        as lines,
+    ):  # fmt: skip
+        for group in groups():
+            writer.write_table(group)
+            lines.write_table(group)
+            count += len(group)
+    return count
+
+
+def _head(
+    number: int, scene: str | None, axes: Mapping[str, Any], repeat: int, varied: float | None
+) -> dict[str, Any]:
+    """The columns that say which drop a row is of."""
+    shown = {key: _cell(value) for key, value in axes.items()}
+    return {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
+
+
+def _cell(value: Any) -> Any:
+    """A value that a column can hold: warnings in one text, tables as JSON."""
+    value = plain(value)
+    if isinstance(value, list) and all(isinstance(item, str) for item in value):
+        return "; ".join(value)
+    if isinstance(value, (list, dict)):
+        return json.dumps(value)
+    return value
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Rows as columns, in the order in which their keys first come."""
+    with installed("a sweep", "taichi-foam[sweep]"):
+        import pyarrow as pa
+    keys = dict.fromkeys(key for each in rows for key in each)
+    return pa.table({key: _column([each.get(key) for each in rows]) for key in keys})
+
+
+def _column(values: list[Any]) -> pa.Array:
+    """Values of one kind as they are, of several kinds as texts."""
+    import pyarrow as pa
+
+    try:
+        return pa.array(values)
+    except (pa.ArrowInvalid, pa.ArrowTypeError):
+        return pa.array([None if value is None else str(value) for value in values])
+
+
+def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
+    """Columns that hold those of all shards: numbers as floats if any is, else as texts."""
+    import pyarrow as pa
+
+    kinds: dict[str, set[pa.DataType]] = {}
+    for field in (field for schema in schemas for field in schema):
+        kinds.setdefault(field.name, set()).add(field.type)
+    fields = []
+    for name, found in kinds.items():
+        found = found - {pa.null()}
+        numeric = all(pa.types.is_integer(t) or pa.types.is_floating(t) for t in found)
+        if len(found) == 1:
+            (kind,) = found
+        else:
+            kind = pa.float64() if numeric else pa.string()  # no kind at all: no answers
+        fields.append(pa.field(name, kind))
+    return pa.schema(fields)
+
+
+def _joined(parts: Sequence[pa.Table], schema: pa.Schema) -> pa.Table:
+    import pyarrow as pa
+
+    return pa.concat_tables([_cast(part, schema) for part in parts])
+
+
+def _cast(part: pa.Table, schema: pa.Schema) -> pa.Table:
+    """A shard with all columns of the whole table, in its order."""
+    import pyarrow as pa
+
+    return pa.table(
+        [
+            part[field.name].cast(field.type)
+            if field.name in part.column_names
+            else pa.nulls(len(part), field.type)
+            for field in schema
+        ],
+        schema=schema,
+    )
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
+    path.parent.mkdir(exist_ok=True)
+    # Python's own file: its errors carry the system's number, as of a full disk
+    with whole_file(path) as partial, partial.open("wb") as file:
+        pq.write_table(table, file)

@@ -1,0 +1,162 @@
+"""Plans: what they say, what is refused before anything is computed, which drops they make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drops import axis, plan_of
+
+from taichi_foam.errors import UserError
+from taichi_foam.sweeps.plan import Plan, axis_of
+from taichi_foam.sweeps.sampling import Design
+
+MASS = {"key": "impactor.mass", "values": [3, 6.0]}
+VELOCITY = {"key": "impactor.velocity", "from": 2.0, "to": 4.0}
+
+
+def design_of(*axes: dict, **more: object) -> Design:
+    return Design(Plan.load(plan_of(*axes, **more)))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"axis": [VELOCITY]}, "axis: unknown key; did you mean axes?"),
+        ({"axes": [{**axis(), "cont": 3}]}, "axes[0].cont: unknown key; did you mean count?"),
+        ({"axes": [axis(), axis()]}, "impactor.velocity is there twice"),
+        ({"axes": []}, "none given"),
+        ({"axes": [VELOCITY]}, "impactor.velocity: has no count"),
+        ({"axes": [axis(low=4.0, high=2.0)]}, "from = 4 is not below to = 2"),
+        ({"axes": [{**axis(low=-1.0), "spacing": "log"}]}, "must be above 0"),
+        ({"axes": [axis(count=1)]}, "a range has at least its two ends"),
+        ({"axes": [{"key": "impactor.mass", "values": [3, 3]}]}, "holds 3 twice"),
+        ({"axes": [{**MASS, "count": 3}]}, "has both values and a range"),
+        ({"axes": [{**axis(), "spacing": "even"}]}, "axes[0].spacing = 'even': must be"),
+        ({"axes": [axis(count=4000), axis("impactor.mass", 1, 9, 4000)]}, "at most 10,000,000"),
+        ({"axes": [axis(count=10**8)]}, "axes[0].count = 100000000"),
+        ({"repeats": {"count": 3, "within": 0.0}}, "repeats.within = 0.0"),
+        ({"repeats": {"count": 3, "vary": "seed"}}, "strength does not scatter"),
+        ({"keep": {"full": [5]}}, "there is no member 5; they are 0 to 4"),
+        ({"sample": {"method": "sobol", "count": 8}}, "has a count, but sample.count says"),
+        ({"sample": {"method": "sobol", "count": 8}, "axes": [MASS]}, "no range to draw from"),
+        ({"axes": [axis(count=float("nan"))]}, "axes[0].count = nan"),
+        ({"scene": 3}, "scene"),
+    ],
+)
+def test_what_makes_no_plan_is_refused_by_name(change: dict, says: str) -> None:
+    with pytest.raises(UserError) as refused:
+        Plan.load({**plan_of(), **change})
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("axes", "says"),
+    [
+        ([axis("impactor.velocty")], "impactor.velocty: unknown key; did you mean impactor.vel"),
+        ([axis("impactor.velocity", -9.0, 1.0)], "impactor.velocity = -9.0: must be"),
+        ([{"key": "impactor.shape", "values": ["wedge", "ball"]}], "member 1 (impactor.shape ="),
+        ([axis("model.damping", 1, 2)], "a range is of numbers, and the scene has 'stiffness'"),
+        ([axis("block.rows", 10, 12, 9)], "10 to 12 has not 9 of them"),
+    ],
+)
+def test_values_that_make_no_scene_are_refused(axes: list, says: str) -> None:
+    with pytest.raises(UserError) as refused:
+        design_of(*axes).check(100)
+    assert says in str(refused.value)
+
+
+def test_a_grid_has_every_combination_once_and_slow_changes_first() -> None:
+    shapes = {"key": "impactor.shape", "values": ["wedge", "flat"]}
+    found = design_of(axis(count=3), MASS, shapes, repeats={"count": 2})
+    members = [found.member(n) for n in range(len(found))]
+    assert len(members) == 24
+    combinations = {(*m.axes.values(), m.repeat) for m in members}
+    assert len(combinations) == 24
+    assert {m.axes["impactor.velocity"] for m in members} == {2.0, 3.0, 4.0}
+    # what needs other kernels changes once, although it is the last axis; repeats change fastest
+    assert [m.scene.impactor.shape for m in members] == ["wedge"] * 12 + ["flat"] * 12
+    assert [m.repeat for m in members[:4]] == [0, 1, 0, 1]
+    first, second = members[:2]
+    assert first.scene.impactor.velocity == pytest.approx(0.995 * 2.0)
+    assert second.varied == second.scene.impactor.velocity == pytest.approx(1.005 * 2.0)
+    assert list(first.axes) == ["impactor.velocity", "impactor.mass", "impactor.shape"]
+    assert len({m.hash for m in members}) == 24
+
+
+def test_log_ranges_have_equal_ratios_and_whole_numbers_stay_whole() -> None:
+    found = design_of({**axis("impactor.mass", 1.0, 16.0, 5), "spacing": "log"})
+    masses = [found.axes(n)[0]["impactor.mass"] for n in range(5)]
+    assert masses == pytest.approx([1, 2, 4, 8, 16])
+    found = design_of(axis("block.rows", 10, 20, 3))
+    assert [found.member(n).scene.block.rows for n in range(3)] == [10, 15, 20]
+
+
+@pytest.mark.parametrize("method", ["sobol", "latin-hypercube"])
+def test_a_sample_fills_its_space_evenly_and_is_the_same_again(method: str) -> None:
+    mass = {"key": "impactor.mass", "from": 1.0, "to": 100.0, "spacing": "log"}
+    drawn = {"method": method, "count": 64, "seed": 3}
+    found = design_of(VELOCITY, mass, sample=drawn)
+    points = np.array([list(found.axes(n)[0].values()) for n in range(64)])
+    # each 1/64 of both axes holds a point of its own
+    u = (points[:, 0] - 2.0) / 2.0
+    w = np.log(points[:, 1]) / np.log(100.0)
+    for share in (u, w):
+        assert sorted(np.floor(64 * share).astype(int)) == list(range(64))
+    again = design_of(VELOCITY, mass, sample=drawn)
+    assert again.fingerprint == found.fingerprint
+    other = design_of(VELOCITY, mass, sample={**drawn, "seed": 4})
+    assert other.fingerprint != found.fingerprint
+    assert other.plan.hash != found.plan.hash
+
+
+def test_seeds_of_repeats_follow_the_scenes_own() -> None:
+    scatter = {"foam.strength_scatter": 0.1, "foam.strength_seed": 7}
+    found = design_of(set=scatter, repeats={"count": 3, "vary": "seed"})
+    assert [found.member(n).scene.foam.strength_seed for n in range(3)] == [7, 8, 9]
+
+
+def test_a_content_hash_hangs_on_all_but_the_name() -> None:
+    one = design_of().member(0)
+    renamed = design_of(set={"name": "other"}).member(0)
+    assert renamed.scene.name == "other"
+    assert one.hash == renamed.hash != design_of(set={"block.rows": 10}).member(0).hash
+
+
+def test_a_plan_is_a_file_whose_scene_lies_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text('name = "Own"\n[impactor]\nshape = "flat"\n')
+    path = tmp_path / "plan.toml"
+    path.write_text(
+        'scene = "own.toml"\n[[axes]]\nkey = "impactor.velocity"\nvalues = [1.0, 2.0]\n'
+    )
+    plan = Plan.load(path)
+    assert (plan.name, plan.count, plan.base.impactor.shape) == ("Own", 2, "flat")
+    assert Plan.load(Plan.checked(plan.data(), "again")) == plan
+
+
+def test_chunks_hold_half_a_minute_of_work() -> None:
+    sizes = {}
+    for rows in (10, 20, 40, 400):
+        values = {"block.rows": rows, "block.columns": 2 * rows}
+        sizes[rows] = Plan.load(plan_of(chunk=None, set=values)).chunk
+    assert sizes == {10: 256, 20: 32, 40: 4, 400: 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "axis"),
+    [
+        ("a.b=1:2:3", {"key": "a.b", "from": 1.0, "to": 2.0, "count": 3}),
+        ("a.b = 1:2:3:log", {"key": "a.b", "from": 1.0, "to": 2.0, "count": 3, "spacing": "log"}),
+        ("a.b=1,2.5", {"key": "a.b", "values": [1, 2.5]}),
+        ("a.b=flat,wedge", {"key": "a.b", "values": ["flat", "wedge"]}),
+    ],
+)
+def test_axes_read_from_the_command_line(text: str, axis: dict) -> None:
+    assert axis_of(text) == axis
+
+
+@pytest.mark.parametrize("text", ["a.b", "a.b=", "=1:2:3", "a=1:2", "a=1:2:x", "a=1:2:3:log:4"])
+def test_axes_that_do_not_read_so_are_refused(text: str) -> None:
+    with pytest.raises(UserError, match=r"must read KEY=|a range reads KEY="):
+        axis_of(text)
