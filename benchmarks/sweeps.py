@@ -334,7 +334,8 @@ def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
                 time.sleep(0.1)
             worker = [
                 *dask, "worker", "--nthreads", "1", "--nworkers", "2", "--no-dashboard",
-                "--death-timeout", "5", "--host", "127.0.0.1", "--local-directory", scratch, *where,
+                "--death-timeout", "60", "--host", "127.0.0.1", "--local-directory", scratch,
+                *where,
             ]  # fmt: skip
             address = json.loads(told.read_text(encoding="utf-8"))["address"]
             with (
@@ -344,7 +345,7 @@ def kill_scheduler(plan: Path, out: Path, moment: Moment) -> None:
                 moment.wait(client, out)
                 scheduler.kill()
                 client.wait(timeout=60)  # it says that the scheduler is gone
-                workers.wait(timeout=60)
+                workers.wait(timeout=120)
 
 
 def sleep_or_end(process: subprocess.Popen, seconds: float) -> None:
@@ -366,6 +367,10 @@ def chunk_files(out: Path) -> dict[str, tuple[int, int]]:
     }
 
 
+# Files with wall times in them; the numbers of the first are those of the Parquet file.
+_TIMED = ("results.csv", "summary.json", "manifest.json")
+
+
 def compare(one: Path, other: Path) -> list[str]:
     """In what two sweeps differ on disk, wall times apart."""
     names = {str(path.relative_to(one)) for path in one.rglob("*")}
@@ -375,8 +380,8 @@ def compare(one: Path, other: Path) -> list[str]:
         first, second = one / name, other / name
         if name.endswith(".parquet"):
             same = _stable(first).equals(_stable(second))
-        elif first.is_dir() or first.name in ("results.csv", "summary.json"):
-            continue  # the numbers of the first are those of the Parquet file; wall times
+        elif first.is_dir() or first.name in _TIMED:
+            continue
         else:
             same = first.read_bytes() == second.read_bytes()
         if not same:

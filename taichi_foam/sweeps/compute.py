@@ -1,8 +1,8 @@
 """The chunks of a sweep as tasks of Dask: in this process, in others, or on a cluster.
 
 Dask decides who computes what, and computes again what was on a worker that died. Only so many
-chunks are handed to it at a time that all workers are busy: neither the scheduler nor this
-process grows with the sweep.
+chunks are handed to it at a time as workers can compute: neither the scheduler nor this process
+grows with the sweep.
 """
 
 from __future__ import annotations
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 _MOST_DEATHS = 4
 # ... and after so many such chunks on end nothing is.
 _MOST_LOST = 3
-
-# Chunks that wait at each worker, so that none is idle while news travel.
-_AHEAD = 2
 
 # How long to wait for an answer of the scheduler [s].
 _PATIENCE = 15
@@ -120,9 +117,13 @@ class _Computing:
             raise RunError(_words_of_lost(self._store, self._lost))
 
     def _hand_over(self) -> None:
-        """Keep the workers busy: those that are there now, and at least one that may come."""
+        """Keep the workers busy: those that are there now, and at least one that may come.
+
+        None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
+        that waits at a worker that dies would count as one that may have killed it.
+        """
         workers: Any = self._client.nthreads()
-        room = _AHEAD * max(1, sum(workers.values())) - len(self._flying)
+        room = max(1, sum(workers.values())) - len(self._flying)
         for _, chunk in zip(range(room), self._waiting, strict=False):
             future = self._client.submit(
                 self._task, chunk, self._solve, key=(self._group, chunk), priority=-chunk
@@ -334,7 +335,12 @@ def _interrupts_for_this_thread_only() -> Iterator[None]:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Dask's logs say nothing: what matters comes as an error."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    # Dask gives several of them levels of their own
+    loggers = [
+        logging.getLogger(name)
+        for name in list(logging.root.manager.loggerDict)
+        if name.partition(".")[0] in ("asyncio", "distributed", "tornado")
+    ]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)

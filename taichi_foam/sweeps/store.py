@@ -28,7 +28,7 @@ from taichi_foam.results.files import LEFTOVER, whole_file, write_json
 from taichi_foam.results.locks import LOCK, is_locked, locked
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design
-from taichi_foam.version import __version__
+from taichi_foam.version import version
 
 MARK = "sweep.json"
 SCRATCH = ".workers"
@@ -203,7 +203,7 @@ def versions(arch: str) -> dict[str, str]:
     import taichi as ti
 
     return {
-        "taichi_foam": __version__,
+        "taichi_foam": version(),
         "taichi": ".".join(map(str, ti.__version__)),
         "arch": arch,
     }

@@ -1,4 +1,4 @@
-"""A sweep in a process of its own, to be killed: `python slow_sweep.py FOLDER`."""
+"""A sweep in a process of its own, to be killed: `python slow_sweep.py FOLDER [SCHEDULER]`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import cloudpickle
+import drops
 from drops import Solver, axis, plan_of
 
 import taichi_foam as tf
+from taichi_foam.errors import RunError
 
 PLAN = plan_of(axis(low=2.0, high=2.9, count=40), keep={"histories": "float64"})
 
@@ -20,4 +23,9 @@ def pause(asked: int) -> None:
 
 
 if __name__ == "__main__":
-    tf.sweep(PLAN, sys.argv[1], workers=2, solve=Solver(before=pause))
+    cloudpickle.register_pickle_by_value(drops)  # workers of a cluster have no tests
+    where = {"scheduler": sys.argv[2]} if len(sys.argv) > 2 else {"workers": 2}
+    try:
+        tf.sweep(PLAN, sys.argv[1], solve=Solver(before=pause), **where)
+    except RunError as error:
+        sys.exit(f"error: {error}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -64,23 +65,47 @@ def test_two_workers_write_what_one_process_writes(unbroken: Sweep, tmp_path: Pa
     assert sweeps.compare(unbroken.folder, tmp_path / "s") == []
 
 
-def test_a_cluster_that_runs_already_writes_the_same(unbroken: Sweep, tmp_path: Path) -> None:
-    """Its worker has two threads, of which one at a time may call Taichi."""
-    told = tmp_path / "scheduler.json"
+@contextlib.contextmanager
+def cluster(scratch: Path) -> Iterator[tuple[subprocess.Popen, str]]:
+    """A scheduler and a worker with two threads, as processes of their own; its address."""
+    told = scratch / "scheduler.json"
     dask, where = [sys.executable, "-m", "dask"], ["--scheduler-file", str(told)]
     serving = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *where]
-    with sweeps.started(serving):
+    with sweeps.started(serving) as scheduler:
         while not told.exists():
             time.sleep(0.1)
-        address = json.loads(told.read_text(encoding="utf-8"))["address"]
         working = [
-            *dask, "worker", "--nthreads", "2", "--no-dashboard", "--death-timeout", "5",
-            "--host", "127.0.0.1", "--local-directory", str(tmp_path), *where,
+            *dask, "worker", "--nthreads", "2", "--no-dashboard", "--death-timeout", "60",
+            "--host", "127.0.0.1", "--local-directory", str(scratch), *where,
         ]  # fmt: skip
         with sweeps.started(working):
-            found = tf.sweep(REAL, tmp_path / "s", scheduler=address)
-    assert found.standing == unbroken.standing
-    assert sweeps.compare(unbroken.folder, tmp_path / "s") == []
+            yield scheduler, json.loads(told.read_text(encoding="utf-8"))["address"]
+
+
+def test_a_cluster_that_runs_already_writes_the_same_until_it_is_lost(
+    unbroken: Sweep, tmp_path: Path
+) -> None:
+    """Its worker has two threads, of which one at a time may call Taichi."""
+    with cluster(tmp_path) as (scheduler, address):
+        found = tf.sweep(REAL, tmp_path / "s", scheduler=address)
+        assert found.standing == unbroken.standing
+        assert sweeps.compare(unbroken.folder, tmp_path / "s") == []
+
+        script = Path(__file__).with_name("slow_sweep.py")
+        client = subprocess.Popen(
+            [sys.executable, str(script), str(tmp_path / "t"), address],
+            stderr=subprocess.PIPE, text=True, env=sweeps.environment(),
+        )  # fmt: skip
+        wait_for_chunks(tmp_path / "t", 2)
+        scheduler.kill()
+        _, err = client.communicate(timeout=60)
+    assert client.returncode == 1, err
+    assert len(err.splitlines()) == 1, err
+    (line,) = err.splitlines()
+    assert line.startswith("error: the scheduler is gone; what is complete is in ")
+    half = Sweep.open(tmp_path / "t")
+    assert 4 <= half.standing.done == len(half.to_pandas()) < 40
+    assert tf.sweep(PLAN, tmp_path / "t", solve=Solver()).standing.done == 40
 
 
 def test_nobody_at_the_address_of_a_scheduler(
