@@ -31,6 +31,8 @@ class Heard:
 
 # of the command that runs, if one does
 _heard: Heard | None = None
+# whether signals are held
+_holds = False
 
 
 @contextlib.contextmanager
@@ -69,10 +71,12 @@ def held_interrupts() -> Iterator[threading.Event]:
     """Let the block end although a signal comes; the event then tells that one did.
 
     Held are Ctrl-C and what `heard_once` takes for it. Where they never arrive, outside the main
-    thread or in a process that ignores them, nothing changes.
+    thread or in a process that ignores them, nothing changes. Within another hold it is that one
+    that tells.
     """
+    global _holds
     pressed = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
+    if _holds or threading.current_thread() is not threading.main_thread():
         yield pressed
         return
 
@@ -85,8 +89,10 @@ def held_interrupts() -> Iterator[threading.Event]:
 
     raising = [number for number in SIGNALS if callable(signal.getsignal(number))]
     before = {number: signal.signal(number, hold) for number in raising}
+    _holds = True
     try:
         yield pressed
     finally:
+        _holds = False
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -41,7 +41,11 @@ class Lattice:
         self.state.clock.get_member_field("status").fill(EMPTY)
 
 
+MOST_IDLE = 12
+"""Lattices that are kept while nobody has them. Each takes some 40 MB with its kernels."""
+
 _idle: dict[tuple[int, int, int, Features], list[Lattice]] = {}
+_lent = 0
 
 
 @contextlib.contextmanager
@@ -49,11 +53,28 @@ def borrowed(batch: int, columns: int, rows: int, features: Features) -> Iterato
     """A lattice of these counts and features for the time of a run.
 
     Lattices are kept and lent again: Taichi compiles its kernels anew for every new set of
-    fields, and a process can hold only so many of them.
+    fields. When many lie idle, all are given up at once: Taichi gives memory of kernels back in no
+    other way.
     """
+    global _lent
+    if not _idle.get((batch, columns, rows, features)):
+        _give_up_idle()
     kept = _idle.setdefault((batch, columns, rows, features), [])
     lattice = kept.pop() if kept else Lattice(batch, columns, rows, features)
+    _lent += 1
     try:
         yield lattice
     finally:
+        _lent -= 1
         kept.append(lattice)
+
+
+def _give_up_idle() -> None:
+    """Forget all lattices, if there are many and none is lent.
+
+    Not where a program has fields of its own, which would be lost too.
+    """
+    made = sum(map(len, _idle.values()))
+    if _lent == 0 and made >= MOST_IDLE and runtime.has_only(trees=made * Layout.TREES):
+        _idle.clear()
+        runtime.begin_anew()

@@ -48,6 +48,8 @@ class Layout:
     reads a float at an address that is no multiple of eight from another one, in silence.
     """
 
+    TREES = 2
+
     def __init__(self, batch: int, columns: int, rows: int) -> None:
         settings = runtime.settings()
         self.on_gpu = settings["arch"] != "cpu"

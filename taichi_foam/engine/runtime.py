@@ -1,10 +1,12 @@
 """The one place that starts Taichi.
 
 A second ``ti.init`` frees the memory of every field made before it, and touching such a field
-afterwards ends the process, so the runtime starts once and keeps its settings.
+afterwards ends the process, so the runtime starts once and keeps its settings. `begin_anew` is for
+the one who knows that all fields are his, and that nobody uses them any more.
 """
 
 import contextlib
+import gc
 import io
 import os
 
@@ -63,13 +65,42 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             "that has them",
             argument="arch='cpu'",
         )
+    _init(*wanted)
+    _remember_positions()
+    _started = wanted
+
+
+def begin_anew() -> None:
+    """Give back all memory of fields and compiled kernels; settings stay as they are.
+
+    Every field made so far is lost. Kernels that were compiled are loaded from the disk again.
+    """
+    assert _started is not None
+    ti.reset()
+    ti.set_logging_level(ti.ERROR)
+    _init(*_started)
+
+
+def has_only(trees: int) -> bool:
+    """Whether there are so many trees of fields, and no other fields and arrays on the device."""
+    from taichi._snode.fields_builder import FieldsBuilder
+    from taichi.lang import impl
+
+    # the tree that Taichi makes for itself is empty unless a program has fields in it
+    made = sum(root.ptr.get_num_ch() > 0 for root in FieldsBuilder._finalized_roots())
+    begun = impl.get_runtime().unfinalized_fields_builder
+    arrays = (thing for thing in gc.get_objects() if isinstance(thing, ti.Ndarray))
+    return made == trees and all(builder.empty for builder in begun) and next(arrays, None) is None
+
+
+def _init(arch: str, threads: int) -> None:
     cache = kernel_cache.prepared()
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, arch),
             default_fp=ti.f64,
             default_ip=ti.i32,
-            cpu_max_num_threads=wanted[1],
+            cpu_max_num_threads=threads,
             fast_math=False,
             offline_cache=cache is not None,
             # at its end Taichi makes this folder in any case, and a refusal ends the process
@@ -81,8 +112,6 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose
         )
-    _remember_positions()
-    _started = wanted
 
 
 def _remember_positions() -> None:

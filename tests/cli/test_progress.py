@@ -66,6 +66,14 @@ def test_ctrl_c_waits_for_the_block_to_end() -> None:
         signal.raise_signal(signal.SIGINT)
 
 
+def test_the_outer_of_two_holds_tells() -> None:
+    with held_interrupts() as outer:
+        with held_interrupts() as inner:
+            signal.raise_signal(signal.SIGINT)
+        assert not inner.is_set()
+        assert outer.is_set()
+
+
 def test_a_process_that_ignores_interrupts_goes_on_ignoring_them() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -1,0 +1,65 @@
+"""Lattices of many sizes in one process: memory comes back, and no number changes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import taichi_foam
+
+PROGRAM = """
+import sys
+
+import taichi as ti
+
+import taichi_foam as tf
+from taichi_foam.engine import lattice, runtime
+from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
+
+lattice.MOST_IDLE = 1
+begun = []
+begin_anew = runtime.begin_anew
+runtime.begin_anew = lambda: (begun.append(1), begin_anew())
+tf.init(threads=2)
+if sys.argv[1] == "own field":
+    mine = ti.field(ti.f64, shape=3)
+    mine.fill(7.0)
+for columns in (8, 9, 8):
+    scene = Scene(
+        block=Block(columns=columns, rows=5), impactor=Wedge(), numerics=Numerics(end=5e-4),
+        output=Output(history_interval=1e-4),
+    )
+    result = tf.run(scene)
+    print(result.history.strain_J.tobytes().hex(), result.snapshots[-1].position.sum().hex())
+if sys.argv[1] == "own field":
+    assert mine.to_numpy().tolist() == [7.0, 7.0, 7.0]
+print("begun anew", len(begun))
+"""
+
+
+def numbers(tmp_path: Path, field: str) -> list[str]:
+    """What a process prints that runs three scenes of two sizes and keeps one lattice at most."""
+    program = tmp_path / "sizes.py"
+    program.write_text(PROGRAM)
+    done = subprocess.run(
+        [sys.executable, str(program), field],
+        env={**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_lattices_that_are_given_up_leave_no_trace(tmp_path: Path) -> None:
+    """Where the program has a field of its own none is given up: the numbers are the same."""
+    kept = numbers(tmp_path, "own field")
+    given_up = numbers(tmp_path, "none")
+    assert kept[-1] == "begun anew 0"
+    assert given_up[-1] == "begun anew 2"
+    assert given_up[:-1] == kept[:-1]
+    assert kept[0] == kept[2] != kept[1]
