@@ -11,6 +11,7 @@ import pytest
 from command_line import COARSE_OPTIONS, call, tree
 
 from taichi_foam.results import result as result_module
+from taichi_foam.results.folders import output_folder
 from taichi_foam.simulation import batches
 
 WEDGE = "paper/wedge-2.86"
@@ -112,15 +113,24 @@ class TestOutputFolder:
         (tmp_path / "kept").mkdir()
         (tmp_path / "kept" / "note").write_text("mine")
         before = tree(tmp_path)
+        for overwrite in ([], ["--overwrite"]):
+            result = ask(*command, "--out", "kept", *overwrite)
+            assert_refused(result, "holds no result that could be replaced, but note")
+        assert tree(tmp_path) == before
+
+    def test_has_a_result(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        with output_folder(tmp_path / "kept") as staging:
+            (staging / "summary.json").write_text("{}")
+        before = tree(tmp_path)
         result = ask(*command, "--out", "kept")
-        assert_refused(result, "pass --overwrite to replace it")
+        assert_refused(result, "pass --overwrite to replace the result")
         assert "overwrite=True" not in result.stderr
         assert tree(tmp_path) == before
 
     def test_is_the_current_folder(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
         (tmp_path / "note").write_text("mine")
         before = tree(tmp_path)
-        assert_refused(ask(*command, "--out", ".", "--overwrite"), "current folder")
+        assert_refused(ask(*command, "--out", ".", "--overwrite"), "holds no result")
         assert tree(tmp_path) == before
 
     def test_has_too_little_room(
@@ -139,21 +149,28 @@ class TestOutputFolder:
 def test_disk_that_fills_up_at_the_end(
     invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The old result is kept, and nothing of the new one is left behind."""
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "summary.json").write_text("{}")
+    """The old result is kept; the same command has only to write the new one."""
+    with output_folder(tmp_path / "old") as staging:
+        (staging / "notes.txt").write_text("older")
     before = tree(tmp_path)
 
     def full(path: Path, *arguments: object) -> None:
         path.write_bytes(b"half")
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr(result_module, "_write_snapshots", full)
-    short = ["--set", "numerics.end=1e-3"]
-    result = invoke("run", WEDGE, *COARSE_OPTIONS, *short, "--out", "old", "--overwrite")
+    command = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=1e-3", "--no-film"]
+    with monkeypatch.context() as patched:
+        patched.setattr(result_module, "_write_snapshots", full)
+        result = invoke(*command, "--out", "old", "--overwrite")
     assert result.exit_code == 2
     assert "the disk is full" in result.stderr
-    assert tree(tmp_path) == before
+    assert tree(tmp_path).items() >= before.items()
+    assert set(os.listdir(tmp_path / "old")) == {"notes.txt", "manifest.json", "unfinished"}
+    result = invoke(*command, "--out", "old")
+    assert result.exit_code == 0, result.output
+    assert "(0 steps" in result.stderr
+    assert "history.csv" in os.listdir(tmp_path / "old")
+    assert not {"notes.txt", "unfinished"} & set(os.listdir(tmp_path / "old"))
 
 
 def test_absent_gpu(tmp_path: Path) -> None:

@@ -139,7 +139,7 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path)
         (["slow", "fast", "--png", "--size", "64x64"], "must be at least 640"),
         (["slow", "fast", "--png", "--fps", "20"], "--fps: it has no effect on what is asked for"),
         (["slow", "fast", "--out", "slow/scene.toml"], "that is a file"),
-        (["slow", "torn"], "not a complete result"),
+        (["slow", "torn"], "not as it was written: history.csv"),
     ],
 )
 def test_bad_requests_are_refused_before_drawing(

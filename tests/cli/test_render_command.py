@@ -20,6 +20,7 @@ from PIL.GifImagePlugin import GifImageFile
 from taichi_foam import Result, load_scene, run
 from taichi_foam.picture import films, raster
 from taichi_foam.picture.look import Look
+from taichi_foam.results.manifest import Manifest
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,10 @@ def test_films_without_a_kind_named_beside_the_run(invoke: Callable, folder: Pat
     assert f"({2 * count} pictures)" in result.stderr
     after = tree(folder)
     assert set(after) - set(before) == {"film-stress.mp4", "film-stress.gif"}
-    assert {name: after[name] for name in before} == before
+    old = set(before) - {"manifest.json"}
+    assert {name: after[name] for name in old} == {name: before[name] for name in old}
+    assert Manifest.read(folder).changed(folder) == []
+    assert {"film-stress.mp4", "film-stress.gif"} <= set(Manifest.read(folder).files)
     film = iio.imread(folder / "film-stress.mp4", plugin="FFMPEG")
     assert film.shape == (count, 180, 320, 3)
     with GifImageFile(folder / "film-stress.gif") as gif:
@@ -75,7 +79,7 @@ def test_size_pace_mode_and_theme_are_as_asked(invoke: Callable, folder: Path) -
     with GifImageFile(out / "film-speed.gif") as gif:
         assert gif.n_frames == -(-len(stored.snapshots) // 2)  # every second one at 25/s
         assert gif.info["duration"] == 40
-    frames = sorted((out / "frames-speed").iterdir())
+    frames = sorted((out / "frames-speed").glob("*.png"))
     assert len(frames) == len(stored.snapshots)
     look, title = Look("speed", "dark"), "wedge, 2.86 m/s"
     wanted = raster.frame(stored.snapshots[5], stored.scene, (512, 288), look=look, title=title)
@@ -87,7 +91,7 @@ def test_the_curve_comes_and_goes(invoke: Callable, folder: Path) -> None:
         size = ("--size", "640x360")
         assert invoke("render", "run", "--frames", option, *size, "--out", name).exit_code == 0
     names = [folder.parent / name / "frames-worst-strain" for name in ("with", "without")]
-    last = [np.asarray(Image.open(sorted(name.iterdir())[-1])) for name in names]
+    last = [np.asarray(Image.open(sorted(name.glob("*.png"))[-1])) for name in names]
     corner = raster.Layout((640, 360)).curve
     assert corner is not None
     differs = np.any(last[0] != last[1], axis=-1)
@@ -134,7 +138,8 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, folder: Pat
     assert again.exit_code == 0, again.output
     after = tree(folder)
     assert after["montage-worst-strain.png"] != before["montage-worst-strain.png"]
-    assert set(before) - set(after) == {"frames-worst-strain/note"}
+    assert after["frames-worst-strain/note"] == b"mine"
+    assert set(before) == set(after)
 
 
 BAD = {

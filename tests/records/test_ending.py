@@ -10,6 +10,7 @@ import pytest
 from taichi_foam.engine import state
 from taichi_foam.errors import UserError
 from taichi_foam.records.ending import Ending
+from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.result import Result
 from taichi_foam.simulation.batches import ENDINGS
 
@@ -50,6 +51,7 @@ def test_an_ending_that_nobody_knows_is_refused(make_result, tmp_path: Path) -> 
     make_result(run={"ended_by": Ending.REBOUND}).save(tmp_path / "run")
     file = tmp_path / "run" / "summary.json"
     file.write_text(file.read_text().replace('"rebound"', '"old age"'))
+    Manifest.of(tmp_path / "run").write(tmp_path / "run")
     with pytest.raises(UserError, match="not a complete result"):
         Result.load(tmp_path / "run")
 
