@@ -20,7 +20,7 @@ from taichi_foam.version import __version__
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
-    from taichi_foam.errors import RunError, RunWarning, UserError
+    from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.records.ending import Ending
     from taichi_foam.records.history import History
@@ -39,6 +39,7 @@ os.environ.setdefault("TI_LOG_LEVEL", "error")
 __all__ = [
     "Ending",
     "History",
+    "Interrupted",
     "Result",
     "RunError",
     "RunWarning",
@@ -64,6 +65,7 @@ __all__ = [
 _HOMES = {
     "Ending": "records.ending",
     "History": "records.history",
+    "Interrupted": "errors",
     "Result": "results.result",
     "RunError": "errors",
     "RunWarning": "errors",

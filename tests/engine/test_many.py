@@ -5,7 +5,7 @@ import pytest
 from bench import small_scene
 from test_same_numbers import assert_same_results, impacts
 
-from taichi_foam.errors import RunError
+from taichi_foam.errors import Interrupted, RunError
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.simulate import Progress, run, run_many, simulate_many
@@ -88,9 +88,13 @@ def test_ctrl_c_keeps_what_has_ended_and_what_was_begun() -> None:
         if progress.finished == 1 and progress.fraction > 0.3:
             raise KeyboardInterrupt
 
-    results = run_many(scenes, press)
-    assert [result.scene.name for result in results] == ["drop 0", "drop 1", "drop 2"]
-    assert [result.run["interrupted"] for result in results] == [False, True, True]
+    with pytest.raises(Interrupted) as interrupted:
+        run_many(scenes, press)
+    results = interrupted.value.results  # by place
+    assert {place: result.scene.name for place, result in results.items()} == {
+        0: "drop 0", 1: "drop 1", 2: "drop 2"
+    }  # fmt: skip
+    assert [results[place].run["interrupted"] for place in range(3)] == [False, True, True]
     whole = run(scenes[1])
     cut = results[1].history["displacement_m"]
     np.testing.assert_array_equal(cut, whole.history["displacement_m"][: len(cut)])

@@ -40,7 +40,7 @@ def test_what_the_scene_asks_for_is_written(
     )
     assert len(drawn) == films.frames_to_draw(asked)
     if frames:
-        pictures = sorted((tmp_path / "frames").iterdir())
+        pictures = sorted((tmp_path / "frames").glob("*.png"))
         assert [path.name for path in pictures] == [f"frame_{n:05d}.png" for n in range(5)]
         with Image.open(pictures[0]) as picture:
             assert picture.size == (320, 180)
