@@ -7,6 +7,7 @@ machine. A result has them in `snapshots.npz`.
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -52,7 +53,7 @@ class _Records:
 
     def __init__(self, path: Path, kind: np.dtype[Any]) -> None:
         self.path, self.kind = path, kind
-        self._mapped: NDArray[Any] | None = None
+        self._mapped: tuple[mmap.mmap, NDArray[Any]] | None = None
 
     def count(self) -> int:
         """How many whole records the file has now."""
@@ -72,10 +73,15 @@ class _Records:
         Once one has been read they all stay readable, also when the file has been removed.
         """
         if self._mapped is None:
+            with self.path.open("rb") as file:
+                mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
             # a disk that was full, or a kill, may have left part of a record at the end
-            whole = np.memmap(self.path, self.kind, "r", shape=(self.count(),))
-            self._mapped = whole.view(np.ndarray)
-        return self._mapped[place]
+            self._mapped = mapping, np.frombuffer(mapping, self.kind, self.count())
+        mapping, records = self._mapped
+        if hasattr(mapping, "madvise"):
+            # what was read before stays on the disk, and is read again if it is looked at again
+            mapping.madvise(mmap.MADV_DONTNEED)
+        return records[place]
 
 
 class SnapshotFile(Sequence[Snapshot]):
