@@ -297,7 +297,7 @@ def _is_litter(path: Path) -> bool:
     """Whether that is what a process of this program leaves when it is killed."""
     if path.name != UNFINISHED or not path.is_dir() or path.is_symlink():
         return LEFTOVER.match(path.name) is not None
-    names = {inner.name for inner in path.iterdir()}
+    names = {inner.name for inner in path.iterdir() if not LEFTOVER.match(inner.name)}
     return names <= {LOCK} or _request(path.parent) is not None
 
 

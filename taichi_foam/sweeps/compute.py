@@ -122,7 +122,10 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        workers: Any = self._client.nthreads()
+        try:
+            workers: Any = self._client.nthreads()
+        except OSError:  # whatever it was, nobody answers
+            raise RunError(_words_of_loss(self._store)) from None
         room = max(1, sum(workers.values())) - len(self._flying)
         for _, chunk in zip(range(room), self._waiting, strict=False):
             future = self._client.submit(

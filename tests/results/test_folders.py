@@ -395,6 +395,16 @@ with claimed({str(old)!r}, {REQUEST!r}, True) as claim:
     )
 
 
+def test_killed_as_its_first_act(tmp_path: Path) -> None:
+    """While it wrote what was asked for."""
+    work = tmp_path / UNFINISHED
+    work.mkdir()
+    for name in ("lock", ".request.0a1b2c3d.partial.json"):
+        (work / name).touch()
+    assert not complete(tmp_path)
+    assert contents(tmp_path) == {"history.csv": "whole"}
+
+
 def test_what_a_killed_process_was_writing_goes_with_the_next(tmp_path: Path) -> None:
     begin(tmp_path)
     for name in (".film.0a1b2c3d.partial.mp4", f"{UNFINISHED}/.checkpoint.0a1b2c3d.partial.npz"):
