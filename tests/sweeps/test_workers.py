@@ -105,7 +105,8 @@ def test_a_cluster_that_runs_already_writes_the_same_until_it_is_lost(
     (line,) = err.splitlines()
     assert line.startswith("error: the scheduler is gone; what is complete is in ")
     half = Sweep.open(tmp_path / "t")
-    assert 4 <= half.standing.done == len(half.to_pandas()) < 40
+    # the worker may have completed a chunk after its scheduler, and the client, had gone
+    assert 4 <= len(half.to_pandas()) <= half.standing.done < 40
     assert tf.sweep(PLAN, tmp_path / "t", solve=Solver()).standing.done == 40
 
 
