@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_foam.engine import runtime
+from taichi_foam.engine import lattice, runtime
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -26,6 +26,9 @@ MakeResult = Callable[..., Result]
 # Most of the time of the tests goes into compiling: without these passes it takes half as long, and
 # every number is the same (`test_one_and_two_threads_agree` runs with and without them).
 os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
+
+# The tests use many lattices, most of them again and again.
+lattice.MOST_IDLE = 10_000
 
 # A shell that starts a job in the background has it ignore Ctrl-C, and so all that it starts; the
 # tests of Ctrl-C need it.

@@ -186,7 +186,7 @@ shank_width = 0.02
 mass = 0.1
 velocity = 15.0
 [numerics]
-end = 0.02
+end = 0.01
 dt = 2e-7
 [output]
 film = false
