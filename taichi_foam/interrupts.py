@@ -9,8 +9,9 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -56,14 +57,12 @@ def heard_once(on_more: Callable[[], object] = lambda: None) -> Iterator[Heard]:
         on_more()
 
     listening = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, hear) for number in listening}
     _heard = heard
     try:
-        yield heard
+        with _handled(listening, hear):
+            yield heard
     finally:
         _heard = outer
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager
@@ -88,11 +87,20 @@ def held_interrupts() -> Iterator[threading.Event]:
             pressed.set()
 
     raising = [number for number in SIGNALS if callable(signal.getsignal(number))]
-    before = {number: signal.signal(number, hold) for number in raising}
     _holds = True
     try:
-        yield pressed
+        with _handled(raising, hold):
+            yield pressed
     finally:
         _holds = False
-        for number, handler in before.items():
-            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _handled(numbers: Sequence[int], handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Have signals handled in another way for as long as the block lasts."""
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)

@@ -207,6 +207,7 @@ def check_output_folder(
         if is_locked(target / UNFINISHED):
             raise UserError(busy(target))
         _check_target(target, overwrite, _marked(request))
+        _check_unchanged(target)
         # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
         probe = partial_name(parent / "probe")
         probe.mkdir()
@@ -284,13 +285,18 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
             "Fix: choose another folder, or pass overwrite=True to replace the result.",
             argument="overwrite=True",
         )
+    if not os.access(target, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
+
+
+def _check_unchanged(target: Path) -> None:
+    """Refuse a result that somebody has edited since. It reads all files of the result."""
+    result = Manifest.read(target)
     if result is not None and (edited := result.edited(target)):
         raise UserError(
             f"output folder {target}: changed since the result in it was written: "
             f"{', '.join(edited[:5])}. Fix: move that elsewhere, or choose another folder."
         )
-    if not os.access(target, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
 
 
 def _is_litter(path: Path) -> bool:
