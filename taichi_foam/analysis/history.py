@@ -13,7 +13,7 @@ from taichi_foam.scene import Scene
 
 
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
-    """The history of `scene` from rows (n, 18) of the engine, see `ROW_COLUMNS`.
+    """The history of `scene` from rows (n, 19) of the engine, see `ROW_COLUMNS`.
 
     They go from the first row of the run on; n may be 0.
 
@@ -33,7 +33,7 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
     start = scene.contact_height + impactor.gap if impactor else np.nan
-    normal = of["bonds"] - of["shear"] - of["dashpots"]
+    normal = of["bonds"] - of["shear"] - of["dashpots"] - of["room"]
     potential = of["potential"] + mass * gravity * y
     found = {
         "displacement_m": (start - y) if impactor else np.zeros_like(t),

@@ -6,7 +6,7 @@ stress of a bond needs a root and a quotient; it is worked out apart from its sh
 
 import taichi as ti
 
-from taichi_foam.engine import lanes
+from taichi_foam.engine import cells, lanes
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.layout import RING
@@ -311,6 +311,8 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
                     stiff = stiffen_pack(lattice, b, i, k, sweep, slot, p)
                     stiffest = ti.max(stiffest, stiff)
     lattice.scratch.stiffest[b, strip] = stiffest
+    if ti.static(lattice.features.crushed_room):
+        cells.press_column(lattice, stage, b, i, strip, sweep, slot, p)
     if stage == LAST_STAGE:
         lattice.scratch.column_breaks[b, i] = ti.i32(lattice.scratch.tally[b, strip].breaks.sum())
 
@@ -357,4 +359,5 @@ def clear_bonds(lattice: ti.template(), b, strip):
     tally[b, strip].least = lanes.zeros(lattice)
     tally[b, strip].sheared = lanes.zeros(lattice)
     tally[b, strip].damped = lanes.zeros(lattice)
+    tally[b, strip].pressed = lanes.zeros(lattice)
     tally[b, strip].breaks = lanes.zeros(lattice)

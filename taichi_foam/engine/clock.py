@@ -8,7 +8,7 @@ import taichi as ti
 from taichi_foam.engine import ledger
 from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS
-from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING
+from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING, WORKS
 
 # Steps after which the radii in contact are brought up to date with the nodes' crush.
 REFRESH = 4
@@ -19,7 +19,7 @@ QUIET = 1e-3
 SETTLING = 8e-3
 
 vec3 = ti.types.vector(3, ti.f64)
-vec8 = ti.types.vector(8, ti.f64)
+vec_works = ti.types.vector(WORKS, ti.f64)
 
 
 @ti.func
@@ -75,7 +75,7 @@ def row_is_due(lattice: ti.template(), b) -> ti.i32:
 
 @ti.func
 def close_row(
-    lattice: ti.template(), b, energy: vec3, fracture: ti.f64, works: vec8, p: ti.template()
+    lattice: ti.template(), b, energy: vec3, fracture: ti.f64, works: vec_works, p: ti.template()
 ):
     """Write the row that is due, and say when the next one is."""
     ledger.write_row(lattice, b, energy, fracture, works)

@@ -99,7 +99,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         half = 0.5 * p.cell.y
         if now.y < half:
             stand = vec2(0.0)
-            radius = piece_radius(lattice, b, i, j, p)
+            radius = half * (1.0 + _least_height(lattice, b, i, j))
             if now.y < radius:
                 stand.y = -p.area.y * lattice.law.contact_stress(p.bond, now.y, radius, half)
             stand.x = contact_law.tangential_force(
@@ -125,16 +125,23 @@ def _worst(bonds: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def _least_height(lattice: ti.template(), b, i, j) -> ti.f64:
+    """The worst strain of a node's bonds B."""
+    bond_b = ti.static(lattice.state.bond_b)
+    return ti.min(_worst(bond_b, lattice, b, i, j), _worst(bond_b, lattice, b, i, j - 1))
+
+
+@ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """Half the cell, or less, shrunk by the worst crush of the node's bonds on its thinner axis.
+    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
 
     Never more than the room that there was when the node could first touch.
     """
-    bond_a, bond_b = ti.static(lattice.state.bonds)
+    bond_a = ti.static(lattice.state.bond_a)
     worst_a = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
-    worst_b = ti.min(_worst(bond_b, lattice, b, i, j), _worst(bond_b, lattice, b, i, j - 1))
-    thinner = ti.min(p.cell.x * (1.0 + worst_a), p.cell.y * (1.0 + worst_b))
-    radius = 0.5 * p.piece_size * thinner
+    width = p.cell.x * (1.0 + worst_a)
+    height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
+    radius = 0.5 * p.piece_size * ti.sqrt(width * height)
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         radius = ti.min(radius, room)

@@ -11,7 +11,7 @@ lattice), `staged` deals the columns of a big lattice out to several sweeps.
 
 import taichi as ti
 
-from taichi_foam.engine import bonds, breaking, clock, contact, ledger, nodes
+from taichi_foam.engine import bonds, breaking, cells, clock, contact, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.state import RUNNING
 
@@ -113,6 +113,9 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.state.clock[b].status == RUNNING:
+        if ti.static(lattice.features.crushed_room):
+            for i in range(lattice.columns):
+                cells.look_column(lattice, b, i, p)
         if ti.static(lattice.law.heeds_rate):
             for i in range(lattice.columns):
                 bonds.flow_column(lattice, b, i, p)
@@ -185,6 +188,15 @@ def _begin_staged(lattice: ti.template()):
             lattice.state.clock[b].active = ti.i32(lattice.state.clock[b].status == RUNNING)
             if ti.static(lattice.features.self_contact):
                 contact.push_pieces(lattice, b, p)
+    if ti.static(lattice.features.crushed_room):
+        for q in range(lattice.batch * lattice.sweeps * GRAIN):
+            if q % GRAIN == 0:
+                sweep = q // GRAIN
+                b = sweep // lattice.sweeps
+                if lattice.state.clock[b].active:
+                    p = lattice.model.parameters[b]
+                    for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
+                        cells.look_column(lattice, b, i, p)
     if ti.static(lattice.law.heeds_rate):
         for q in range(lattice.batch * lattice.sweeps * GRAIN):
             if q % GRAIN == 0:

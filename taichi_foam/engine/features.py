@@ -22,6 +22,7 @@ class Features:
     excess_damping   the dashpots along a bond differ from those across it
     drag           a dashpot on each node's own velocity
     self_contact   pieces touch each other
+    crushed_room   cells keep the room that their bonds have left them
     """
 
     law: BondLaw
@@ -32,6 +33,7 @@ class Features:
     excess_damping: bool
     drag: bool
     self_contact: bool
+    crushed_room: bool
 
 
 def features_of(scene: Scene) -> Features:
@@ -46,4 +48,5 @@ def features_of(scene: Scene) -> Features:
         excess_damping=model.damping == "stiffness",
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
+        crushed_room=model.crushed_room,
     )

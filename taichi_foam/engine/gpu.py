@@ -84,6 +84,9 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
     if ti.static(lattice.features.self_contact):
         _find_neighbours(lattice, shared, b, t, p)
     if lattice.state.clock[b].status == RUNNING:
+        if ti.static(lattice.features.crushed_room):
+            gpu_strips.look_strip(lattice, b, t, THREADS, p)
+            ti.simt.block.sync()
         if ti.static(lattice.law.heeds_rate):
             gpu_strips.flow_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
@@ -228,6 +231,15 @@ def _find_neighbours_wide(lattice: ti.template()):
 
 
 @ti.kernel
+def _look_wide(lattice: ti.template()):
+    for q in range(lattice.batch * lattice.strips):
+        b = q // lattice.strips
+        if lattice.state.clock[b].active:
+            p = lattice.model.parameters[b]
+            gpu_strips.look_strip(lattice, b, q % lattice.strips, lattice.strips, p)
+
+
+@ti.kernel
 def _flow_wide(lattice: ti.template()):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
@@ -291,6 +303,8 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
         _begin_wide(lattice)
         if lattice.features.self_contact:
             _find_neighbours_wide(lattice)
+        if lattice.features.crushed_room:
+            _look_wide(lattice)
         if lattice.law.heeds_rate:
             _flow_wide(lattice)
         for stage in range(LAST_STAGE + 1):

@@ -12,7 +12,7 @@ only; drivers order a work group's own memory all the same, and the tests would 
 
 import taichi as ti
 
-from taichi_foam.engine import bonds, breaking, clock, gpu_neighbours, ledger, nodes
+from taichi_foam.engine import bonds, breaking, cells, clock, gpu_neighbours, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
@@ -25,11 +25,12 @@ from taichi_foam.engine.scratch import (
     MOVED,
     STIFFEST,
 )
+from taichi_foam.engine.state import WORKS
 
 TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
 
 vec3 = ti.types.vector(3, ti.f64)
-vec8 = ti.types.vector(8, ti.f64)
+vec_works = ti.types.vector(WORKS, ti.f64)
 
 
 @ti.func
@@ -75,10 +76,23 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
         if ti.static(lattice.law.stiffens):  # noqa: SIM102 - the static test must stand alone
             if ti.min(a_strain[0], b_strain[0]) < lattice.law.stiffens_below(p.bond):
                 stiffest = ti.max(stiffest, bonds.stiffen_pack(lattice, b, i, k, b, i, p))
+        if ti.static(lattice.features.crushed_room):
+            below_x, below_y = cells.push_below(lattice, b, i, k, p)
+            cells.press_pack(lattice, stage, b, i, k, strip, b, i, below_x, below_y, p)
         if ti.static(lattice.features.self_contact):
             gpu_neighbours.push(lattice, b, n, p)
         n += width
     lattice.scratch.stiffest[b, strip] = stiffest
+
+
+@ti.func
+def look_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Before a step: see to a strip's cells. All have to end this before `flow_strip`."""
+    n = strip
+    while n < lattice.nodes:
+        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+        cells.look_pack(lattice, b, i, k, p)
+        n += width
 
 
 @ti.func
@@ -146,7 +160,7 @@ def reduce_energies(
     for c in ti.static(range(3)):
         shared[c * THREADS + t] = energy[c]
     shared[3 * THREADS + t] = lattice.state.fracture[b, strip]
-    for c in ti.static(range(8)):
+    for c in ti.static(range(WORKS)):
         shared[(4 + c) * THREADS + t] = works[c]
     reduce(shared, values, t, b, block, ENERGIES, ENERGY_SUMS, True)
 
@@ -154,10 +168,10 @@ def reduce_energies(
 @ti.func
 def write_row(lattice: ti.template(), b, p: ti.template()):
     energy = vec3(0.0)
-    works = vec8(0.0)
+    works = vec_works(0.0)
     for c in ti.static(range(3)):
         energy[c] = lattice.scratch.totals[b, 0, ENERGIES + c]
-    for c in ti.static(range(8)):
+    for c in ti.static(range(WORKS)):
         works[c] = lattice.scratch.totals[b, 0, ENERGIES + 4 + c]
     clock.close_row(lattice, b, energy, lattice.scratch.totals[b, 0, ENERGIES + 3], works, p)
 

@@ -3,11 +3,11 @@
 import taichi as ti
 
 from taichi_foam.engine import breaking, lanes
-from taichi_foam.engine.state import ABSENT, BASE, BROKEN
+from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
 from taichi_foam.records.history import ROW_COLUMNS
 
 vec3 = ti.types.vector(3, ti.f64)
-vec8 = ti.types.vector(8, ti.f64)
+vec_works = ti.types.vector(WORKS, ti.f64)
 
 FIRST_WORK = ROW_COLUMNS.index("bonds")
 
@@ -51,7 +51,7 @@ def add_strips(lattice: ti.template(), b):
     """Energies, what breaking lost, and works of a lattice [J], from its strips."""
     energy = vec3(0.0)
     fracture = 0.0
-    works = vec8(0.0)
+    works = vec_works(0.0)
     for strip in range(lattice.strips):
         energy += lattice.scratch.energy[b, strip]
         fracture += lattice.state.fracture[b, strip]
@@ -60,7 +60,7 @@ def add_strips(lattice: ti.template(), b):
 
 
 @ti.func
-def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_nodes: vec8):
+def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_nodes: vec_works):
     """Append a row to the lattice's history; `by_nodes` are the works that its nodes did."""
     clock = lattice.state.clock[b]
     row = clock.rows
@@ -75,6 +75,6 @@ def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_node
     for k in ti.static(range(3)):
         lattice.scratch.history[b, row, 6 + k] = energy[k]
     lattice.scratch.history[b, row, 9] = fracture
-    for k in ti.static(range(8)):
+    for k in ti.static(range(WORKS)):
         lattice.scratch.history[b, row, FIRST_WORK + k] = works[k]
     lattice.state.clock[b].rows = row + 1

@@ -74,6 +74,7 @@ MEMBERS = {
     "piece_size": ti.f64,  # radius of a node in contact over half its cell
     "piece_friction": ti.f64,
     "piece_dashpot": ti.f64,  # between pieces that rub, up to what friction holds [N s/m]
+    "thickness": ti.f64,
     "skin": ti.f64,  # how far beyond touch the neighbour list looks [m]
     "step": ti.f64,  # given step size [s], or 0: automatic
     "largest_step": ti.f64,
@@ -206,6 +207,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_friction": model.piece_friction,
         # half a bond's: the eight that the step's bound counts are four bonds' worth
         "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
+        "thickness": block.thickness,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
@@ -266,10 +268,10 @@ def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) ->
     """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces and once the
-    contact with a body (normal and friction act across each other), on which a light impactor
-    swings too; dashpots decay at no more than 8 c / m, with eight more of pieces that rub, a drag
-    at C / m.
+    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 (1 + r) k_r of its
+    cells, whose longer side is r times the shorter, and once the contact with a body (normal and
+    friction act across each other), on which a light impactor swings too; dashpots decay at no
+    more than 8 c / m, with eight more of pieces that rub, a drag at C / m.
     """
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(p.bond) * per_length.max()
@@ -281,6 +283,9 @@ def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) ->
     stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
     if ti.static(lattice.features.self_contact):
         stiffness += 8.0 * lattice.law.contact_stiffness(p.bond) * per_length.max()
+    if ti.static(lattice.features.crushed_room):
+        ratio = p.cell.max() / p.cell.min()
+        stiffness += 4.0 * (1.0 + ratio) * lattice.law.room_stiffness(p.bond) * p.thickness
     dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
     decay = 4.0 * dashpots.sum() + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:

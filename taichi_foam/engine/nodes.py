@@ -9,7 +9,7 @@ import taichi as ti
 from taichi_foam.engine import contact, lanes
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, SELF_CONTACT, SHEAR
+from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
 
@@ -212,8 +212,9 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
 
     The ledger: what the bonds take up is the power of their forces on the nodes, in the same
     Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
-    integrator's order. How it splits into normal stress, shear and dashpots is sampled at both ends
-    of the step: the trapezium rule moves work between columns, never out of the sum.
+    integrator's order. How it splits into normal stress, shear, dashpots and what cells take for
+    their room is sampled at both ends of the step: the trapezium rule moves work between columns,
+    never out of the sum.
     """
     weight = stage_weight(stage, lattice.state.clock[b].step)
     _add_work(lattice, b, strip, BONDS, weight * lattice.scratch.tally[b, strip].by_bonds.sum())
@@ -221,6 +222,8 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
         step = 0.5 * lattice.state.clock[b].step
         _add_work(lattice, b, strip, SHEAR, step * lattice.scratch.tally[b, strip].sheared.sum())
         _add_work(lattice, b, strip, DASHPOTS, step * lattice.scratch.tally[b, strip].damped.sum())
+        if ti.static(lattice.features.crushed_room):
+            _add_work(lattice, b, strip, ROOM, step * lattice.scratch.tally[b, strip].pressed.sum())
 
 
 @ti.func

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.records.history import ROW_COLUMNS
 
@@ -16,7 +17,7 @@ DIVERGING = 4  # less the lowest number of a node that has diverged
 CRUSH = 5  # largest of any bond
 BREAKS = 6  # bonds that break in this step
 ENERGIES = 7  # kinetic, stored, potential [J]; lost by breaking; works
-ENERGY_SUMS = 12
+ENERGY_SUMS = 13
 SUMS = ENERGIES + ENERGY_SUMS
 
 
@@ -31,20 +32,21 @@ class ScratchFields:
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
               impactor now [N]; kinetic, stored, potential energy [J]
     column_breaks   bonds that break in this step
+    presses   whether cells of a pack may press in this step
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
     sums, totals   of a GPU's blocks, and of the lattice
     """
 
-    def __init__(self, layout: Layout, variational: bool, self_contact: bool) -> None:
+    def __init__(self, layout: Layout, features: Features) -> None:
         pack = layout.pack
         pair = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack)
         self.trial = ti.types.struct(x=pack, y=pack, u=pack, v=pack).field()
         layout.by_columns(self.trial)
         self.force = pair.field()
         layout.of_sweeps(self.force)
-        if variational:
+        if features.variational:
             self.crossing = pair.field()
             layout.of_sweeps(self.crossing)
         if not layout.on_gpu:
@@ -54,6 +56,7 @@ class ScratchFields:
             least=pack,  # strain
             sheared=pack,  # power of shear [W]
             damped=pack,  # and of the dashpots
+            pressed=pack,  # and of the cells
             breaks=pack,  # bonds that break in this step
             by_bonds=pack,  # power of all bonds at the stage [W]
             moved=pack,  # squared motion in the step [m2]
@@ -72,7 +75,10 @@ class ScratchFields:
             self.sums, self.totals = ti.field(ti.f64), ti.field(ti.f64)
             layout.tabled(layout.blocks, SUMS, self.sums)
             layout.tabled(1, SUMS, self.totals)
-        if self_contact:
+        if features.crushed_room:
+            self.presses = ti.field(ti.i32)
+            layout.of_nodes(self.presses, whole=True)
+        if features.self_contact:
             self._place_contact(layout)
 
     def _place_contact(self, layout: Layout) -> None:

@@ -48,6 +48,8 @@ IMPACTOR = 4
 FRICTION = 5
 BASE = 6
 SELF_CONTACT = 7
+ROOM = 8
+WORKS = 9
 
 
 @ti.dataclass
@@ -113,10 +115,11 @@ class State:
     stretch         (I, J, 2) of the friction springs: impactor, floor [m]
     room            (I, J) most that a node's contact radius may be [m], NEVER if anything
     surface         (I, J) whether the node can touch others, see `engine.contact`
+    hold            (I-1, J-1) what a cell holds of its room's pressure, 1 to 0, see `engine.cells`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
     break_time_a, break_time_b  the same [s], NaN while whole
     clock, body     numbers by name, CLOCK and BODY
-    work            (strips, 8) of each strip of nodes [J], members BONDS to SELF_CONTACT
+    work            (strips, WORKS) of each strip of nodes [J], members BONDS to ROOM
     fracture        (strips,) stored energy lost by breaking [J]
     overlap         (strips,) deepest so far in the impactor [m]
     neighbours      the neighbour list as the device keeps it, by field
@@ -128,6 +131,7 @@ class State:
     stretch: Array
     room: Array
     surface: Array
+    hold: Array
     worst_a: Array
     worst_b: Array
     break_time_a: Array
@@ -215,13 +219,14 @@ def initial_state(scene: Scene) -> State:
         stretch=np.zeros((columns, rows, 2)),
         room=np.full((columns, rows), NEVER),
         surface=np.zeros((columns, rows)),
+        hold=np.ones((columns - 1, rows - 1)),
         worst_a=np.full((columns - 1, rows), worst[0]),
         worst_b=np.full((columns, rows - 1), worst[1]),
         break_time_a=cut[:-1, :, 0],
         break_time_b=cut[:, :-1, 1],
         clock=clock,
         body=body,
-        work=np.zeros((0, 8)),
+        work=np.zeros((0, WORKS)),
         fracture=np.zeros(0),
         overlap=np.zeros(0),
         neighbours={},
@@ -242,14 +247,14 @@ class StateFields:
     bond_a, bond_b, bonds   worst strain, weights of the differences that cross (`lanes.weight`),
                condition, time of breaking [s]
     slip       stretch of the friction springs: impactor, floor [m]
-    room, surface   see State
+    room, surface, hold   see State
     body, clock, work, fracture, overlap   see State
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
                candidates; their nodes; positions, velocities and radii; how many a column has
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
     """
 
-    def __init__(self, layout: Layout, self_contact: bool) -> None:
+    def __init__(self, layout: Layout, self_contact: bool, crushed_room: bool) -> None:
         pack, small_pack = layout.pack, layout.small_pack
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
         # an even number of 32-bit members, see Layout
@@ -267,9 +272,12 @@ class StateFields:
         layout.of_nodes(self.bond_a, self.bond_b, self.slip)
         self.body, self.clock = Body.field(), Clock.field()
         layout.of_lattices(self.body, self.clock)
-        self.work = ti.types.vector(8, ti.f64).field()
+        self.work = ti.types.vector(WORKS, ti.f64).field()
         self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
         layout.of_strips(self.work, self.fracture, self.overlap)
+        if crushed_room:
+            self.hold = pack.field()
+            layout.of_nodes(self.hold)
         if self_contact:
             self._place_contact(layout)
 

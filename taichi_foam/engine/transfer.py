@@ -19,6 +19,7 @@ from taichi_foam.engine.state import (
     EMPTY,
     NEVER,
     WHOLE,
+    WORKS,
     State,
     initial_state,
 )
@@ -38,8 +39,8 @@ vec2 = ti.types.vector(2, ti.f64)
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
 
 # Of a node, as `_take_nodes` gives them: position, velocity, increment, stretch of
-# both springs, room, surface; of its bonds A and B: worst strain and time of breaking.
-NODE_NUMBERS, BOND_NUMBERS = 10, 4
+# both springs, room, surface, hold; of its bonds A and B: worst strain and time of breaking.
+NODE_NUMBERS, BOND_NUMBERS = 11, 4
 
 
 def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> None:
@@ -103,14 +104,15 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
 
 def put(lattice: Lattice, b: int, state: State) -> None:
     """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
-    strips = np.zeros((lattice.strips, 10))
+    strips = np.zeros((lattice.strips, WORKS + 2))
     if len(state.work):
-        strips[:, :8], strips[:, 8], strips[:, 9] = state.work, state.fracture, state.overlap
+        strips[:, :WORKS] = state.work
+        strips[:, WORKS], strips[:, WORKS + 1] = state.fracture, state.overlap
     numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
     # each array as it is: copies of a big lattice would be as large as the lattice itself
     nodes = (state.position, state.velocity, state.increment, state.stretch)
     bonds = (state.worst_a, state.worst_b, state.break_time_a, state.break_time_b)
-    arrays = (*nodes, state.room, state.surface, *bonds)
+    arrays = (*nodes, state.room, state.surface, state.hold, *bonds)
     _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
     _put_rest(lattice, b, strips, numbers)
     if lattice.features.self_contact:
@@ -124,7 +126,7 @@ def _values(numbers: Mapping[str, float], names: tuple[str, ...]) -> list[float]
 @ti.kernel
 def _put_nodes(
     lattice: ti.template(), b: ti.i32, position: Stack, velocity: Stack, increments: Stack,
-    stretch: Stack, rooms: Table, surfaces: Table, worst_a: Table, worst_b: Table,
+    stretch: Stack, rooms: Table, surfaces: Table, holds: Table, worst_a: Table, worst_b: Table,
     break_time_a: Table, break_time_b: Table,
 ):  # fmt: skip
     """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
@@ -156,6 +158,12 @@ def _put_nodes(
                     lattice.state.surface[b, i, k][lane] = surface
                     lattice.scratch.push[b, i, k].x[lane] = 0.0
                     lattice.scratch.push[b, i, k].y[lane] = 0.0
+                if ti.static(lattice.features.crushed_room):
+                    hold = 1.0
+                    if i >= 0 and i < lattice.columns - 1 and j >= 0 and j < lattice.rows - 1:
+                        hold = holds[i, j]
+                    lattice.state.hold[b, i, k][lane] = hold
+                    lattice.scratch.presses[b, i, k] = 0
                 for axis in ti.static(range(2)):
                     bond = ti.static(lattice.state.bonds[axis])
                     worsts = ti.static((worst_a, worst_b)[axis])
@@ -181,10 +189,10 @@ def _put_nodes(
 @ti.kernel
 def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
     for strip in range(lattice.strips):
-        for n in ti.static(range(8)):
+        for n in ti.static(range(WORKS)):
             lattice.state.work[b, strip][n] = strips[strip, n]
-        lattice.state.fracture[b, strip] = strips[strip, 8]
-        lattice.state.overlap[b, strip] = strips[strip, 9]
+        lattice.state.fracture[b, strip] = strips[strip, WORKS]
+        lattice.state.overlap[b, strip] = strips[strip, WORKS + 1]
     for i in range(lattice.columns):
         lattice.scratch.column_breaks[b, i] = 0
     if ti.static(lattice.on_gpu):
@@ -208,7 +216,7 @@ def take(lattice: Lattice, b: int) -> State:
     """The state of lattice `b` between two steps."""
     nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
     bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
-    strips = np.empty((lattice.strips, 10))
+    strips = np.empty((lattice.strips, WORKS + 2))
     numbers = np.empty(len(CLOCK) + len(BODY))
     _take_nodes(lattice, b, nodes, bonds)
     _take_rest(lattice, b, strips, numbers)
@@ -219,15 +227,16 @@ def take(lattice: Lattice, b: int) -> State:
         stretch=nodes[..., 6:8].copy(),
         room=nodes[..., 8].copy(),
         surface=nodes[..., 9].copy(),
+        hold=nodes[:-1, :-1, 10].copy(),
         worst_a=bonds[:-1, :, 0].copy(),
         worst_b=bonds[:, :-1, 1].copy(),
         break_time_a=bonds[:-1, :, 2].copy(),
         break_time_b=bonds[:, :-1, 3].copy(),
         clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
         body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
-        work=strips[:, :8].copy(),
-        fracture=strips[:, 8].copy(),
-        overlap=strips[:, 9].copy(),
+        work=strips[:, :WORKS].copy(),
+        fracture=strips[:, WORKS].copy(),
+        overlap=strips[:, WORKS + 1].copy(),
         neighbours=_take_neighbours(lattice, b) if lattice.features.self_contact else {},
     )
 
@@ -277,15 +286,18 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                 if ti.static(lattice.features.self_contact):
                     nodes[i, j, 8] = lattice.state.room[b, i, k][lane]
                     nodes[i, j, 9] = lattice.state.surface[b, i, k][lane]
+                nodes[i, j, 10] = 1.0
+                if ti.static(lattice.features.crushed_room):
+                    nodes[i, j, 10] = lattice.state.hold[b, i, k][lane]
 
 
 @ti.kernel
 def _take_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
     for strip in range(lattice.strips):
-        for n in ti.static(range(8)):
+        for n in ti.static(range(WORKS)):
             strips[strip, n] = lattice.state.work[b, strip][n]
-        strips[strip, 8] = lattice.state.fracture[b, strip]
-        strips[strip, 9] = lattice.state.overlap[b, strip]
+        strips[strip, WORKS] = lattice.state.fracture[b, strip]
+        strips[strip, WORKS + 1] = lattice.state.overlap[b, strip]
     for _ in range(1):
         for n in ti.static(range(len(CLOCK))):
             numbers[n] = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))[b]

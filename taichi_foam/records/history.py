@@ -28,6 +28,7 @@ ROW_COLUMNS: tuple[str, ...] = (
     "fracture",                                 # stored energy that breaking has lost [J]
     "bonds", "shear", "dashpots", "drag",       # works of the bonds, of their parts [J]
     "impactor", "friction", "base", "self_contact",  # works of the contacts [J]
+    "room",                                     # work of the cells, for their room [J]
 )  # fmt: skip
 """What the engine writes on the device in each row, in order."""
 
@@ -84,7 +85,9 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("strain_J", "J", "elastic strain", "what bonds can give back", ("stored",)),
     Column("crushing_J", "J", "crushing",
            "work of normal stresses beyond what is stored or was lost by breaking",
-           ("bonds", "shear", "dashpots", "stored", "fracture")),
+           ("bonds", "shear", "dashpots", "room", "stored", "fracture")),
+    Column("room_J", "J", "room", "net work of cells that keep the room of crushed foam",
+           ("room",)),
     Column("shear_J", "J", "shear", "work of shear stresses", ("shear",)),
     Column("damping_J", "J", "damping", "work of dashpots and of drag", ("dashpots", "drag")),
     Column("friction_J", "J", "friction", "lost by friction on the impactor", ("friction",)),
@@ -125,6 +128,7 @@ LEDGER = (
     Layer("foam, kinetic", "#56B4E9", ("foam_kinetic_J",)),
     Layer("strain (recoverable)", "#F0E442", ("strain_J",)),
     Layer("crushing", "#D55E00", ("crushing_J",)),
+    Layer("room of crushed foam", "#8C510A", ("room_J",)),
     Layer("shear", "#E69F00", ("shear_J",)),
     Layer("damping", "#009E73", ("damping_J",)),
     Layer("impactor friction", "#0072B2", ("friction_J",)),

@@ -72,6 +72,11 @@ class Model(Part):
         "zero stress; jump: on to the loading curve at the worst strain so far",
     )
     self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
+    crushed_room: bool = choice(
+        True,
+        "the foam between four neighbouring mass points keeps the room that crushing has left it, "
+        "however its bonds fold",
+    )
     piece_size: float = quantity(
         1.0,
         "-",

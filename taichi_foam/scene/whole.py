@@ -35,6 +35,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "model.broken_halves": "both",
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
+                "model.crushed_room": True,
             }
         ),
         "paper-literal": MappingProxyType(
@@ -48,6 +49,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "model.broken_halves": "either",
                 "model.broken_contact": "jump",
                 "model.self_contact": False,
+                "model.crushed_room": False,
             }
         ),
     }

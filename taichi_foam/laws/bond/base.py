@@ -177,6 +177,25 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
+    def keeps_room_below(self, c: ti.template()) -> ti.f64:
+        """A cell none of whose bonds has met a strain below this has no `room_stress`."""
+        return -1.0
+
+    @ti.func
+    def room_stress(self, c: ti.template(), area, room):
+        """Pressure [Pa] of the foam in a cell that has less area than its bonds have left it.
+
+        Both are over the cell's area at rest; the area is negative inside out. It is 0 where
+        `area` is not below `room`.
+        """
+        return 0.0 * area
+
+    @ti.func
+    def room_stiffness(self, c: ti.template()) -> ti.f64:
+        """The steepest slope of `room_stress` over the area [Pa]."""
+        return 0.0
+
+    @ti.func
     def contact_stress(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:

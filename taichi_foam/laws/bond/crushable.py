@@ -26,6 +26,10 @@ GUARD = 0.05
 # Slope of packed pieces beyond the densification strain, in Young's moduli.
 PACKED = 4.0
 
+# What a cell may lack of its room without pressure, over its area at rest: straight cells have just
+# what their bonds leave them, but for rounding.
+ROUNDING = 1e-9
+
 
 class Foam(BondFoam):
     """Parameters of crushable foam (paper, Table 1 and Eq. 26). Strains: tension positive."""
@@ -227,6 +231,25 @@ class Crushable(BondLaw):
     @ti.func
     def stiffens_below(self, c: ti.template()):
         return c.densification_strain
+
+    @ti.func
+    def keeps_room_below(self, c: ti.template()) -> ti.f64:
+        return 0.5 * c.yield_strain
+
+    @ti.func
+    def room_stress(self, c: ti.template(), area, room):
+        """Packed foam resists with the slope of packed pieces; whole foam, which folds, does not.
+
+        It is packed in proportion to its crush, from yield to densification.
+        """
+        crush = (room - 1.0 - c.yield_strain) / (c.densification_strain - c.yield_strain)
+        packed = elementary.smaller(elementary.larger(crush, 0.0), 1.0)
+        lacks = elementary.larger(room - area - ROUNDING, 0.0)
+        return PACKED * c.youngs_modulus * packed * lacks
+
+    @ti.func
+    def room_stiffness(self, c: ti.template()) -> ti.f64:
+        return PACKED * c.youngs_modulus
 
     @ti.func
     def contact_stiffness(self, c: ti.template()) -> ti.f64:
