@@ -12,6 +12,8 @@ import numpy as np
 
 from taichi_foam.scene import Scene
 
+PACKED = 4.0  # slope of packed foam over K
+
 
 @dataclass
 class ReferenceLattice:
@@ -151,6 +153,61 @@ class ReferenceLattice:
                     forces[i, j, component] = -near.sum()
         return forces
 
+    def corners(self) -> np.ndarray:
+        """Positions of the corners of the cells between four nodes, anticlockwise (4, I-1, J-1)."""
+        x = self.position
+        return np.stack([x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]])
+
+    def rooms(self) -> np.ndarray:
+        """Areas that cells' bonds have left them, over those at rest (I-1, J-1)."""
+        left = []
+        for axis, worst in enumerate((self.worst_a, self.worst_b)):
+            strain = np.linalg.norm(np.diff(self.position, axis=axis), axis=-1) / self.cell[axis]
+            met = np.minimum(strain - 1.0, 0.0 if worst is None else worst)
+            left.append(0.5 * (met[:, :-1] + met[:, 1:] if axis == 0 else met[:-1] + met[1:]))
+        return (1.0 + left[0]) * (1.0 + left[1])
+
+    def held(self) -> np.ndarray:
+        """What torn cells hold, by their longer diagonal in cells and their area (I-1, J-1)."""
+        corners = self.corners()
+        diagonals = np.linalg.norm([corners[2] - corners[0], corners[3] - corners[1]], axis=-1)
+        size = diagonals.max(axis=0) / np.sqrt(0.5 * (self.cell[0] ** 2 + self.cell[1] ** 2))
+        torn = np.zeros(size.shape, dtype=bool)
+        for i, j in np.ndindex(*size.shape):
+            sides = ((0, i, j), (0, i, j + 1), (1, i, j), (1, i + 1, j))
+            torn[i, j] = not all(self.whole(*side) for side in sides)
+        hold = np.clip((3.0 - size) / 1.4, 0.0, 1.0) * (self.areas(corners) <= 1.5)
+        return np.where(torn, hold, 1.0)
+
+    def areas(self, corners: np.ndarray) -> np.ndarray:
+        """Signed areas within corners (4, ..., 2) by the shoelace rule, over those at rest."""
+        following = np.roll(corners, -1, axis=0)
+        crossed = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
+        return 0.5 * crossed.sum(axis=0) / (self.cell[0] * self.cell[1])
+
+    def room_forces(self) -> np.ndarray:
+        """Less the gradient of the cells' energy for their room, whose size is held [N], (I, J, 2).
+
+        In one coordinate the energy is a parabola, so that a difference over a long way is exact.
+        """
+        f, (dx, dy) = self.scene.foam, self.cell
+        room, corners = self.rooms(), self.corners()
+        crush = (room - 1.0 - f.yield_strain) / (f.densification_strain - f.yield_strain)
+        stiffness = PACKED * f.youngs_modulus * np.clip(crush, 0.0, 1.0) * self.held()
+        stiffness = stiffness * (self.areas(corners) < room) * dx * dy * self.scene.block.thickness
+        forces = np.zeros_like(self.position)
+        step = 0.1 * min(self.cell)
+        for corner, component in np.ndindex(4, 2):
+            energy = []
+            for way in (-step, step):
+                moved = corners.copy()
+                moved[corner, ..., component] += way
+                energy.append(0.5 * stiffness * (room - self.areas(moved)) ** 2)
+            i, j = ((0, 0), (1, 0), (1, 1), (0, 1))[corner]
+            slope = (energy[1] - energy[0]) / (2.0 * step)
+            forces[i : i + self.I - 1, j : j + self.J - 1, component] -= slope
+        return forces
+
     def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
         """Force [N] of the face on the bond's first node: T = F S N A0, and its dashpot."""
         block, f = self.scene.block, self.scene.foam
@@ -181,6 +238,8 @@ class ReferenceLattice:
         """Sum of the faces' forces on every node [N], (I, J, 2)."""
         variational = self.scene.model.shear == "variational"
         total = self.shear_forces() if variational else np.zeros((self.I, self.J, 2))
+        if self.scene.model.crushed_room:
+            total += self.room_forces()
         for axis, i, j in self.bonds():
             force = self.face_force(axis, i, j)
             total[i, j] += force

@@ -40,6 +40,7 @@ class Case:
     shear: str = "face"
     torn: bool = False  # as in TORN_A and TORN_B, with the halves that each leaves
     rate: float | None = None  # its foam is BEHIND short of its strain
+    crushed: float | None = None  # all of its foam has been crushed so far: its cells keep room
 
 
 # Whole bonds of a corner of the block (the others are whole too), by columns: found by a
@@ -84,6 +85,13 @@ CASES = {
     "overstressed, densified both ways": Case(
         damping_time=0.0, gradient=((0.13, 0.0), (0.0, 0.13)), rate=100.0
     ),
+    "keeping room": Case(damping_time=0.0, gradient=((0.6, 0.45), (0.0, 0.35)), crushed=-0.3),
+    "keeping room, wide cells": Case(
+        dx=0.008, dy=0.004, damping_time=0.0, gradient=((0.9, 0.5), (0.1, 0.2)), crushed=-0.2
+    ),
+    "keeping room, flattened": Case(
+        damping_time=0.0, gradient=((0.5, 0.4), (0.3, 0.25)), crushed=-0.5
+    ),
 }
 
 
@@ -98,6 +106,7 @@ def scene_of(case: Case, columns: int, rows: int) -> Scene:
         model=Model(
             damping=case.damping,
             self_contact=False,
+            crushed_room=case.crushed is not None,
             shear=case.shear,
             broken_halves="each" if case.torn else "either",
         ),
@@ -129,6 +138,9 @@ def modes(case: Case) -> np.ndarray:
         strains = np.linalg.norm(case.gradient, axis=0) - 1.0
         lattice.worst_a = np.full((SIDE - 1, SIDE), min(strains[0] + BEHIND, 0.0))
         lattice.worst_b = np.full((SIDE, SIDE - 1), min(strains[1] + BEHIND, 0.0))
+    if case.crushed:
+        lattice.worst_a = np.full((SIDE - 1, SIDE), case.crushed)
+        lattice.worst_b = np.full((SIDE, SIDE - 1), case.crushed)
     unknowns = at.size
     drag = case.damping == "absolute"
     if drag:
@@ -220,7 +232,7 @@ def test_packed_pieces_count_as_a_close_packing() -> None:
     with_pieces, without = (
         small_scene(
             base=FREE,
-            model=Model(self_contact=on),
+            model=Model(self_contact=on, crushed_room=False),
             numerics=Numerics(end=1e-4, damping_time=0.0),
         )
         for on in (True, False)
@@ -250,9 +262,11 @@ def swing(dt: float | str, steps: int) -> float:
     """Largest speed [m/s] after shaking a free block with Table 6's dashpots by 0.1 mm/s."""
     unbreakable = Foam(tensile_strain=1.0, shear_strain=2.0)
     scene = small_scene(
-        base=FREE, foam=unbreakable, model=Model(self_contact=False, damping="bond"),
+        base=FREE,
+        foam=unbreakable,
+        model=Model(self_contact=False, crushed_room=False, damping="bond"),
         numerics=numerics(dt=dt, contact_stiffness=SMALL),
-    )  # fmt: skip
+    )
     position = reference_positions(scene) + np.array([0.0, 0.5])
     velocity = np.random.default_rng(5).uniform(-1e-4, 1e-4, position.shape)
     with bench(scene, position=position, velocity=velocity) as loaded:

@@ -1,0 +1,244 @@
+"""Cells: the room that crushed foam keeps, as forces, in the ledger, and when a cell lets go."""
+
+import math
+
+import numpy as np
+import pytest
+from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from reference_lattice import ReferenceLattice, reference_positions
+
+from taichi_foam.engine import transfer
+from taichi_foam.engine.state import ROOM
+from taichi_foam.scene import Base, Foam, Model, Numerics, Output, Scene, Start
+from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.simulation.simulate import run
+
+FREE = Base(kind="floor")
+LIFT = np.array([0.0, 0.5])  # m, clear of the floor
+UNBREAKABLE = Foam(tensile_strain=2.0, shear_strain=2.0, shear_modulus=1e3)
+ROOMY = Model(self_contact=False)
+BARE = Model(self_contact=False, crushed_room=False)
+
+K, THICKNESS, CELL = 2.78e6, 0.057, 0.005
+CELLS = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS - 1)]
+ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
+ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
+ROUNDING = 1e-7  # N, of bond forces of up to 50 K A beside those of cells
+# 1e-9 of a cell may be lacking without pressure: by q K Z dX / 2 on each of four cells
+SLACK = 1e-9 * 4 * 0.5 * 4.0 * K * THICKNESS * CELL
+
+
+STEPS = numerics(dt=5e-8, damping_time=0.0)
+
+
+def crushed(scene: Scene, position: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+    """Worst strains of bonds that have met at least their strain now."""
+    rng = np.random.default_rng(seed)
+    block = scene.block
+    found = {}
+    for axis, length in enumerate((block.dx, block.dy)):
+        strain = np.linalg.norm(np.diff(position, axis=axis), axis=-1) / length - 1.0
+        history = -rng.uniform(0.0, 0.9, strain.shape)
+        found[("worst_a", "worst_b")[axis]] = np.minimum(history, strain)
+    return found
+
+
+def folded(dx: float = CELL, seed: int = 1) -> tuple[Scene, dict]:
+    """Dust without order: cells squeezed, folded and turned inside out, some torn open."""
+    scene = small_scene(dx=dx, base=FREE, foam=UNBREAKABLE, model=ROOMY)
+    rng = np.random.default_rng(seed)
+    position = reference_positions(scene) @ np.array([[0.8, 0.3], [0.1, 0.6]]) + LIFT
+    position += rng.uniform(-0.5, 0.5, position.shape) * [dx, CELL]
+    some = {kind: {at for at in all_of if rng.random() < 0.3}
+            for kind, all_of in (("broken_a", ALL_A), ("broken_b", ALL_B))}  # fmt: skip
+    return scene, {"position": position, **crushed(scene, position, seed), **some}
+
+
+def without_cells(scene: Scene) -> Scene:
+    return scene.model_copy(update={"model": BARE})
+
+
+def of_cells(scene: Scene, start: dict) -> np.ndarray:
+    """What the cells alone add to the forces on the nodes [N]."""
+    return node_forces(scene, **start) - node_forces(without_cells(scene), **start)
+
+
+@pytest.mark.parametrize("dx", [0.005, 0.003])
+def test_forces_are_the_gradient_of_the_cells_energy(dx: float) -> None:
+    """q K (room - a)^2 / 2 on the volume of each cell, in NumPy by differences of corners."""
+    scene, start = folded(dx)
+    expected = ReferenceLattice(scene, **start).room_forces()
+    assert (np.abs(expected).max(axis=-1) > 1.0).mean() > 0.7
+    np.testing.assert_allclose(of_cells(scene, start), expected, atol=SLACK)
+
+
+def test_forces_of_cells_keep_momentum_and_angular_momentum() -> None:
+    """The area does not change when the cell is moved or turned."""
+    scene, start = folded(seed=4)
+    forces = of_cells(scene, start)
+    x = start["position"] - start["position"].mean(axis=(0, 1))
+    turning = x[..., 0] * forces[..., 1] - x[..., 1] * forces[..., 0]
+    np.testing.assert_allclose(forces.sum(axis=(0, 1)), 0.0, atol=ROUNDING)
+    assert np.abs(turning).sum() > 1.0
+    assert abs(turning.sum()) < 1e-9 * np.abs(turning).sum()
+
+
+@pytest.mark.parametrize("shear", [0.3, -0.8, 2.0])
+@pytest.mark.parametrize("worst", [-0.8, -0.425, -0.05])
+def test_a_sheared_block_has_the_pressure_of_what_its_cells_lack(
+    shear: float, worst: float
+) -> None:
+    """Columns of crushed bonds B lean over: lengths stay, the area falls by their angle's cosine.
+
+    Foam crushed to the densification strain resists with q K (room - a), q = 4; half way there with
+    half of it; at yield not at all.
+    """
+    scene = small_scene(base=FREE, foam=UNBREAKABLE, model=ROOMY)
+    angle = math.atan(shear)
+    room = 1.0 + worst
+    F = np.array([[1.0, room * math.sin(angle)], [0.0, room * math.cos(angle)]])
+    position = reference_positions(scene) @ F.T + LIFT
+    start = {
+        "position": position,
+        "worst_b": np.full((COLUMNS, ROWS - 1), worst),
+        "worst_a": np.zeros((COLUMNS - 1, ROWS)),
+    }
+    packed = (worst + 0.05) / -0.75
+    pressure = 4.0 * K * packed * room * (1.0 - math.cos(angle))
+    found = of_cells(scene, start)
+    # inside pressures balance; the left side is pushed along the normals of its faces
+    side = F[:, 1] * CELL * THICKNESS
+    outward = np.array([-side[1], side[0]])
+    np.testing.assert_allclose(found[0, 5:15], np.tile(pressure * outward, (10, 1)), atol=SLACK)
+    np.testing.assert_allclose(found[3:7, 5:15], 0.0, atol=SLACK)
+
+
+@pytest.mark.parametrize("rate", [None, 3000.0])
+@pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
+def test_straight_cells_never_meet_the_law(axes: tuple[int, ...], rate: float | None) -> None:
+    """Crush along one axis or both, and its rebound: the same to the last bit with and without.
+
+    A free block runs into itself at up to 200 m/s, beyond densification. Its cells stay rectangles.
+    """
+    states = []
+    for model in (ROOMY, BARE):
+        foam = Foam(rate=rate, tensile_strain=1.0)
+        scene = small_scene(base=FREE, foam=foam, model=model, numerics=STEPS)
+        position = reference_positions(scene) + LIFT
+        velocity = np.array([-8000.0, -4000.0]) * (position - position.mean(axis=(0, 1)))
+        velocity[..., [axis for axis in (0, 1) if axis not in axes]] = 0.0
+        with bench(scene, position=position, velocity=velocity) as loaded:
+            states.append([loaded.step(500) for _ in range(10)])
+            work = loaded.lattice.state.work.to_numpy()[..., ROOM]
+            assert not work.any()
+    for one, other in zip(*states, strict=True):
+        for name in ("position", "velocity", "e_min_a", "e_min_b"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    last = states[0][-1]
+    for axis, worst in enumerate((last.e_min_a, last.e_min_b)):
+        assert (worst.min() < -0.8) == (axis in axes)
+
+
+def folding(steps: int) -> Scene:
+    """A loose column of crushed foam that sways and is pressed at 20 m/s: its cells fold."""
+    return small_scene(
+        base=FREE,
+        foam=UNBREAKABLE,
+        model=ROOMY,
+        numerics=Numerics(dt=1e-3 / steps, end=1e-3 * (1 - 1e-9), damping_time=0.0),
+        output=Output(history_interval=1e-4, snapshot_interval=1e-3),
+        start=Start(
+            deformation_gradient=((1.0, 0.4), (0.0, 0.3)),
+            velocity_gradient=((0.0, 80.0), (0.0, -200.0)),
+        ),
+    )
+
+
+def test_the_ledger_of_folding_cells_closes_by_the_order_of_the_step() -> None:
+    """What cells take for their room has a column of its own, and is none of the crushing.
+
+    A kink, where a cell meets its room, costs more than the smooth motion: second order at least.
+    """
+    residuals = []
+    for steps in (800, 1600, 3200):
+        history = run(folding(steps)).history
+        brought = history["foam_kinetic_J"][0]
+        residuals.append(np.abs(history["residual_J"]).max() / brought)
+    assert np.abs(history["room_J"]).max() > 0.05 * brought
+    assert residuals[2] < 1e-5
+    assert math.log2(residuals[0] / residuals[2]) / 2.0 > 2.0
+
+
+def pulled_apart(size: float, opened: bool = False) -> dict:
+    """A block of crushed, broken bonds; one corner has left its cell: by so many cells, or open."""
+    scene = small_scene(base=FREE, model=ROOMY)
+    position = reference_positions(scene) * 0.5 + LIFT
+    corner = size * CELL / math.sqrt(2.0)
+    if opened:  # 1.26 by 1.26 cells: by its diagonal, 1.78 cells, it would hold most
+        position[1, :2, 0] = position[0, 0, 0] + 1.26 * CELL
+        position[:2, 1, 1] = position[0, 0, 1] + 1.26 * CELL
+    else:
+        position[0, 0] = position[1, 1] - corner
+    half = {"worst_a": np.full((COLUMNS - 1, ROWS), -0.5),
+            "worst_b": np.full((COLUMNS, ROWS - 1), -0.5)}  # fmt: skip
+    return {"position": position, **half, "broken_a": {(0, 0)}}
+
+
+def hold_after_a_step(scene: Scene, **start: object) -> np.ndarray:
+    with bench(scene, **start) as loaded:
+        loaded.step(1)
+        return transfer.take(loaded.lattice, 0).hold
+
+
+@pytest.mark.parametrize(
+    ("size", "hold"), [(1.5, 1.0), (1.6, 1.0), (2.3, 0.5), (2.86, 0.1), (3.2, 0.0)]
+)
+def test_a_torn_cell_lets_go_by_its_longer_diagonal(size: float, hold: float) -> None:
+    scene = small_scene(base=FREE, model=ROOMY, numerics=numerics(dt=1e-12))
+    found = hold_after_a_step(scene, **pulled_apart(size))
+    assert found[0, 0] == pytest.approx(hold, abs=1e-6)
+    found[0, 0] = 1.0
+    np.testing.assert_array_equal(found, 1.0)  # all others are as they were
+
+
+def test_an_opened_crack_lets_go_at_once_and_whole_foam_never() -> None:
+    scene = small_scene(base=FREE, model=ROOMY, foam=UNBREAKABLE, numerics=numerics(dt=1e-12))
+    opened = pulled_apart(0.0, opened=True)
+    assert hold_after_a_step(scene, **opened)[0, 0] == 0.0
+    whole = {**opened, "broken_a": set()}
+    np.testing.assert_array_equal(hold_after_a_step(scene, **whole), 1.0)
+
+
+def test_what_a_cell_has_let_go_of_it_never_holds_again() -> None:
+    """Inside out, at a hold of 1, 0.5 and 0: forces in proportion, and the hold stays as it is."""
+    scene = small_scene(base=FREE, model=ROOMY, numerics=numerics(dt=1e-12))
+    start = pulled_apart(1.0)
+    start["position"][0, 0] = start["position"][1, 1] + 0.2 * CELL
+    pushed = {}
+    for hold in (1.0, 0.5, 0.0):
+        holds = np.ones((COLUMNS - 1, ROWS - 1))
+        holds[0, 0] = hold
+        pushed[hold] = of_cells(scene, {**start, "hold": holds})[0, 0]
+        assert hold_after_a_step(scene, **start, hold=holds)[0, 0] == hold
+    assert np.linalg.norm(pushed[1.0]) > 10.0
+    np.testing.assert_allclose(pushed[0.5], 0.5 * pushed[1.0], atol=ROUNDING)
+    np.testing.assert_allclose(pushed[0.0], 0.0, atol=ROUNDING)
+
+
+def test_a_crushed_layer_keeps_its_room() -> None:
+    """Under the flat face at 3.03 m/s, after 40 ms: from the face to the lowest crushed bond.
+
+    Foam crushed to three quarters leaves a third of the way of the face. Points that fold through
+    one another leave a tenth or less.
+    """
+    scene = paper_scene("paper/rectangular-3.03")
+    scene = scene.model_copy(
+        update={"numerics": Numerics(end=40e-3), "output": Output(snapshot_interval=40e-3)}
+    )
+    last = run(scene).snapshots[-1]
+    way = scene.contact_height - last.impactor_y
+    middle = np.abs(scene.block.positions[:, 0, 0]) < 0.02
+    lowest = (last.e_min_b[middle] < -0.4).argmax(axis=1)
+    level = np.take_along_axis(last.position[middle, :, 1], lowest[:, None], axis=1)
+    assert way > 0.05
+    assert 0.2 < float(np.median(last.impactor_y - level)) / way < 0.45
