@@ -117,6 +117,7 @@ def _options(rng: np.random.Generator) -> dict[str, Any]:
         "model.broken_halves": one("either", "both", "each"),
         "model.broken_contact": one("reload", "reload", "reload", "jump"),
         "model.self_contact": one(True, True, False),
+        "model.crushed_room": one(True, True, False),
         "impactor.shape": one("flat", "cylinder", "wedge"),
         "heeds_rate": one(True, False),
         "exponent": one(1.0, 1.0, 4.0),

@@ -209,6 +209,7 @@ def _check(scene: Scene) -> None:
         f"broken halves {model.broken_halves!r}": model.broken_halves not in ("either", "both"),
         f"shear {model.shear!r}": model.shear != "face",
         "contact of pieces": model.self_contact,
+        "the room of crushed foam": model.crushed_room,
         f"piece size {model.piece_size:g}": model.piece_size != 1.0,
         f"rate exponent {foam.rate_exponent:g}": (
             foam.rate is not None and foam.rate_exponent != 1.0

@@ -17,8 +17,11 @@ BARE: dict[str, dict[str, object]] = {
 
 
 def scene_with(choices: Choices, name: str = CASE, contact: bool = False) -> Scene:
-    """A paper test, calibrated or bare; contact of pieces is what the peers do not have."""
-    scene = updated(paper_scene(name), {"model": {"self_contact": contact}})
+    """A paper test, calibrated or bare; contact of pieces and the room of crushed foam,
+    which come together here, are what the peers do not have."""
+    scene = updated(
+        paper_scene(name), {"model": {"self_contact": contact, "crushed_room": contact}}
+    )
     return updated(scene, BARE) if choices == "bare" else scene
 
 

@@ -268,7 +268,7 @@ def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) ->
     """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 (1 + r) k_r of its
+    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 r k_r of its
     cells, whose longer side is r times the shorter, and once the contact with a body (normal and
     friction act across each other), on which a light impactor swings too; dashpots decay at no
     more than 8 c / m, with eight more of pieces that rub, a drag at C / m.
@@ -285,7 +285,7 @@ def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) ->
         stiffness += 8.0 * lattice.law.contact_stiffness(p.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
         ratio = p.cell.max() / p.cell.min()
-        stiffness += 4.0 * (1.0 + ratio) * lattice.law.room_stiffness(p.bond) * p.thickness
+        stiffness += 4.0 * ratio * lattice.law.room_stiffness(p.bond) * p.thickness
     dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
     decay = 4.0 * dashpots.sum() + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
