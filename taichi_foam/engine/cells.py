@@ -64,13 +64,18 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
         left_over = ti.select(_area(d1x, d1y, d2x, d2y, p) > OPEN_AREA, 0.0, left_over)
         hold = elementary.smaller(elementary.larger(left_over, 0.0), lattice.state.hold[b, i, k])
         lattice.state.hold[b, i, k] = ti.select(torn, hold, lattice.state.hold[b, i, k])
-    worst = elementary.smaller(bonds_a[b, i, k].worst, bonds_b[b, i, k].worst)
-    worst = elementary.smaller(worst, bonds_b[b, i + 1, k].worst)
-    worst = elementary.smaller(
-        worst, lanes.from_above(bonds_a[b, i, k].worst, bonds_a[b, i, k + 1].worst[0])
-    )
-    crushed = there & (worst < lattice.law.keeps_room_below(p.bond))
+    crushed = there & (_room_before(lattice, b, i, k) < lattice.law.keeps_room_below(p.bond))
     lattice.scratch.presses[b, i, k] = lanes.any_of(crushed)
+
+
+@ti.func
+def _room_before(lattice: ti.template(), b, i, k):
+    """Room of a pack's cells by the strains that their bonds met before this step."""
+    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
+    along_x = bonds_a[b, i, k].worst
+    along_x += lanes.from_above(along_x, bonds_a[b, i, k + 1].worst[0])
+    along_y = bonds_b[b, i, k].worst + bonds_b[b, i + 1, k].worst
+    return (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
 
 
 @ti.func
@@ -93,31 +98,36 @@ def _pressures(lattice: ti.template(), b, i, k, p: ti.template()):
     Thickness times pressure times the gradient of the area pushes the two ends of a diagonal apart,
     at right angles to the other one. Here it is put as pressure on faces: the force on the first
     node, less that on the second, of both bonds A, and of both bonds B.
-
-    A worst strain that is met now counts, as for the bonds themselves: straight cells, whatever
-    crushes them, have exactly the room that their bonds leave them. The diagonals come back too.
     """
     trial = ti.static(lattice.scratch.trial)
-    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     x, y = trial[b, i, k].x, trial[b, i, k].y
     right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
     up_x, up_y = _above(x, trial.x, b, i, k), _above(y, trial.y, b, i, k)
     far_x = _above(right_x, trial.x, b, i + 1, k)
     far_y = _above(right_y, trial.y, b, i + 1, k)
     d1x, d1y, d2x, d2y = _diagonals(x, y, right_x, right_y, up_x, up_y, far_x, far_y)
-    per_x, per_y = 1.0 / p.cell.x, 1.0 / p.cell.y
-    worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
-    above = lanes.from_above(worst_a, bonds_a[b, i, k + 1].worst[0])
-    along_x = _most_crushed(worst_a, right_x - x, right_y - y, per_x)
-    along_x += _most_crushed(above, far_x - up_x, far_y - up_y, per_x)
-    along_y = _most_crushed(worst_b, up_x - x, up_y - y, per_y)
-    along_y += _most_crushed(bonds_b[b, i + 1, k].worst, far_x - right_x, far_y - right_y, per_y)
-    room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
-    stress = lattice.law.room_stress(p.bond, _area(d1x, d1y, d2x, d2y, p), room)
-    there = (bonds_a[b, i, k].condition > ABSENT) & (bonds_b[b, i, k].condition > ABSENT)
-    quarter = 0.25 * p.thickness * ti.select(there, lattice.state.hold[b, i, k] * stress, 0.0)
-    ax, ay = -quarter * (d1y + d2y), quarter * (d1x + d2x)
-    bx, by = quarter * (d1y - d2y), quarter * (d2x - d1x)
+    area = _area(d1x, d1y, d2x, d2y, p)
+    zeros = lanes.zeros(lattice)
+    ax, ay, bx, by = zeros, zeros, zeros, zeros
+    # what bonds meet now only takes room: few packs need their lengths
+    if lanes.any_of(area < _room_before(lattice, b, i, k)):
+        bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
+        per_x, per_y = 1.0 / p.cell.x, 1.0 / p.cell.y
+        worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
+        above = lanes.from_above(worst_a, bonds_a[b, i, k + 1].worst[0])
+        right = bonds_b[b, i + 1, k].worst
+        along_x = _most_crushed(worst_a, right_x - x, right_y - y, per_x)
+        along_x += _most_crushed(above, far_x - up_x, far_y - up_y, per_x)
+        along_y = _most_crushed(worst_b, up_x - x, up_y - y, per_y)
+        along_y += _most_crushed(right, far_x - right_x, far_y - right_y, per_y)
+        # a strain that is met now counts, as for the bonds themselves: straight cells, whatever
+        # crushes them, have exactly the room that their bonds leave them
+        room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
+        stress = lattice.state.hold[b, i, k] * lattice.law.room_stress(p.bond, area, room)
+        there = (bonds_a[b, i, k].condition > ABSENT) & (bonds_b[b, i, k].condition > ABSENT)
+        quarter = 0.25 * p.thickness * ti.select(there, stress, 0.0)
+        ax, ay = -quarter * (d1y + d2y), quarter * (d1x + d2x)
+        bx, by = quarter * (d1y - d2y), quarter * (d2x - d1x)
     return ax, ay, bx, by
 
 
@@ -136,31 +146,40 @@ def _power(lattice: ti.template(), b, i, k, ax, ay, bx, by):
 
 @ti.func
 def press_pack(
-    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, below_x, below_y, p: ti.template()
+    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, left_slot, below_x, below_y,
+    p: ti.template(),
 ):  # fmt: skip
     """Add the pressures of the cells on both sides of a pack's bonds to the bonds' forces.
 
-    `below` is that of the cell below the first bond A, on it [N]; that of the last cell on the bond
-    A above it comes back. The first stage and the last one sample the power of the pack's own
-    cells.
+    The cells on the left are in `left_slot`, or are worked out where it is below 0. `below` is the
+    force of the cell below the first bond A on it [N]; that of the last cell on the bond A above it
+    comes back. The first stage and the last one sample the power of the pack's own cells.
     """
     force = ti.static(lattice.scratch.force)
-    tally = ti.static(lattice.scratch.tally)
-    presses = ti.static(lattice.scratch.presses)
+    tally, presses = ti.static(lattice.scratch.tally, lattice.scratch.presses)
     zeros = lanes.zeros(lattice)
     ax, ay, bx, by = zeros, zeros, zeros, zeros
-    if presses[b, i, k]:
+    own, left = presses[b, i, k], presses[b, i - 1, k]
+    if own:
         ax, ay, bx, by = _pressures(lattice, b, i, k, p)
+        if ti.static(not lattice.on_gpu):
+            lattice.scratch.beside[sweep, slot, k].x = bx
+            lattice.scratch.beside[sweep, slot, k].y = by
         if stage == 0 or stage == LAST_STAGE:
             tally[b, strip].pressed += _power(lattice, b, i, k, ax, ay, bx, by)
-    if presses[b, i, k] or presses[b, i - 1, k]:
-        if presses[b, i - 1, k]:
-            _, _, left_x, left_y = _pressures(lattice, b, i - 1, k, p)
+    if own or left:
+        if left:
+            left_x, left_y = zeros, zeros
+            if left_slot < 0:
+                _, _, left_x, left_y = _pressures(lattice, b, i - 1, k, p)
+            elif ti.static(not lattice.on_gpu):
+                left_x = lattice.scratch.beside[sweep, left_slot, k].x
+                left_y = lattice.scratch.beside[sweep, left_slot, k].y
             bx += left_x
             by += left_y
         force[sweep, slot, k].bx += bx
         force[sweep, slot, k].by += by
-    if presses[b, i, k] or below_x != 0.0 or below_y != 0.0:
+    if own or below_x != 0.0 or below_y != 0.0:
         force[sweep, slot, k].ax += ax + lanes.from_below(ax, below_x)
         force[sweep, slot, k].ay += ay + lanes.from_below(ay, below_y)
     last = ti.static(lattice.lanes - 1)
@@ -178,8 +197,10 @@ def push_below(lattice: ti.template(), b, i, k, p: ti.template()):
 
 
 @ti.func
-def press_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
+def press_column(
+    lattice: ti.template(), stage, b, i, strip, sweep, slot, left_slot, p: ti.template()
+):  # fmt: skip
     """The pressures on the bonds of a column."""
     x, y = 0.0, 0.0
     for k in range(lattice.packs):
-        x, y = press_pack(lattice, stage, b, i, k, strip, sweep, slot, x, y, p)
+        x, y = press_pack(lattice, stage, b, i, k, strip, sweep, slot, left_slot, x, y, p)

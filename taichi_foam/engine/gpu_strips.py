@@ -78,7 +78,7 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
                 stiffest = ti.max(stiffest, bonds.stiffen_pack(lattice, b, i, k, b, i, p))
         if ti.static(lattice.features.crushed_room):
             below_x, below_y = cells.push_below(lattice, b, i, k, p)
-            cells.press_pack(lattice, stage, b, i, k, strip, b, i, below_x, below_y, p)
+            cells.press_pack(lattice, stage, b, i, k, strip, b, i, -1, below_x, below_y, p)
         if ti.static(lattice.features.self_contact):
             gpu_neighbours.push(lattice, b, n, p)
         n += width

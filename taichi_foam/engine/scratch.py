@@ -33,6 +33,7 @@ class ScratchFields:
               impactor now [N]; kinetic, stored, potential energy [J]
     column_breaks   bonds that break in this step
     presses   whether cells of a pack may press in this step
+    beside    on a CPU: what a column's cells push its bonds B by [N], for those on their right
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
@@ -78,6 +79,9 @@ class ScratchFields:
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)
+            if not layout.on_gpu:
+                self.beside = ti.types.struct(x=pack, y=pack).field()
+                layout.of_sweeps(self.beside)
         if features.self_contact:
             self._place_contact(layout)
 

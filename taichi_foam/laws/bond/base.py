@@ -178,8 +178,8 @@ class BondLaw:
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
-        """A cell none of whose bonds has met a strain below this has no `room_stress`."""
-        return -1.0
+        """A cell whose room is not below this has no `room_stress`."""
+        return 0.0
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):

@@ -234,7 +234,7 @@ class Crushable(BondLaw):
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
-        return 0.5 * c.yield_strain
+        return 1.0 + c.yield_strain
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
