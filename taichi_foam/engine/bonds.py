@@ -284,12 +284,8 @@ def _stiffening(
 
 
 @ti.func
-def bond_column(
-    lattice: ti.template(), stage, b, i, strip, sweep, slot, left_slot, p: ti.template()
-):  # fmt: skip
+def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
     """Forces of column `i`'s bonds, kept in `slot`, and what a step has to know of them.
-
-    `left_slot` holds what this stage has left of the column before it, -1 if nothing.
 
     Stiffening has a loop of its own: few packs have any, and it would cost every other bond its
     registers.
@@ -316,7 +312,7 @@ def bond_column(
                     stiffest = ti.max(stiffest, stiff)
     lattice.scratch.stiffest[b, strip] = stiffest
     if ti.static(lattice.features.crushed_room):
-        cells.press_column(lattice, stage, b, i, strip, sweep, slot, left_slot, p)
+        cells.press_column(lattice, stage, b, i, strip, sweep, slot, p)
     if stage == LAST_STAGE:
         lattice.scratch.column_breaks[b, i] = ti.i32(lattice.scratch.tally[b, strip].breaks.sum())
 

@@ -80,8 +80,11 @@ def _room_before(lattice: ti.template(), b, i, k):
 
 @ti.func
 def look_column(lattice: ti.template(), b, i, p: ti.template()):
+    pressing = 0
     for k in range(lattice.packs):
         look_pack(lattice, b, i, k, p)
+        pressing |= lattice.scratch.presses[b, i, k]
+    lattice.scratch.column_presses[b, i] = pressing
 
 
 @ti.func
@@ -92,115 +95,94 @@ def _most_crushed(worst, reach_x, reach_y, per_length):
 
 
 @ti.func
-def _pressures(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Forces [N] by which a pack's cells push at the current stage.
+def press_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.template()):
+    """Forces [N] by which a pack's cells push at a stage, kept in `slot`.
 
     Thickness times pressure times the gradient of the area pushes the two ends of a diagonal apart,
-    at right angles to the other one. Here it is put as pressure on faces: the force on the first
-    node, less that on the second, of both bonds A, and of both bonds B.
+    at right angles to the other one: here along the first diagonal's ends and along the second's.
+    The first stage and the last one sample their power.
     """
     trial = ti.static(lattice.scratch.trial)
+    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     x, y = trial[b, i, k].x, trial[b, i, k].y
     right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
     up_x, up_y = _above(x, trial.x, b, i, k), _above(y, trial.y, b, i, k)
     far_x = _above(right_x, trial.x, b, i + 1, k)
     far_y = _above(right_y, trial.y, b, i + 1, k)
     d1x, d1y, d2x, d2y = _diagonals(x, y, right_x, right_y, up_x, up_y, far_x, far_y)
-    area = _area(d1x, d1y, d2x, d2y, p)
-    zeros = lanes.zeros(lattice)
-    ax, ay, bx, by = zeros, zeros, zeros, zeros
-    # what bonds meet now only takes room: few packs need their lengths
-    if lanes.any_of(area < _room_before(lattice, b, i, k)):
-        bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
-        per_x, per_y = 1.0 / p.cell.x, 1.0 / p.cell.y
-        worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
-        above = lanes.from_above(worst_a, bonds_a[b, i, k + 1].worst[0])
-        right = bonds_b[b, i + 1, k].worst
-        along_x = _most_crushed(worst_a, right_x - x, right_y - y, per_x)
-        along_x += _most_crushed(above, far_x - up_x, far_y - up_y, per_x)
-        along_y = _most_crushed(worst_b, up_x - x, up_y - y, per_y)
-        along_y += _most_crushed(right, far_x - right_x, far_y - right_y, per_y)
-        # a strain that is met now counts, as for the bonds themselves: straight cells, whatever
-        # crushes them, have exactly the room that their bonds leave them
-        room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
-        stress = lattice.state.hold[b, i, k] * lattice.law.room_stress(p.bond, area, room)
-        there = (bonds_a[b, i, k].condition > ABSENT) & (bonds_b[b, i, k].condition > ABSENT)
-        quarter = 0.25 * p.thickness * ti.select(there, stress, 0.0)
-        ax, ay = -quarter * (d1y + d2y), quarter * (d1x + d2x)
-        bx, by = quarter * (d1y - d2y), quarter * (d2x - d1x)
-    return ax, ay, bx, by
+    per_x, per_y = 1.0 / p.cell.x, 1.0 / p.cell.y
+    # a strain that is met now counts, as for the bonds themselves: straight cells, whatever crushes
+    # them, have exactly the room that their bonds leave them
+    worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
+    above = lanes.from_above(worst_a, bonds_a[b, i, k + 1].worst[0])
+    right = bonds_b[b, i + 1, k].worst
+    along_x = _most_crushed(worst_a, right_x - x, right_y - y, per_x)
+    along_x += _most_crushed(above, far_x - up_x, far_y - up_y, per_x)
+    along_y = _most_crushed(worst_b, up_x - x, up_y - y, per_y)
+    along_y += _most_crushed(right, far_x - right_x, far_y - right_y, per_y)
+    room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
+    stress = lattice.law.room_stress(p.bond, _area(d1x, d1y, d2x, d2y, p), room)
+    there = (bonds_a[b, i, k].condition > ABSENT) & (bonds_b[b, i, k].condition > ABSENT)
+    half = 0.5 * p.thickness * ti.select(there, lattice.state.hold[b, i, k] * stress, 0.0)
+    x1, y1, x2, y2 = half * d2y, -half * d2x, -half * d1y, half * d1x
+    pushes = ti.static(lattice.scratch.cell_push)
+    pushes[sweep, slot, k].x1 = x1
+    pushes[sweep, slot, k].y1 = y1
+    pushes[sweep, slot, k].x2 = x2
+    pushes[sweep, slot, k].y2 = y2
+    if stage == 0 or stage == LAST_STAGE:
+        u, v = trial[b, i, k].u, trial[b, i, k].v
+        right_u, right_v = trial[b, i + 1, k].u, trial[b, i + 1, k].v
+        d1u, d1v, d2u, d2v = _diagonals(
+            u, v, right_u, right_v, _above(u, trial.u, b, i, k), _above(v, trial.v, b, i, k),
+            _above(right_u, trial.u, b, i + 1, k), _above(right_v, trial.v, b, i + 1, k),
+        )  # fmt: skip
+        given = (x1 * d1u + y1 * d1v) + (x2 * d2u + y2 * d2v)
+        tally = ti.static(lattice.scratch.tally)
+        tally[b, strip].pressed = tally[b, strip].pressed - given
 
 
 @ti.func
-def _power(lattice: ti.template(), b, i, k, ax, ay, bx, by):
-    """Power [W] that a pack's cells take from their nodes, by the forces of `_pressures`."""
-    trial = ti.static(lattice.scratch.trial)
-    u, v = trial[b, i, k].u, trial[b, i, k].v
-    right_u, right_v = trial[b, i + 1, k].u, trial[b, i + 1, k].v
-    d1u, d1v, d2u, d2v = _diagonals(
-        u, v, right_u, right_v, _above(u, trial.u, b, i, k), _above(v, trial.v, b, i, k),
-        _above(right_u, trial.u, b, i + 1, k), _above(right_v, trial.v, b, i + 1, k),
-    )  # fmt: skip
-    return ((ax + bx) * d1u + (ay + by) * d1v) - ((ax - bx) * d2u + (ay - by) * d2v)
+def clear_pack(lattice: ti.template(), sweep, slot, k):
+    """A pack whose cells do not push."""
+    pushes = ti.static(lattice.scratch.cell_push)
+    pushes[sweep, slot, k].x1 = lanes.zeros(lattice)
+    pushes[sweep, slot, k].y1 = lanes.zeros(lattice)
+    pushes[sweep, slot, k].x2 = lanes.zeros(lattice)
+    pushes[sweep, slot, k].y2 = lanes.zeros(lattice)
 
 
 @ti.func
-def press_pack(
-    lattice: ti.template(), stage, b, i, k, strip, sweep, slot, left_slot, below_x, below_y,
-    p: ti.template(),
-):  # fmt: skip
-    """Add the pressures of the cells on both sides of a pack's bonds to the bonds' forces.
+def press_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
+    """The pushes of a column's cells, if any of them may push."""
+    if lattice.scratch.column_presses[b, i]:
+        for k in range(lattice.packs):
+            if lattice.scratch.presses[b, i, k]:
+                press_pack(lattice, stage, b, i, k, strip, sweep, slot, p)
+            else:
+                clear_pack(lattice, sweep, slot, k)
 
-    The cells on the left are in `left_slot`, or are worked out where it is below 0. `below` is the
-    force of the cell below the first bond A on it [N]; that of the last cell on the bond A above it
-    comes back. The first stage and the last one sample the power of the pack's own cells.
-    """
-    force = ti.static(lattice.scratch.force)
-    tally, presses = ti.static(lattice.scratch.tally, lattice.scratch.presses)
-    zeros = lanes.zeros(lattice)
-    ax, ay, bx, by = zeros, zeros, zeros, zeros
-    own, left = presses[b, i, k], presses[b, i - 1, k]
-    if own:
-        ax, ay, bx, by = _pressures(lattice, b, i, k, p)
-        if ti.static(not lattice.on_gpu):
-            lattice.scratch.beside[sweep, slot, k].x = bx
-            lattice.scratch.beside[sweep, slot, k].y = by
-        if stage == 0 or stage == LAST_STAGE:
-            tally[b, strip].pressed += _power(lattice, b, i, k, ax, ay, bx, by)
-    if own or left:
-        if left:
-            left_x, left_y = zeros, zeros
-            if left_slot < 0:
-                _, _, left_x, left_y = _pressures(lattice, b, i - 1, k, p)
-            elif ti.static(not lattice.on_gpu):
-                left_x = lattice.scratch.beside[sweep, left_slot, k].x
-                left_y = lattice.scratch.beside[sweep, left_slot, k].y
-            bx += left_x
-            by += left_y
-        force[sweep, slot, k].bx += bx
-        force[sweep, slot, k].by += by
-    if own or below_x != 0.0 or below_y != 0.0:
-        force[sweep, slot, k].ax += ax + lanes.from_below(ax, below_x)
-        force[sweep, slot, k].ay += ay + lanes.from_below(ay, below_y)
+
+@ti.func
+def presses(lattice: ti.template(), b, i) -> ti.i32:
+    """Whether the pushes of a column's cells are kept, and may be other than zero."""
+    may_be = 1
+    if ti.static(not lattice.on_gpu):
+        may_be = lattice.scratch.column_presses[b, i]
+    return may_be
+
+
+@ti.func
+def pushed_by(lattice: ti.template(), from_left: ti.template(), k, sweep, slot):
+    """Force [N] on a pack of nodes of the cells in `slot`: of the column to the right, or left."""
     last = ti.static(lattice.lanes - 1)
-    return ax[last], ay[last]
-
-
-@ti.func
-def push_below(lattice: ti.template(), b, i, k, p: ti.template()):
-    """What `press_pack` asks for, where no sweep has it from the pack below."""
-    x, y = 0.0, 0.0
-    if lattice.scratch.presses[b, i, k - 1]:
-        ax, ay, _, _ = _pressures(lattice, b, i, k - 1, p)
-        x, y = ax[ti.static(lattice.lanes - 1)], ay[ti.static(lattice.lanes - 1)]
+    here, below = (
+        lattice.scratch.cell_push[sweep, slot, k],
+        lattice.scratch.cell_push[sweep, slot, k - 1],
+    )
+    x = lanes.from_below(here.x2, below.x2[last]) - here.x1
+    y = lanes.from_below(here.y2, below.y2[last]) - here.y1
+    if ti.static(from_left):
+        x = lanes.from_below(here.x1, below.x1[last]) - here.x2
+        y = lanes.from_below(here.y1, below.y1[last]) - here.y2
     return x, y
-
-
-@ti.func
-def press_column(
-    lattice: ti.template(), stage, b, i, strip, sweep, slot, left_slot, p: ti.template()
-):  # fmt: skip
-    """The pressures on the bonds of a column."""
-    x, y = 0.0, 0.0
-    for k in range(lattice.packs):
-        x, y = press_pack(lattice, stage, b, i, k, strip, sweep, slot, left_slot, x, y, p)

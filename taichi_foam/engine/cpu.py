@@ -47,8 +47,7 @@ def _sweep(
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
             slot = bonds.slot_of(lattice, i, end - 1)
-            left_slot = bonds.slot_of(lattice, i - 1, end - 1)
-            bonds.bond_column(lattice, stage, b, i, i, sweep, slot, left_slot, p)
+            bonds.bond_column(lattice, stage, b, i, i, sweep, slot, p)
         if i > start:
             slot = bonds.slot_of(lattice, i - 1, end - 1)
             left_slot = bonds.slot_of(lattice, i - 2, end - 1)
@@ -136,7 +135,7 @@ def prepare(lattice: ti.template(), b: ti.i32):
         if lattice.state.clock[b].stiffest < 0.0:
             stiffest = 0.0
             for i in range(lattice.columns):
-                bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, -1, p)
+                bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, p)
                 stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, i])
             lattice.state.clock[b].stiffest = stiffest
 
@@ -230,10 +229,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
                         slot = bonds.slot_of(lattice, i, end - 1)
                         own = start <= i and i < end
                         strip = ti.select(own, i, lattice.strips + sweep % lattice.sweeps)
-                        left_slot = -1
-                        if n % 2 == 1:  # the column before it has just been worked out
-                            left_slot = bonds.slot_of(lattice, i - 1, end - 1)
-                        bonds.bond_column(lattice, stage, b, i, strip, sweep, slot, left_slot, p)
+                        bonds.bond_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN

@@ -77,8 +77,10 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
             if ti.min(a_strain[0], b_strain[0]) < lattice.law.stiffens_below(p.bond):
                 stiffest = ti.max(stiffest, bonds.stiffen_pack(lattice, b, i, k, b, i, p))
         if ti.static(lattice.features.crushed_room):
-            below_x, below_y = cells.push_below(lattice, b, i, k, p)
-            cells.press_pack(lattice, stage, b, i, k, strip, b, i, -1, below_x, below_y, p)
+            if lattice.scratch.presses[b, i, k]:
+                cells.press_pack(lattice, stage, b, i, k, strip, b, i, p)
+            else:
+                cells.clear_pack(lattice, b, i, k)
         if ti.static(lattice.features.self_contact):
             gpu_neighbours.push(lattice, b, n, p)
         n += width

@@ -6,7 +6,7 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import contact, lanes
+from taichi_foam.engine import cells, contact, lanes
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
@@ -28,9 +28,10 @@ def node_pack(
     `slot`, `left_slot` and `right_slot` hold the forces of the bonds of this column and of
     its neighbours. After the last stage the step is accepted.
 
-    Left and right bonds are added first, then below and above: the mirror image adds the same
-    numbers. The powers [W] that the nodes give to the bonds are added to the strip's tally, and
-    what they give to anything else to its work.
+    Left and right bonds are added first, then below and above, and the cells of the right column
+    and of the left one: the mirror image adds the same numbers. The powers [W] that the nodes give
+    to the bonds and cells are added to the strip's tally, and what they give to anything else to
+    its work.
     """
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
@@ -41,6 +42,19 @@ def node_pack(
     left = force[sweep, left_slot, k]
     force_x = (own.ax - left.ax) + (own.bx - lanes.from_below(own.bx, below.bx[last]))
     force_y = (own.ay - left.ay) + (own.by - lanes.from_below(own.by, below.by[last]))
+    if ti.static(lattice.features.crushed_room):
+        cells_x, cells_y = lanes.zeros(lattice), lanes.zeros(lattice)
+        if cells.presses(lattice, b, i):
+            x, y = cells.pushed_by(lattice, False, k, sweep, slot)
+            cells_x += x
+            cells_y += y
+        if i > 0:  # noqa: SIM102 - no column has its number
+            if cells.presses(lattice, b, i - 1):
+                x, y = cells.pushed_by(lattice, True, k, sweep, left_slot)
+                cells_x += x
+                cells_y += y
+        force_x += cells_x
+        force_y += cells_y
     if ti.static(lattice.features.variational):
         cross_x = _crossing_force(lattice, 0, b, i, k, sweep, slot, left_slot, right_slot)
         cross_y = _crossing_force(lattice, 1, b, i, k, sweep, slot, left_slot, right_slot)

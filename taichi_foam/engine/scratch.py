@@ -32,8 +32,8 @@ class ScratchFields:
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
               impactor now [N]; kinetic, stored, potential energy [J]
     column_breaks   bonds that break in this step
-    presses   whether cells of a pack may press in this step
-    beside    on a CPU: what a column's cells push its bonds B by [N], for those on their right
+    presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
+    cell_push   by which cells push the second ends of both their diagonals [N], kept as `force`
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
@@ -79,9 +79,10 @@ class ScratchFields:
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)
-            if not layout.on_gpu:
-                self.beside = ti.types.struct(x=pack, y=pack).field()
-                layout.of_sweeps(self.beside)
+            self.column_presses = ti.field(ti.i32)
+            layout.listed(layout.columns + 1, self.column_presses, whole=True)
+            self.cell_push = ti.types.struct(x1=pack, y1=pack, x2=pack, y2=pack).field()
+            layout.of_sweeps(self.cell_push)
         if features.self_contact:
             self._place_contact(layout)
 
