@@ -108,15 +108,16 @@ def test_the_floor_pushes_up_with_half_a_cell_of_foam(sunk: float, shares: list[
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
-    """Feet once crushed by 40 % have a radius of 1.5 mm: the floor meets them only there.
+    """Feet once crushed by 40 % of their height: the floor meets them only at 1.5 mm.
 
-    Their own bonds are broken, and hold nothing at a strain beyond that of zero stress.
+    Those crushed sideways have all their height, and are met at 2.5 mm. Their own bonds are broken, and hold nothing at a strain beyond that of zero stress.
     """
     scene = small_scene(base=Base(kind="floor"), model=LOOSE)
     worst = np.zeros((COLUMNS - 1, ROWS) if axis == 0 else (COLUMNS, ROWS - 1))
     worst[:, 0] = -0.4
     crushed = {("worst_a", "worst_b")[axis]: worst, "broken_a": ALL_A, "broken_b": ALL_B}
-    for height, share in ((2.4e-3, 0.0), (1.51e-3, 0.0), (1.45e-3, 0.02), (1.0e-3, 0.05)):
+    shares = {0: (0.04, 0.05, 0.05, 0.05), 1: (0.0, 0.0, 0.02, 0.05)}[axis]
+    for height, share in zip((2.4e-3, 1.51e-3, 1.45e-3, 1.0e-3), shares, strict=True):
         position = reference_positions(scene)
         position[:, 0, 1] = height
         position[:, 1:, 1] += 0.01

@@ -12,7 +12,7 @@ from taichi_foam.scene import Base, Foam, Model, Start
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
-LOOSE = Model(self_contact=False)  # only the faces' forces
+LOOSE = Model(self_contact=False, crushed_room=False)  # only the faces' forces
 
 # Positions near 0.5 m are good to 6e-17 m, strains of 5 mm bonds to 2e-14, forces of K A = 792 N
 # to 2e-11 N; what a node adds up, and the densified slope, up to 50 K, take it to 1e-9 N.
@@ -156,7 +156,8 @@ def test_dashpots_drag_on_the_relative_velocity_of_intact_pairs(damping: str) ->
     One step of 1e-12 s: forward differences err by (c/m) dt = 3e-6, rounding by 1e-9, relatively.
     """
     scene, position = free_block(
-        numerics=numerics(dt=1e-12), model=Model(self_contact=False, damping=damping)
+        numerics=numerics(dt=1e-12),
+        model=Model(self_contact=False, crushed_room=False, damping=damping),
     )
     start = distorted(scene, position, seed=3)
     velocity = np.random.default_rng(4).uniform(-5.0, 5.0, position.shape)

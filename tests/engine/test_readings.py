@@ -32,7 +32,7 @@ def state(shear: str, halves: str, gradient: tuple, seed: int, **parts) -> tuple
     """A block deformed at random about a gradient, with a third of its bonds broken."""
     scene = small_scene(
         base=FREE,
-        model=Model(self_contact=False, shear=shear, broken_halves=halves),
+        model=Model(self_contact=False, crushed_room=False, shear=shear, broken_halves=halves),
         **{"foam": UNBREAKABLE, **parts},
     )
     rng = np.random.default_rng(seed)
