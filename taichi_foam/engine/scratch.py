@@ -31,13 +31,16 @@ class ScratchFields:
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
               impactor now [N]; kinetic, stored, potential energy [J]
     column_breaks   bonds that break in this step
+    column_softens  bonds that lose a part of their faces in it
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
     sums, totals   of a GPU's blocks, and of the lattice
     """
 
-    def __init__(self, layout: Layout, variational: bool, self_contact: bool) -> None:
+    def __init__(
+        self, layout: Layout, variational: bool, self_contact: bool, softens: bool
+    ) -> None:
         pack = layout.pack
         pair = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack)
         self.trial = ti.types.struct(x=pack, y=pack, u=pack, v=pack).field()
@@ -50,17 +53,22 @@ class ScratchFields:
         if not layout.on_gpu:
             self.normal = ti.types.struct(a_strain=pack, a=pack, b_strain=pack, b=pack).field()
             layout.listed_by_sweep(layout.packs, self.normal)
-        self.tally = ti.types.struct(
-            least=pack,  # strain
-            sheared=pack,  # power of shear [W]
-            damped=pack,  # and of the dashpots
-            breaks=pack,  # bonds that break in this step
-            by_bonds=pack,  # power of all bonds at the stage [W]
-            moved=pack,  # squared motion in the step [m2]
-            diverged=pack,  # nodes that have
-            reaction_x=pack,  # of the bodies on the pack at hand [N]
-            reaction_y=pack,
-        ).field()
+        tally = {
+            "least": pack,  # strain
+            "sheared": pack,  # power of shear [W]
+            "damped": pack,  # and of the dashpots
+            "breaks": pack,  # bonds that break in this step
+            "by_bonds": pack,  # power of all bonds at the stage [W]
+            "moved": pack,  # squared motion in the step [m2]
+            "diverged": pack,  # nodes that have
+            "reaction_x": pack,  # of the bodies on the pack at hand [N]
+            "reaction_y": pack,
+        }
+        if softens:
+            tally["softens"] = pack  # bonds that lose a part of their faces in this step
+            self.column_softens = ti.field(ti.i32)
+            layout.listed(layout.columns, self.column_softens, whole=True)
+        self.tally = ti.types.struct(**tally).field()
         self.stiffest, self.contact_force = ti.field(ti.f64), ti.field(ti.f64)
         self.energy = ti.types.vector(3, ti.f64).field()
         layout.of_strips(self.tally, self.stiffest, self.contact_force, self.energy)

@@ -1,4 +1,4 @@
-"""How strong each bond of a block is: scatter, and saw cuts."""
+"""How strong each bond of a block is: what its length makes of it, scatter, and saw cuts."""
 
 import math
 from typing import Any
@@ -22,6 +22,16 @@ def strengths(scene: Scene) -> NDArray[np.float64]:
     modulus = weibull_modulus(foam.strength_scatter)
     drawn = np.random.default_rng(foam.strength_seed).weibull(modulus, shape)
     return drawn / math.gamma(1 + 1 / modulus)
+
+
+def bond_tails(scene: Scene) -> tuple[tuple[float, float], tuple[float, float]]:
+    """`BondFoam.tails` of bonds A, then B: in tension and in shear.
+
+    One that differs from 1 by rounding is 1: the bonds break at their limits then, at once.
+    """
+    found = (scene.foam.tails(length) for length in (scene.block.dx, scene.block.dy))
+    a, b = ([1.0 if abs(tail - 1.0) < 1e-9 else tail for tail in tails] for tails in found)
+    return (a[0], a[1]), (b[0], b[1])
 
 
 def cuts(scene: Scene) -> NDArray[np.bool_]:

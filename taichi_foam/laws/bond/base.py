@@ -68,6 +68,16 @@ class BondFoam(Part):
         fix="any other whole number draws others",
     )
 
+    def tails(self, length: float) -> tuple[float, float]:
+        """How far a bond of `length` [m] holds beyond its limits in tension and shear, over them.
+
+        Such a bond takes the foam's fracture energy with it when it breaks. 1: it breaks at once.
+        Above 1 its stress falls in a straight line from the limit, to nothing at so many times the
+        limit. Below 1 it breaks at once, and earlier, by the root of this. A law that knows nothing
+        of cracks has limits that are the same for every length.
+        """
+        return 1.0, 1.0
+
     @property
     def landmarks(self) -> Landmarks:
         """What measures and pictures refer to."""
@@ -163,6 +173,15 @@ class BondLaw:
         `sigma_e` is its engineering stress without stiffening, `size` the product of the lengths of
         F's two columns there. `tensile` and `strength` are the bond's own strengths in tension and
         shear over the mean of whole ones.
+        """
+        raise NotImplementedError
+
+    @ti.func
+    def overload(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
+        """Strain over the limit in tension, and shear stress over the strength; as for `fails`.
+
+        It is asked for instead of `fails` where bonds hold beyond their limits (`BondFoam.tails`).
+        The stresses are those of a whole bond.
         """
         raise NotImplementedError
 
