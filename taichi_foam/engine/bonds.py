@@ -379,8 +379,9 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     there = bonds[b, i, k].condition > ABSENT
     # powers are dear, and few bonds flow
     if lanes.any_of(there & (e < worst)):
-        step = lattice.state.clock[b].step
-        flowed = lattice.law.flowed(p.bond, e, worst, step)
+        # at a rate that counts half, foam flows as in twice the time
+        time = lattice.state.clock[b].step * p.flow_share[axis]
+        flowed = lattice.law.flowed(p.bond, e, worst, time)
         bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
 
 

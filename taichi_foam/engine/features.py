@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_foam.engine.strengths import bond_tails
+from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape import Impactor
 from taichi_foam.scene import Scene
@@ -44,7 +44,7 @@ def features_of(scene: Scene) -> Features:
         law=scene.foam.law_for(model),
         distance=(scene.impactor or Impactor).distance,
         scattered=scene.foam.strength_scatter > 0.0,
-        softens=max(tail for tails in bond_tails(scene) for tail in tails) > 1.0,
+        softens=any(each.softens for each in limits(scene)),
         variational=model.shear == "variational",
         four_weights=model.broken_halves == "each",
         excess_damping=model.damping == "stiffness",

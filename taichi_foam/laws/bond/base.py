@@ -6,13 +6,24 @@ knows nothing else of either.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
+from pydantic import Field
 
 from taichi_foam.parts import Part, quantity
+
+BRITTLE = 4.0
+"""What a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) times their length.
+
+The strain half a cell ahead of a crack's tip is K_I / (E sqrt(pi L)). It reaches e_t when the crack
+releases 2 pi times what the bond holds; a crack starts there, runs on past where it pays and stops.
+In double cantilevers (validation/verify.py) starting takes 4.9 to 6.4 times that energy, and
+growing 3.4 to 3.8; bonds that soften so far that they hold 4 times as much start cracks at the
+former. What bonds do not hold is radiated.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,6 +62,13 @@ class BondFoam(Part):
         at_most=1e11,
         fix="moduli and stresses are in pascals (0.84 MPa is 0.84e6)",
     )
+    crush_band: Annotated[float, Field(ge=1e-5, le=1)] | None = quantity(
+        0.005,
+        "m",
+        "width of the bands in which foam crushes and shears: what heeds strain rates (dashpots, "
+        "rate) takes those over this length, whatever the cell; none: over a cell",
+        allowed="none, or at least 1e-5 and at most 1 m",
+    )
     strength_scatter: float = quantity(
         0.0,
         "-",
@@ -68,15 +86,16 @@ class BondFoam(Part):
         fix="any other whole number draws others",
     )
 
-    def tails(self, length: float) -> tuple[float, float]:
-        """How far a bond of `length` [m] holds beyond its limits in tension and shear, over them.
+    def toughness(self, length: float) -> tuple[float, float]:
+        """What a crack costs over what bonds of `length` [m] hold at their limits, per area.
 
-        Such a bond takes the foam's fracture energy with it when it breaks. 1: it breaks at once.
-        Above 1 its stress falls in a straight line from the limit, to nothing at so many times the
-        limit. Below 1 it breaks at once, and earlier, by the root of this. A law that knows nothing
-        of cracks has limits that are the same for every length.
+        In tension, and in shear. A lattice of brittle bonds makes cracks `BRITTLE` times as dear as
+        what its bonds hold: up to this, bonds break at once, at limits that fall with the root of
+        what a crack costs. Beyond, their stress falls in a straight line from the limit, to nothing
+        at so many times the limit. A law that knows nothing of cracks has limits that are the same
+        for every length.
         """
-        return 1.0, 1.0
+        return BRITTLE, BRITTLE
 
     @property
     def landmarks(self) -> Landmarks:
@@ -180,8 +199,8 @@ class BondLaw:
     def overload(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
         """Strain over the limit in tension, and shear stress over the strength; as for `fails`.
 
-        It is asked for instead of `fails` where bonds hold beyond their limits (`BondFoam.tails`).
-        The stresses are those of a whole bond.
+        It is asked for instead of `fails` where bonds hold beyond their limits, see
+        `BondFoam.toughness`. The stresses are those of a whole bond.
         """
         raise NotImplementedError
 

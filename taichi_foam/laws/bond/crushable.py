@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from taichi_foam.laws import elementary
-from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks
+from taichi_foam.laws.bond.base import BRITTLE, BondFoam, BondLaw, Landmarks
 from taichi_foam.parts import quantity
 
 # The densification law is singular at the locking strain. Within this part of the way from
@@ -27,8 +27,8 @@ GUARD = 0.05
 PACKED = 4.0
 
 
-# Limits in strain, such as Table 1's, were found with a lattice of the paper's cells [m]. A crack
-# takes from foam what such bonds hold when they break, unless a scene says otherwise.
+# Limits in strain belong to a lattice of the paper's cells [m] whose bonds break at once: what a
+# crack costs there it costs in any lattice, unless a scene says otherwise.
 CELL = 0.005
 
 
@@ -53,15 +53,16 @@ class Foam(BondFoam):
     fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as it opens, over its area; none: what a bond of 5 mm holds at "
-        "tensile_strain, youngs_modulus * tensile_strain^2 * 5 mm / 2",
+        "energy that a crack takes as it opens, over its area; none: as in cells of 5 mm whose "
+        "bonds break at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as its faces slide, over its area, without pressure; none: what "
-        "a bond of 5 mm holds at shear_strain, shear_modulus * shear_strain^2 * 5 mm / 2",
+        "energy that a crack takes as its faces slide without pressure, over its area; none: as "
+        "in cells of 5 mm whose bonds break at shear_strain, "
+        "2 * shear_modulus * shear_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     densification_strain: float = quantity(
@@ -158,14 +159,14 @@ class Foam(BondFoam):
             plateau_stress=self.plateau_stress,
         )
 
-    def tails(self, length: float) -> tuple[float, float]:
+    def toughness(self, length: float) -> tuple[float, float]:
         """The fracture energies over what a bond holds at its limits (Bazant & Oh 1983)."""
         in_tension = 0.5 * self.youngs_modulus * self.tensile_strain**2 * length
         in_shear = 0.5 * self.shear_modulus * self.shear_strain**2 * length
         tension, shear = self.fracture_energy, self.shear_fracture_energy
         return (
-            CELL / length if tension is None else tension / in_tension,
-            CELL / length if shear is None else shear / in_shear,
+            BRITTLE * CELL / length if tension is None else tension / in_tension,
+            BRITTLE * CELL / length if shear is None else shear / in_shear,
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
