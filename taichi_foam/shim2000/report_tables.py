@@ -121,7 +121,10 @@ def ledger(cases: Sequence[Case]) -> Row:
     return {"names": [layer.label for layer in LEDGER], "rows": rows}
 
 
-BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
+BEYOND_THE_PAPER = (
+    "rate", "rate_exponent", "crush_band", "crushed_strength", "fracture_energy",
+    "shear_fracture_energy", "strength_scatter",
+)  # fmt: skip
 """What the foam of a scene may do besides Table 1."""
 
 

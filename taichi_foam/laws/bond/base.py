@@ -16,7 +16,7 @@ from pydantic import Field
 from taichi_foam.parts import Part, quantity
 
 BRITTLE = 4.0
-"""What a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) times their length.
+"""What opening a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) their length.
 
 The strain half a cell ahead of a crack's tip is K_I / (E sqrt(pi L)). It reaches e_t when the crack
 releases 2 pi times what the bond holds; a crack starts there, runs on past where it pays and stops.
@@ -63,10 +63,10 @@ class BondFoam(Part):
         fix="moduli and stresses are in pascals (0.84 MPa is 0.84e6)",
     )
     crush_band: Annotated[float, Field(ge=1e-5, le=1)] | None = quantity(
-        0.005,
+        None,
         "m",
-        "width of the bands in which foam crushes and shears: what heeds strain rates (dashpots, "
-        "rate) takes those over this length, whatever the cell; none: over a cell",
+        "width of the bands in which foam crushes and shears: dashpots and rate take strain rates "
+        "over this length, whatever the cell; none: over a cell",
         allowed="none, or at least 1e-5 and at most 1 m",
     )
     strength_scatter: float = quantity(
@@ -89,13 +89,13 @@ class BondFoam(Part):
     def toughness(self, length: float) -> tuple[float, float]:
         """What a crack costs over what bonds of `length` [m] hold at their limits, per area.
 
-        In tension, and in shear. A lattice of brittle bonds makes cracks `BRITTLE` times as dear as
-        what its bonds hold: up to this, bonds break at once, at limits that fall with the root of
-        what a crack costs. Beyond, their stress falls in a straight line from the limit, to nothing
-        at so many times the limit. A law that knows nothing of cracks has limits that are the same
-        for every length.
+        As it opens, and as its faces slide. A crack that opens through brittle bonds costs
+        `BRITTLE` times what they hold, one that slides as much as they do: up to this, bonds break
+        at once, at limits that fall with the root of what a crack costs. Beyond, their stress falls
+        in a straight line from the limit, to nothing at so many times the limit. A law that knows
+        nothing of cracks has limits that are the same for every length.
         """
-        return BRITTLE, BRITTLE
+        return BRITTLE, 1.0
 
     @property
     def landmarks(self) -> Landmarks:
