@@ -63,7 +63,7 @@ def limits(strengths: str, cell: float) -> Overrides:
     size = math.sqrt(REFERENCE / cell) if strengths == "scaled" else 1.0
     tensile, shear = size * foam.tensile_strain, size * foam.shear_strain
     opening = BRITTLE * 0.5 * foam.youngs_modulus * tensile**2 * cell
-    sliding = 0.5 * foam.shear_modulus * shear**2 * cell
+    sliding = BRITTLE * 0.5 * foam.shear_modulus * shear**2 * cell
     return (
         f"foam.tensile_strain={tensile!r}",
         f"foam.shear_strain={shear!r}",

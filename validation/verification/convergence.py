@@ -122,7 +122,7 @@ def _brittle(tensile: float, shear: float, cell: float) -> Foam:
         tensile_strain=tensile,
         shear_strain=shear,
         fracture_energy=BRITTLE * 0.5 * foam.youngs_modulus * tensile**2 * cell,
-        shear_fracture_energy=0.5 * foam.shear_modulus * shear**2 * cell,
+        shear_fracture_energy=BRITTLE * 0.5 * foam.shear_modulus * shear**2 * cell,
     )
 
 

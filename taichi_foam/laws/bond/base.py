@@ -16,13 +16,14 @@ from pydantic import Field
 from taichi_foam.parts import Part, quantity
 
 BRITTLE = 4.0
-"""What opening a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) their length.
+"""What a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) times their length.
 
 The strain half a cell ahead of a crack's tip is K_I / (E sqrt(pi L)). It reaches e_t when the crack
 releases 2 pi times what the bond holds; a crack starts there, runs on past where it pays and stops.
 In double cantilevers (validation/verify.py) starting takes 4.9 to 6.4 times that energy, and
 growing 3.4 to 3.8; bonds that soften so far that they hold 4 times as much start cracks at the
-former. What bonds do not hold is radiated.
+former. What bonds do not hold is radiated. The field about a crack whose faces slide is as
+singular, and taken to do the same; that has not been measured.
 """
 
 
@@ -89,13 +90,13 @@ class BondFoam(Part):
     def toughness(self, length: float) -> tuple[float, float]:
         """What a crack costs over what bonds of `length` [m] hold at their limits, per area.
 
-        As it opens, and as its faces slide. A crack that opens through brittle bonds costs
-        `BRITTLE` times what they hold, one that slides as much as they do: up to this, bonds break
-        at once, at limits that fall with the root of what a crack costs. Beyond, their stress falls
-        in a straight line from the limit, to nothing at so many times the limit. A law that knows
-        nothing of cracks has limits that are the same for every length.
+        As it opens, and as its faces slide. A crack through brittle bonds costs `BRITTLE` times
+        what they hold: up to this, bonds break at once, at limits that fall with the root of what a
+        crack costs. Beyond, their stress falls in a straight line from the limit, to nothing at so
+        many times the limit. A law that knows nothing of cracks has limits that are the same for
+        every length.
         """
-        return BRITTLE, 1.0
+        return BRITTLE, BRITTLE
 
     @property
     def landmarks(self) -> Landmarks:

@@ -60,8 +60,9 @@ class Foam(BondFoam):
     shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as its faces slide without pressure, over its area; none: what "
-        "bonds of 5 mm hold at shear_strain, shear_modulus * shear_strain^2 * 5 mm / 2",
+        "energy that a crack takes as its faces slide without pressure, over its area; none: as in "
+        "cells of 5 mm whose bonds break at shear_strain, "
+        "2 * shear_modulus * shear_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     densification_strain: float = quantity(
@@ -165,7 +166,7 @@ class Foam(BondFoam):
         tension, shear = self.fracture_energy, self.shear_fracture_energy
         return (
             BRITTLE * CELL / length if tension is None else tension / in_tension,
-            CELL / length if shear is None else shear / in_shear,
+            BRITTLE * CELL / length if shear is None else shear / in_shear,
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
