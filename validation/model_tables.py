@@ -157,7 +157,7 @@ def tables(ensemble: Path, paper_literal: Path) -> None:
         shown = "none" if middle is None else f"{100 * middle:.1f} %"
         typer.echo(f"{name}: {group['within']} of {group['of']}, median {shown}")
     typer.echo(f"\n## Initial peaks\n\n{peaks(entries)}")
-    typer.echo(f"## Criteria\n\n{criteria(groups['criteria'])}")
+    typer.echo(f"## Criteria\n\n{criteria(found['criteria'])}")
     plain = json.loads((paper_literal / "summary.json").read_text(encoding="utf-8"))
     typer.echo(f"## paper-literal\n\n{literal(plain['cases'])}")
 
