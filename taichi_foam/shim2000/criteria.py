@@ -375,7 +375,7 @@ def _small_top_cracks(run: _Run) -> Criterion:
         source=f"Fig. {run.test.picture}",
         value=found and float(found.count),
         unit="cracks",
-        allowed=f"at least 1, none deeper than {1e3 * longest:.3g} mm",
+        allowed=f"1 or more cracks, none deeper than {1e3 * longest:.3g} mm",
         holds=found is not None and found.count >= 1 and found.depth <= longest + _ROUNDING,
     )
 
