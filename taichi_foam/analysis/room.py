@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from taichi_foam.analysis.cells import corners
 from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_part, worst_strain
@@ -86,7 +86,7 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
         return None
     claims, others = quads[crushed & sound], quads[~crushed & sound]
     reach = 2.0 * np.sqrt(2.0) * extent[sound].max()  # from corner to corner of cells that touch
-    near = cKDTree(claims[:, 0]).query(others[:, 0], distance_upper_bound=reach)[0] < np.inf
+    near = KDTree(claims[:, 0]).query(others[:, 0], distance_upper_bound=reach)[0] < np.inf
     others = others[near]
     boxes = sum(float(np.ptp(cells, axis=1).prod(axis=1).sum()) for cells in (claims, others))
     pixel = max(min(block.dx, block.dy) / PIXELS, np.sqrt(boxes / MOST_PIXELS))
