@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.base import BRITTLE
+from taichi_foam.laws.bond.base import OPENING, SLIDING
 from taichi_foam.scene import Block, Scene
 
 
@@ -47,14 +47,17 @@ def limits(scene: Scene) -> tuple[Limits, Limits]:
     """In tension and in shear, see `BondFoam.toughness`."""
     toughness = [scene.foam.toughness(length) for length in (scene.block.dx, scene.block.dy)]
     tension, shear = zip(*toughness, strict=True)
-    return _limits(*tension), _limits(*shear)
+    return _limits(*tension, brittle=OPENING), _limits(*shear, brittle=SLIDING)
 
 
-def _limits(a: float, b: float) -> Limits:
-    """Of bonds A and B for which a crack costs so much, over what they hold."""
-    pair = [_snapped(each, BRITTLE) for each in (a, b)]
-    share = [math.sqrt(min(each / BRITTLE, 1.0)) for each in pair]
-    tail = [each if each > BRITTLE else 1.0 for each in pair]
+def _limits(a: float, b: float, brittle: float) -> Limits:
+    """Of bonds A and B for which a crack costs so much, over what they hold.
+
+    One through brittle bonds costs `brittle` times that.
+    """
+    pair = [_snapped(each, brittle) for each in (a, b)]
+    share = [math.sqrt(min(each / brittle, 1.0)) for each in pair]
+    tail = [each if each > brittle else 1.0 for each in pair]
     return Limits((share[0], share[1]), (tail[0], tail[1]))
 
 

@@ -9,7 +9,7 @@ from functools import cache
 
 from fidelity_study.members import Ensemble
 
-from taichi_foam.laws.bond.base import BRITTLE
+from taichi_foam.laws.bond.base import OPENING, SLIDING
 from taichi_foam.scene import Block, Foam
 from taichi_foam.shim2000.scores import HELD_OUT
 
@@ -62,8 +62,8 @@ def limits(strengths: str, cell: float) -> Overrides:
     foam = Foam()
     size = math.sqrt(REFERENCE / cell) if strengths == "scaled" else 1.0
     tensile, shear = size * foam.tensile_strain, size * foam.shear_strain
-    opening = BRITTLE * 0.5 * foam.youngs_modulus * tensile**2 * cell
-    sliding = BRITTLE * 0.5 * foam.shear_modulus * shear**2 * cell
+    opening = OPENING * 0.5 * foam.youngs_modulus * tensile**2 * cell
+    sliding = SLIDING * 0.5 * foam.shear_modulus * shear**2 * cell
     return (
         f"foam.tensile_strain={tensile!r}",
         f"foam.shear_strain={shear!r}",

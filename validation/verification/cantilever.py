@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.base import BRITTLE
+from taichi_foam.laws.bond.base import OPENING
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import (
@@ -110,7 +110,7 @@ def scene(strip: Strip) -> Scene:
     foam = WHOLE
     if strip.tensile_strain is not None:
         # its bonds break at this strain, at once
-        held = BRITTLE * strip.link_energy
+        held = OPENING * strip.link_energy
         strain = strip.tensile_strain
         foam = foam.model_copy(update={"tensile_strain": strain, "fracture_energy": held})
     rows = round(strip.length / strip.cell)

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_foam.analysis.measures import summary
 from taichi_foam.errors import RunError
-from taichi_foam.laws.bond.base import BRITTLE
+from taichi_foam.laws.bond.base import OPENING, SLIDING
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Foam, Model, Scene
 from taichi_foam.shim2000.tests import paper_scene
@@ -121,8 +121,8 @@ def _brittle(tensile: float, shear: float, cell: float) -> Foam:
     return Foam(
         tensile_strain=tensile,
         shear_strain=shear,
-        fracture_energy=BRITTLE * 0.5 * foam.youngs_modulus * tensile**2 * cell,
-        shear_fracture_energy=BRITTLE * 0.5 * foam.shear_modulus * shear**2 * cell,
+        fracture_energy=OPENING * 0.5 * foam.youngs_modulus * tensile**2 * cell,
+        shear_fracture_energy=SLIDING * 0.5 * foam.shear_modulus * shear**2 * cell,
     )
 
 

@@ -15,15 +15,16 @@ from pydantic import Field
 
 from taichi_foam.parts import Part, quantity
 
-BRITTLE = 4.0
-"""What a crack through brittle bonds costs over what they hold, (K e_t^2 / 2) times their length.
+OPENING, SLIDING = 4.0, 2.0
+"""What a crack through brittle bonds costs over what they hold, as it opens and as its faces slide.
 
-The strain half a cell ahead of a crack's tip is K_I / (E sqrt(pi L)). It reaches e_t when the crack
-releases 2 pi times what the bond holds; a crack starts there, runs on past where it pays and stops.
-In double cantilevers (validation/verify.py) starting takes 4.9 to 6.4 times that energy, and
-growing 3.4 to 3.8; bonds that soften so far that they hold 4 times as much start cracks at the
-former. What bonds do not hold is radiated. The field about a crack whose faces slide is as
-singular, and taken to do the same; that has not been measured.
+A bond of length L holds W = K e_t^2 L / 2, or G gamma_t^2 L / 2, per area. The stress half a cell
+ahead of a crack's tip is K_I / sqrt(pi L), or K_II, and the crack releases 1.15 K_I^2 / K (an
+orthotropic body without Poisson's effect, Sih, Paris & Irwin 1965). So it starts at 2.3 pi W = 7.2
+W as it opens, and at 2.3 pi (G / K) W = 2.2 W as it slides; it runs on past where that pays, and
+stops. In double cantilevers (validation/verify.py) an opening crack takes 4.9 to 6.4 W to start and
+3.4 to 3.8 W to grow; what bonds do not hold is radiated. One through bonds that soften costs 1.1 to
+1.3 of what they hold. A sliding one has not been measured.
 """
 
 
@@ -90,13 +91,13 @@ class BondFoam(Part):
     def toughness(self, length: float) -> tuple[float, float]:
         """What a crack costs over what bonds of `length` [m] hold at their limits, per area.
 
-        As it opens, and as its faces slide. A crack through brittle bonds costs `BRITTLE` times
-        what they hold: up to this, bonds break at once, at limits that fall with the root of what a
-        crack costs. Beyond, their stress falls in a straight line from the limit, to nothing at so
-        many times the limit. A law that knows nothing of cracks has limits that are the same for
-        every length.
+        As it opens, and as its faces slide. A crack through brittle bonds costs `OPENING` and
+        `SLIDING` times what they hold: up to this, bonds break at once, at limits that fall with
+        the root of what a crack costs. Beyond, their stress falls in a straight line from the
+        limit, to nothing at so many times the limit. A law that knows nothing of cracks has limits
+        that are the same for every length.
         """
-        return BRITTLE, BRITTLE
+        return OPENING, SLIDING
 
     @property
     def landmarks(self) -> Landmarks:

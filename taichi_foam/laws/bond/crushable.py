@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from taichi_foam.laws import elementary
-from taichi_foam.laws.bond.base import BRITTLE, BondFoam, BondLaw, Landmarks
+from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Landmarks
 from taichi_foam.parts import quantity
 
 # The densification law is singular at the locking strain. Within this part of the way from
@@ -62,7 +62,7 @@ class Foam(BondFoam):
         "J/m2",
         "energy that a crack takes as its faces slide without pressure, over its area; none: as in "
         "cells of 5 mm whose bonds break at shear_strain, "
-        "2 * shear_modulus * shear_strain^2 * 5 mm",
+        "shear_modulus * shear_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     densification_strain: float = quantity(
@@ -165,8 +165,8 @@ class Foam(BondFoam):
         in_shear = 0.5 * self.shear_modulus * self.shear_strain**2 * length
         tension, shear = self.fracture_energy, self.shear_fracture_energy
         return (
-            BRITTLE * CELL / length if tension is None else tension / in_tension,
-            BRITTLE * CELL / length if shear is None else shear / in_shear,
+            OPENING * CELL / length if tension is None else tension / in_tension,
+            SLIDING * CELL / length if shear is None else shear / in_shear,
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
