@@ -175,7 +175,9 @@ def _bond_forces(
             )
             left = elementary.smaller(left, condition)
             failed = ti.select(left > 0.0, left, ti.cast(BREAKING, ti.f64))
-            softens = ti.select(whole & (left < condition) & (left > 0.0), 1.0, 0.0)
+            # over what is there now: a column at a seam of two sweeps is looked at by both
+            intact = ti.cast(bonds[b, i, k].intact, ti.f64)
+            softens = ti.select(whole & (left < intact) & (left > 0.0), 1.0, 0.0)
             tally[b, strip].softens = tally[b, strip].softens + softens
         else:
             fails = lattice.law.fails(p.bond, e, sigma_e, tau, worst, size, tensile, strength)
