@@ -26,10 +26,11 @@ from peers import scene_with, updated
 from timing.engine import settings, start_taichi
 from timing.table import Table, write
 
+from taichi_foam.analysis import cells
 from taichi_foam.live.controller import Controller
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.screen import FPS, Screen
-from taichi_foam.picture import cells, raster
+from taichi_foam.picture import raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.simulate import simulate

@@ -20,6 +20,7 @@ FIX_BY_UNIT = {
     "compression": "strains are fractions (5 % is 0.05), negative in compression: -0.05",
     "deg": "angles are in degrees",
     "1/s": "rates are in 1/s",
+    "J/m2": "energies per area are in joules per square metre (0.0174 N/mm is 17.4)",
     "-": "it is a plain number",
     "px": "sizes are in pixels",
 }

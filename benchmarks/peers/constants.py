@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from taichi_foam.engine.strengths import limits, rate_shares
 from taichi_foam.scene import Foam, Impactor, Scene
 
 # The impactor swings on the support so many times as slowly as a node on the impactor.
@@ -215,6 +216,10 @@ def _check(scene: Scene) -> None:
             foam.rate is not None and foam.rate_exponent != 1.0
         ),
         "crushed foam without tensile stress": foam.crushed_tensile_stress == 0.0,
+        "bonds that hold beyond their limits, or fail below them": any(
+            (*each.tail, *each.share) != (1.0, 1.0, 1.0, 1.0) for each in limits(scene)
+        ),
+        "strain rates over a crush band": rate_shares(scene) != (1.0, 1.0),
         "strengths that differ": foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
     }

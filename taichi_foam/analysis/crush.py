@@ -27,12 +27,21 @@ def worst_strain(e_min_a: NDArray[np.float64], e_min_b: NDArray[np.float64]) -> 
     return over_bonds(np.minimum, e_min_a, e_min_b)
 
 
+def crushed_part(worst: NDArray[np.float64], foam: BondFoam) -> NDArray[np.float64]:
+    """How far foam that has met the strain `worst` is through the crushing: 0 to 1.
+
+    On its plateau foam is a mixture: this part of it is crushed, the rest has only yielded.
+    """
+    marks = foam.landmarks
+    part = (marks.crush_start - worst) / (marks.crush_start - marks.crush_end)
+    return np.clip(part, 0.0, 1.0)
+
+
 def crushed_cells(snapshot: Snapshot, foam: BondFoam) -> NDArray[np.bool_]:
     """Whether each cell is crushed, (columns, rows).
 
     It is when the worst compressive strain of its two to four bonds, so far, lies beyond
     CRUSHED_FRACTION of the way through the crushing.
     """
-    marks = foam.landmarks
-    limit = marks.crush_start + CRUSHED_FRACTION * (marks.crush_end - marks.crush_start)
-    return worst_strain(snapshot.e_min_a, snapshot.e_min_b) < limit
+    worst = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
+    return crushed_part(worst, foam) > CRUSHED_FRACTION

@@ -173,3 +173,8 @@ def bottomed_out(record: Record) -> bool | None:
     under = (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
     strains = record.snapshots[-1].e_min_b[under].mean(axis=1)
     return bool(strains.min(initial=0.0) <= marks.crush_end)
+
+
+def is_flat(impactor: Impactor) -> bool:
+    """Whether the impactor meets the block with a level face."""
+    return impactor.nose_depth <= 1e-6 * impactor.extent

@@ -15,13 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.fragments import crack_over_time, pieces
-from taichi_foam.analysis.impact import bottomed_out, first_contact, impact, passed_through
+from taichi_foam.analysis.impact import (
+    bottomed_out,
+    first_contact,
+    impact,
+    is_flat,
+    passed_through,
+)
 from taichi_foam.analysis.pattern import crushed_region
+from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
-from taichi_foam.scene import Impactor
 
 STANDARD_GRAVITY = 9.80665
 """What a deceleration of 1 g is [m/s2]."""
@@ -136,7 +142,7 @@ def _plateau(record: Record) -> float | str | None:
     h = record.history
     t, d = h["time_s"], h["displacement_m"]
     end = found.contact + PLATEAU_END_FRACTION * found.duration
-    if _is_flat(found.impactor):
+    if is_flat(found.impactor):
         start = found.contact + FLAT_RISE_S
     else:
         depth = found.depth_0 + min(found.impactor.nose_depth, NOSE_RISE_LIMIT_M)
@@ -160,7 +166,7 @@ def initial_peak(record: Record) -> tuple[float, float] | None:
     The largest within INITIAL_PEAK_WINDOW_S of contact; flat faces only.
     """
     found = impact(record)
-    if found is None or not _is_flat(found.impactor):
+    if found is None or not is_flat(found.impactor):
         return None
     since = record.history["time_s"] - found.contact
     window = (since >= 0) & (since <= min(INITIAL_PEAK_WINDOW_S, found.duration))
@@ -259,7 +265,8 @@ def summary(record: Record) -> dict[str, Any]:
         "rebound_velocity_m_s": rebound_velocity(record),
         "crushed_width_m": region and region.width,
         "crushed_height_m": region and region.height,
-        "crushed_height_left_m": region and region.height_left,
+        "crushed_layer_m": crushed_layer(last, scene) if last else None,
+        "crushed_without_room": without_room(last, scene) if last else None,
         "pieces": pieces(last) if last else None,
         "crack_lowest_height_m": crack and crack.lowest_height,
         "crack_start_x_m": crack and crack.start_x,
@@ -280,8 +287,3 @@ def summary(record: Record) -> dict[str, Any]:
     }
     words = statement(figures, why_no_plateau(record))
     return {**figures, "statement": words, "warnings": warnings_of(record)}
-
-
-def _is_flat(impactor: Impactor) -> bool:
-    """Whether the impactor meets the block with a level face."""
-    return impactor.nose_depth <= 1e-6 * impactor.extent

@@ -48,10 +48,6 @@ class CrushedRegion:
 
     columns, rows  first and last index
     width, height  m, extent in the reference configuration
-    height_left    m, what is left of its height once it is unloaded: in each of its columns the
-                   lasting heights of the crushed cells are summed (a cell is half its bonds
-                   upwards and downwards; a top cell's missing half is like the other); the median
-                   over the columns
     fill           share of its bounding box that is crushed: 1 for a rectangle, 0.79 for half an
                    ellipse, 0.5 for a triangle
     """
@@ -60,7 +56,6 @@ class CrushedRegion:
     rows: tuple[int, int]
     width: float
     height: float
-    height_left: float
     fill: float
 
 
@@ -83,23 +78,16 @@ class TopCracks:
 
 def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
     """The largest connected patch of crushed cells; None if there is none."""
-    block = scene.block
     patch = _largest_patch(crushed_cells(snapshot, scene.foam))
     if patch is None:
         return None
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
     across, up = int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)
-    links = block.dy * (1.0 + scene.foam.permanent_strain(snapshot.e_min_b))
-    cells = np.empty(patch.shape)
-    cells[:, 1:-1] = 0.5 * (links[:, 1:] + links[:, :-1])
-    cells[:, 0], cells[:, -1] = links[:, 0], links[:, -1]
-    heights = np.where(patch, cells, 0.0).sum(axis=1)[columns]
     return CrushedRegion(
         columns=(int(columns[0]), int(columns[-1])),
         rows=(int(rows[0]), int(rows[-1])),
-        width=across * block.dx,
-        height=up * block.dy,
-        height_left=float(np.median(heights)),
+        width=across * scene.block.dx,
+        height=up * scene.block.dy,
         fill=float(np.count_nonzero(patch) / (across * up)),
     )
 

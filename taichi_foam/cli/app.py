@@ -204,6 +204,8 @@ def reproduce_command(
         console.print(tables.study(content))
         if content["ensemble"]:
             console.print(tables.scores(content))
+        if content["criteria"]:
+            console.print(tables.criteria(content))
         say_where(console, out)
         for text in content["warnings"]:
             errors.print(f"warning: {text}", soft_wrap=True, markup=False)

@@ -11,12 +11,20 @@ from rich.text import Text
 from taichi_foam.analysis import quantities as q
 from taichi_foam.analysis.quantities import Quantity
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, is_miss
+from taichi_foam.shim2000.compare import (
+    COMPARED,
+    JUDGED,
+    comparison,
+    criteria_met,
+    is_miss,
+    median_and_allowed,
+)
 from taichi_foam.shim2000.tests import test_of, title
 
 _FIRST = (q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G)
 _MORE = (
-    q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
+    q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.LAYER, q.NO_ROOM,
+    q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
 )  # fmt: skip
 
 
@@ -79,7 +87,7 @@ def study(content: Mapping[str, Any]) -> Table:
 
 
 def scores(content: Mapping[str, Any]) -> Table:
-    """What an ensemble comes to: duration, displacement and plateau together, and criteria."""
+    """What an ensemble comes to: duration, displacement and plateau together."""
     ensemble, tolerance = content["ensemble"], f"{100 * content['tolerance']:.0f} %"
     table = _table("durations, displacements, plateaus")
     table.add_column("", no_wrap=True)
@@ -91,9 +99,26 @@ def scores(content: Mapping[str, Any]) -> Table:
         shown = "no answer" if error is None else f"{100 * error:.1f} %"
         if found["of"]:
             table.add_row(words, f"{found['within']} of {found['of']}", shown)
-    if ensemble["criteria"]:
-        met = sum(criterion["holds"] for criterion in ensemble["criteria"])
-        table.add_row("criteria of pictures met", f"{met} of {len(ensemble['criteria'])}", "")
+    return table
+
+
+def criteria(content: Mapping[str, Any]) -> Table | Text:
+    """How many criteria of a study are met, and those that are not; fits 80 columns."""
+    found = criteria_met(content)
+    words = f"criteria of the crushed foam: {found['within']} of {found['of']} met"
+    missed = [criterion for criterion in content["criteria"] if not criterion["holds"]]
+    if not missed:
+        return Text(words, style="bold")
+    table, many = _table(words), content["ensemble"] is not None
+    table.add_column("not met")
+    table.add_column("median" if many else "value", justify="right", no_wrap=True)
+    table.add_column("allowed", justify="right", no_wrap=True)
+    if many:
+        table.add_column("runs", justify="right", no_wrap=True)
+    for each in missed:
+        name = "" if each["case"] is None else f"{each['case'].removeprefix('paper/')}: "
+        runs = [f"{each['met']} of {each['of']}"] if many else []
+        table.add_row(name + each["text"], *median_and_allowed(each), *runs)
     return table
 
 

@@ -60,6 +60,9 @@ def _normal_force(
         # the plateau has no memory, so a worst strain met only now gives the same stress
         worst = elementary.smaller(e, worst)
     numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
+    if ti.static(lattice.features.softens):
+        intact = ti.cast(bonds[b, i, k].intact, ti.f64)
+        numerator = ti.select(numerator > 0.0, intact * numerator, numerator)
     # what the strip has to know goes to memory: these loops have no registers to spare. Columns at
     # the seams of two sweeps are looked at by both: twice is the same as once
     tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
@@ -128,11 +131,19 @@ def _bond_forces(
     tau = lattice.law.shear_stress(p.bond, gamma)
     shear = p.area[axis] * tau
     dashpot = ti.select(whole, p.cross_dashpot[axis], 0.0)
+    excess = dashpot
+    if ti.static(lattice.features.excess_damping):
+        excess = ti.select(whole, p.excess_dashpot[axis], 0.0)
+    if ti.static(lattice.features.softens):
+        intact = ti.cast(bonds[b, i, k].intact, ti.f64)
+        shear *= intact
+        dashpot *= intact
+        excess *= intact
     drag_x = dashpot * along_u
     drag_y = dashpot * along_v
     if ti.static(lattice.features.excess_damping):
         closing = (reach_x * along_u + reach_y * along_v) / (length * length)
-        excess = ti.select(whole, p.excess_dashpot[axis], 0.0) * closing
+        excess *= closing
         drag_x += reach_x * excess
         drag_y += reach_y * excess
     shear_x = column_x * shear
@@ -149,13 +160,28 @@ def _bond_forces(
         strength = lanes.zeros(lattice) + 1.0
         if ti.static(lattice.features.scattered):
             strength = ti.cast(lattice.model.strengths[axis][b, i, k], ti.f64)
-        tensile = strength
+        tensile = strength * p.tensile_share[axis]
+        strength *= p.shear_share[axis]
         if ti.static(lattice.law.weakens_across):
             tensile *= lattice.law.strength_left(p.bond, _crush_across(lattice, axis, b, i, k))
-        fails = lattice.law.fails(
-            p.bond, e, numerator / divisor, tau, worst, size, tensile, strength
-        )
-        failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
+        sigma_e = numerator / divisor
+        failed = condition
+        if ti.static(lattice.features.softens):
+            pulled, sheared = lattice.law.overload(
+                p.bond, e, sigma_e, tau, worst, size, tensile, strength
+            )
+            left = elementary.smaller(
+                _left(pulled, p.tensile_tail[axis]), _left(sheared, p.shear_tail[axis])
+            )
+            left = elementary.smaller(left, condition)
+            failed = ti.select(left > 0.0, left, ti.cast(BREAKING, ti.f64))
+            # over what is there now: a column at a seam of two sweeps is looked at by both
+            intact = ti.cast(bonds[b, i, k].intact, ti.f64)
+            softens = ti.select(whole & (left < intact) & (left > 0.0), 1.0, 0.0)
+            tally[b, strip].softens = tally[b, strip].softens + softens
+        else:
+            fails = lattice.law.fails(p.bond, e, sigma_e, tau, worst, size, tensile, strength)
+            failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         condition = ti.select(whole, failed, condition)
         bonds[b, i, k].condition = ti.cast(condition, ti.f32)
         breaks = ti.select(condition == BREAKING, 1.0, 0.0)
@@ -166,6 +192,13 @@ def _bond_forces(
         tally[b, strip].sheared = tally[b, strip].sheared + sheared
         tally[b, strip].damped = tally[b, strip].damped + damped
     return force_x, force_y, shear
+
+
+@ti.func
+def _left(overload, tail: ti.f64):
+    """What is left of a bond's face at so many times its limit: its stress falls in a line."""
+    fallen = (tail - overload) / (overload * ti.max(tail - 1.0, 1e-9))
+    return ti.select(overload > 1.0, elementary.larger(fallen, 0.0), 1.0)
 
 
 @ti.func
@@ -315,6 +348,9 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
         cells.press_column(lattice, stage, b, i, strip, sweep, slot, p)
     if stage == LAST_STAGE:
         lattice.scratch.column_breaks[b, i] = ti.i32(lattice.scratch.tally[b, strip].breaks.sum())
+        if ti.static(lattice.features.softens):
+            softens = lattice.scratch.tally[b, strip].softens.sum()
+            lattice.scratch.column_softens[b, i] = ti.i32(softens)
 
 
 @ti.func
@@ -347,8 +383,9 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     there = bonds[b, i, k].condition > ABSENT
     # powers are dear, and few bonds flow
     if lanes.any_of(there & (e < worst)):
-        step = lattice.state.clock[b].step
-        flowed = lattice.law.flowed(p.bond, e, worst, step)
+        # at a rate that counts half, foam flows as in twice the time
+        time = lattice.state.clock[b].step * p.flow_share[axis]
+        flowed = lattice.law.flowed(p.bond, e, worst, time)
         bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
 
 
@@ -361,3 +398,5 @@ def clear_bonds(lattice: ti.template(), b, strip):
     tally[b, strip].damped = lanes.zeros(lattice)
     tally[b, strip].pressed = lanes.zeros(lattice)
     tally[b, strip].breaks = lanes.zeros(lattice)
+    if ti.static(lattice.features.softens):
+        tally[b, strip].softens = lanes.zeros(lattice)

@@ -40,6 +40,52 @@ def volume(axis, p: ti.template()) -> ti.f64:
 
 
 @ti.func
+def intact_share(lattice: ti.template(), axis, b, i, j) -> ti.f64:
+    """Share of a bond's face that carries tension and shear."""
+    share = 1.0
+    if ti.static(lattice.features.softens):
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        share = ti.cast(lattice.state.bond_a[b, i, k].intact[lane], ti.f64)
+        if axis == B:
+            share = ti.cast(lattice.state.bond_b[b, i, k].intact[lane], ti.f64)
+    return share
+
+
+@ti.func
+def is_pulled(lattice: ti.template(), strain, worst, p: ti.template()) -> ti.i32:
+    numerator, _ = lattice.law.stress_fraction(p.bond, strain, worst, 0)
+    return ti.i32(numerator > 0.0)
+
+
+@ti.func
+def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
+    """At the end of a step: parts of the faces of column `i`'s bonds are lost from now on."""
+    lost = 0.0
+    for j in range(lattice.rows):
+        lost = soften_at(lattice, b, i, j, lost, p)
+    lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
+
+
+@ti.func
+def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -> ti.f64:
+    """Take from a node's bonds what they lose; the energy stored there is added to `lost` [J]."""
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    total = lost
+    for axis in range(2):
+        condition, worst, strain = look_at(lattice, axis, b, i, j, p)
+        left, share = ti.cast(condition, ti.f64), intact_share(lattice, axis, b, i, j)
+        if condition > BROKEN and left < share:
+            if is_pulled(lattice, strain, worst, p):
+                stored = lattice.law.stored_energy(p.bond, strain, worst, 0)
+                total += volume(axis, p) * (share - left) * stored
+            if axis == A:
+                lattice.state.bond_a[b, i, k].intact[lane] = condition
+            else:
+                lattice.state.bond_b[b, i, k].intact[lane] = condition
+    return total
+
+
+@ti.func
 def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
     """At the end of a step: column `i`'s failed bonds are broken from now on.
 
@@ -62,7 +108,11 @@ def break_at(
     for axis in range(2):
         condition, worst, strain = look_at(lattice, axis, b, i, j, p)
         if condition == BREAKING:
-            total += volume(axis, p) * lattice.law.energy_lost_by_breaking(p.bond, strain, worst)
+            energy = lattice.law.energy_lost_by_breaking(p.bond, strain, worst)
+            if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
+                if is_pulled(lattice, strain, worst, p):
+                    energy *= intact_share(lattice, axis, b, i, j)
+            total += volume(axis, p) * energy
             if axis == A:
                 lattice.state.bond_a[b, i, k].condition[lane] = BROKEN
                 lattice.state.bond_a[b, i, k].break_time[lane] = time

@@ -74,6 +74,10 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
     if diverged > 0.0:
         bad_node = nodes.first_diverged(lattice, b)
     clock.close_step(lattice, b, moved, stiffest, crush, breaks, bad_node, p)
+    if ti.static(lattice.features.softens):
+        for i in range(lattice.columns):
+            if lattice.scratch.column_softens[b, i] > 0:
+                breaking.soften_bonds(lattice, b, i, p)
     if breaks > 0:
         _break(lattice, b, p)
 

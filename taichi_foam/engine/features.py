@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape import Impactor
 from taichi_foam.scene import Scene
@@ -16,6 +17,7 @@ class Features:
     law            of the bonds, with its options
     distance       of a point from the impactor's surface; without an impactor that of a polygon
     scattered      each bond has its own strength
+    softens        bonds hold beyond their limits, with ever less of their faces
     variational    shear acts on all six nodes that its strain depends on
     four_weights   each broken bond is left out by itself (Model.broken_halves = "each"); otherwise
                    the two differences on one side of a bond count alike
@@ -28,6 +30,7 @@ class Features:
     law: BondLaw
     distance: Callable[..., Any]
     scattered: bool
+    softens: bool
     variational: bool
     four_weights: bool
     excess_damping: bool
@@ -43,6 +46,7 @@ def features_of(scene: Scene) -> Features:
         law=scene.foam.law_for(model),
         distance=(scene.impactor or Impactor).distance,
         scattered=scene.foam.strength_scatter > 0.0,
+        softens=any(each.softens for each in limits(scene)),
         variational=model.shear == "variational",
         four_weights=model.broken_halves == "each",
         excess_damping=model.damping == "stiffness",

@@ -92,6 +92,8 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
             ti.simt.block.sync()
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, shared, b, t, stage, p)
+        if ti.static(lattice.features.softens):
+            gpu_strips.soften_strip(lattice, b, t, THREADS, p)
         if lattice.scratch.totals[b, 0, BREAKS] > 0.0:
             gpu_strips.break_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
@@ -286,6 +288,12 @@ def _stage_wide(lattice: ti.template(), stage: ti.i32):
 
 @ti.kernel
 def _break_wide(lattice: ti.template()):
+    if ti.static(lattice.features.softens):
+        for q in range(lattice.batch * lattice.strips):
+            b = q // lattice.strips
+            if lattice.state.clock[b].active:
+                p = lattice.model.parameters[b]
+                gpu_strips.soften_strip(lattice, b, q % lattice.strips, lattice.strips, p)
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
         if lattice.state.clock[b].active and lattice.scratch.totals[b, 0, BREAKS] > 0.0:

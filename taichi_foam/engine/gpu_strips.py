@@ -188,6 +188,18 @@ def close_step(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
+def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
+    """Take from a strip's bonds what they have lost of their faces."""
+    lost = 0.0
+    n = strip
+    while n < lattice.nodes:
+        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+        lost = breaking.soften_at(lattice, b, i, k, lost, p)
+        n += width
+    lattice.state.fracture[b, strip] = lattice.state.fracture[b, strip] + lost
+
+
+@ti.func
 def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Break a strip's failed bonds. All have to end this before `update_halves`."""
     time = ti.cast(lattice.state.clock[b].time, ti.f32)

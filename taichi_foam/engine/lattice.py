@@ -35,7 +35,7 @@ class Lattice:
         self.most_pairs, self.most_candidates = layout.most_pairs, layout.most_candidates
         self.bins_x, self.bins_y = layout.bins_x, layout.bins_y
         self.model = ModelFields(layout, features)
-        self.state = StateFields(layout, features.self_contact, features.crushed_room)
+        self.state = StateFields(layout, features)
         self.scratch = ScratchFields(layout, features)
         layout.finish()
         self.state.clock.get_member_field("status").fill(EMPTY)

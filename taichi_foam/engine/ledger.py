@@ -20,6 +20,9 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
         stored = lattice.law.stored_energy(p.bond, strain, worst, broken)
+        if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
+            if not broken and breaking.is_pulled(lattice, strain, worst, p):
+                stored *= breaking.intact_share(lattice, axis, b, i, j)
         energy = breaking.volume(axis, p) * stored
     return energy
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
-from taichi_foam.engine.strengths import strengths
+from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape.base import SURFACE_ROWS
 from taichi_foam.scene import Scene
@@ -52,6 +52,12 @@ MEMBERS = {
     "cell": vec2,  # (dx, dy), also the bonds' lengths
     "area": vec2,  # of the bonds' faces
     "node_mass": ti.f64,
+    # what the length of bonds makes of their limits, see `strengths.Limits`
+    "tensile_share": vec2,  # limit over that of the law, at most 1
+    "shear_share": vec2,
+    "tensile_tail": vec2,  # how far a bond holds beyond it, over the limit, at least 1
+    "shear_tail": vec2,
+    "flow_share": vec2,  # time in which worst strains flow, over a step's
     "halves": ti.i32,  # which cross differences Eq. 27 leaves out
     "cross_dashpot": vec2,  # on the relative velocity of a bond's nodes [N s/m]
     "excess_dashpot": vec2,  # on its part along the bond, beyond that
@@ -179,14 +185,21 @@ def parameters_of(scene: Scene) -> dict:
     contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
+    tension, shear = limits(scene)
+    rates = np.array(rate_shares(scene))
     values = {
         "bond": foam.constants(model),
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": block.node_mass,
+        "tensile_share": list(tension.share),
+        "shear_share": list(shear.share),
+        "tensile_tail": list(tension.tail),
+        "shear_tail": list(shear.tail),
         "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
-        "cross_dashpot": (across * per_length).tolist(),
-        "excess_dashpot": ((along - across) * per_length).tolist(),
+        "flow_share": (1.0 / rates).tolist(),
+        "cross_dashpot": (across * per_length * rates).tolist(),
+        "excess_dashpot": ((along - across) * per_length * rates).tolist(),
         "drag": drag if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),

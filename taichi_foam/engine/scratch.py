@@ -34,6 +34,7 @@ class ScratchFields:
     column_breaks   bonds that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
     cell_push   by which cells push the second ends of both their diagonals [N], kept as `force`
+    column_softens  bonds that lose a part of their faces in it
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
@@ -53,18 +54,23 @@ class ScratchFields:
         if not layout.on_gpu:
             self.normal = ti.types.struct(a_strain=pack, a=pack, b_strain=pack, b=pack).field()
             layout.listed_by_sweep(layout.packs, self.normal)
-        self.tally = ti.types.struct(
-            least=pack,  # strain
-            sheared=pack,  # power of shear [W]
-            damped=pack,  # and of the dashpots
-            pressed=pack,  # and of the cells
-            breaks=pack,  # bonds that break in this step
-            by_bonds=pack,  # power of all bonds at the stage [W]
-            moved=pack,  # squared motion in the step [m2]
-            diverged=pack,  # nodes that have
-            reaction_x=pack,  # of the bodies on the pack at hand [N]
-            reaction_y=pack,
-        ).field()
+        tally = {
+            "least": pack,  # strain
+            "sheared": pack,  # power of shear [W]
+            "damped": pack,  # and of the dashpots
+            "pressed": pack,  # and of the cells
+            "breaks": pack,  # bonds that break in this step
+            "by_bonds": pack,  # power of all bonds at the stage [W]
+            "moved": pack,  # squared motion in the step [m2]
+            "diverged": pack,  # nodes that have
+            "reaction_x": pack,  # of the bodies on the pack at hand [N]
+            "reaction_y": pack,
+        }
+        if features.softens:
+            tally["softens"] = pack  # bonds that lose a part of their faces in this step
+            self.column_softens = ti.field(ti.i32)
+            layout.listed(layout.columns, self.column_softens, whole=True)
+        self.tally = ti.types.struct(**tally).field()
         self.stiffest, self.contact_force = ti.field(ti.f64), ti.field(ti.f64)
         self.energy = ti.types.vector(3, ti.f64).field()
         layout.of_strips(self.tally, self.stiffest, self.contact_force, self.energy)

@@ -12,6 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import cuts
 from taichi_foam.records.snapshot import Snapshot
@@ -118,6 +119,8 @@ class State:
     hold            (I-1, J-1) what a cell holds of its room's pressure, 1 to 0, see `engine.cells`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
     break_time_a, break_time_b  the same [s], NaN while whole
+    intact_a, intact_b          the same, share of a whole bond's face that carries tension and
+                    shear: less than 1 only where bonds hold beyond their limits
     clock, body     numbers by name, CLOCK and BODY
     work            (strips, WORKS) of each strip of nodes [J], members BONDS to ROOM
     fracture        (strips,) stored energy lost by breaking [J]
@@ -136,6 +139,8 @@ class State:
     worst_b: Array
     break_time_a: Array
     break_time_b: Array
+    intact_a: Array
+    intact_b: Array
     clock: Mapping[str, float]
     body: Mapping[str, float]
     work: Array
@@ -224,6 +229,8 @@ def initial_state(scene: Scene) -> State:
         worst_b=np.full((columns, rows - 1), worst[1]),
         break_time_a=cut[:-1, :, 0],
         break_time_b=cut[:, :-1, 1],
+        intact_a=np.ones((columns - 1, rows)),
+        intact_b=np.ones((columns, rows - 1)),
         clock=clock,
         body=body,
         work=np.zeros((0, WORKS)),
@@ -245,7 +252,8 @@ class StateFields:
     motion     position x, y [m] and velocity u, v [m/s] of the nodes
     increment  the step's weighted sums of their rates, of the last step between steps
     bond_a, bond_b, bonds   worst strain, weights of the differences that cross (`lanes.weight`),
-               condition, time of breaking [s]
+               condition, time of breaking [s]; where bonds hold beyond their limits also `intact`,
+               see State. The condition of a whole one is then what will be left after this step
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
     body, clock, work, fracture, overlap   see State
@@ -254,16 +262,20 @@ class StateFields:
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
     """
 
-    def __init__(self, layout: Layout, self_contact: bool, crushed_room: bool) -> None:
+    def __init__(self, layout: Layout, features: Features) -> None:
         pack, small_pack = layout.pack, layout.small_pack
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
-        # an even number of 32-bit members, see Layout
-        bond = ti.types.struct(
-            worst=pack, weights=layout.whole_pack, condition=small_pack, break_time=small_pack,
-            spare=small_pack,
-        ) if layout.on_gpu else ti.types.struct(
-            worst=pack, weights=layout.whole_pack, condition=small_pack, break_time=small_pack,
-        )  # fmt: skip
+        bond = {
+            "worst": pack,
+            "weights": layout.whole_pack,
+            "condition": small_pack,
+            "break_time": small_pack,
+        }
+        if features.softens:
+            bond["intact"] = small_pack
+        elif layout.on_gpu:
+            bond["spare"] = small_pack  # an even number of 32-bit members, see Layout
+        bond = ti.types.struct(**bond)
         self.motion, self.increment = motion.field(), motion.field()
         layout.by_columns(self.motion, self.increment)
         self.bond_a, self.bond_b = bond.field(), bond.field()
@@ -275,10 +287,10 @@ class StateFields:
         self.work = ti.types.vector(WORKS, ti.f64).field()
         self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
         layout.of_strips(self.work, self.fracture, self.overlap)
-        if crushed_room:
+        if features.crushed_room:
             self.hold = pack.field()
             layout.of_nodes(self.hold)
-        if self_contact:
+        if features.self_contact:
             self._place_contact(layout)
 
     def _place_contact(self, layout: Layout) -> None:

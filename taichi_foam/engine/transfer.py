@@ -18,7 +18,6 @@ from taichi_foam.engine.state import (
     CLOCK,
     EMPTY,
     NEVER,
-    WHOLE,
     WORKS,
     State,
     initial_state,
@@ -39,8 +38,9 @@ vec2 = ti.types.vector(2, ti.f64)
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
 
 # Of a node, as `_take_nodes` gives them: position, velocity, increment, stretch of
-# both springs, room, surface, hold; of its bonds A and B: worst strain and time of breaking.
-NODE_NUMBERS, BOND_NUMBERS = 11, 4
+# both springs, room, surface, hold; of its bonds A and B: worst strain, time of breaking, share
+# intact.
+NODE_NUMBERS, BOND_NUMBERS = 11, 6
 
 
 def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> None:
@@ -112,7 +112,7 @@ def put(lattice: Lattice, b: int, state: State) -> None:
     # each array as it is: copies of a big lattice would be as large as the lattice itself
     nodes = (state.position, state.velocity, state.increment, state.stretch)
     bonds = (state.worst_a, state.worst_b, state.break_time_a, state.break_time_b)
-    arrays = (*nodes, state.room, state.surface, state.hold, *bonds)
+    arrays = (*nodes, state.room, state.surface, state.hold, *bonds, state.intact_a, state.intact_b)
     _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
     _put_rest(lattice, b, strips, numbers)
     if lattice.features.self_contact:
@@ -127,7 +127,7 @@ def _values(numbers: Mapping[str, float], names: tuple[str, ...]) -> list[float]
 def _put_nodes(
     lattice: ti.template(), b: ti.i32, position: Stack, velocity: Stack, increments: Stack,
     stretch: Stack, rooms: Table, surfaces: Table, holds: Table, worst_a: Table, worst_b: Table,
-    break_time_a: Table, break_time_b: Table,
+    break_time_a: Table, break_time_b: Table, intact_a: Table, intact_b: Table,
 ):  # fmt: skip
     """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
     for i in range(-1, lattice.columns + 1):
@@ -168,14 +168,15 @@ def _put_nodes(
                     bond = ti.static(lattice.state.bonds[axis])
                     worsts = ti.static((worst_a, worst_b)[axis])
                     break_times = ti.static((break_time_a, break_time_b)[axis])
-                    condition = ABSENT
-                    worst, broken_at = 0.0, 0.0
+                    condition = ti.cast(ABSENT, ti.f32)
+                    worst, broken_at, intact = 0.0, 0.0, 1.0
                     columns = lattice.columns - ti.static(1 - axis)
                     rows = lattice.rows - ti.static(axis)
                     if i >= 0 and i < columns and j >= 0 and j < rows:
                         worst = worsts[i, j]
                         broken_at = break_times[i, j]
-                        condition = WHOLE
+                        intact = ti.static((intact_a, intact_b)[axis])[i, j]
+                        condition = ti.cast(intact, ti.f32)
                         if not ti.math.isnan(broken_at):
                             condition = BROKEN
                         else:
@@ -184,6 +185,8 @@ def _put_nodes(
                     bond[b, i, k].weights[lane] = 0
                     bond[b, i, k].condition[lane] = condition
                     bond[b, i, k].break_time[lane] = ti.cast(broken_at, ti.f32)
+                    if ti.static(lattice.features.softens):
+                        bond[b, i, k].intact[lane] = ti.cast(intact, ti.f32)
 
 
 @ti.kernel
@@ -232,6 +235,8 @@ def take(lattice: Lattice, b: int) -> State:
         worst_b=bonds[:, :-1, 1].copy(),
         break_time_a=bonds[:-1, :, 2].copy(),
         break_time_b=bonds[:, :-1, 3].copy(),
+        intact_a=bonds[:-1, :, 4].copy(),
+        intact_b=bonds[:, :-1, 5].copy(),
         clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
         body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
         work=strips[:, :WORKS].copy(),
@@ -244,7 +249,7 @@ def take(lattice: Lattice, b: int) -> State:
 def snapshot(lattice: Lattice, b: int) -> Snapshot:
     """What a viewer sees of lattice `b` between two steps."""
     nodes = np.empty((lattice.columns, lattice.rows, 4))
-    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
+    bonds = np.empty((lattice.columns, lattice.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
     height = lattice.state.body[b].y
     return Snapshot(
@@ -261,7 +266,7 @@ def snapshot(lattice: Lattice, b: int) -> Snapshot:
 
 @ti.kernel
 def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
-    """Of each node as many numbers as there is room for."""
+    """Of each node and its bonds as many numbers as there is room for."""
     for i in range(lattice.columns):
         for j in range(lattice.rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
@@ -276,6 +281,8 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                 if breaking.is_whole(lattice, c, b, i, j):
                     broken_at = ti.math.nan
                 bonds[i, j, 2 + c] = broken_at
+                if bonds.shape[2] > 4:
+                    bonds[i, j, 4 + c] = breaking.intact_share(lattice, c, b, i, j)
             if nodes.shape[2] > 4:
                 nodes[i, j, 4] = lattice.state.increment[b, i, k].x[lane]
                 nodes[i, j, 5] = lattice.state.increment[b, i, k].y[lane]

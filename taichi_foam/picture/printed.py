@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from taichi_foam.analysis import cells
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, cells, colours
+from taichi_foam.picture import annotate, colours
 from taichi_foam.picture.figures import MOTION, ledger_layers
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key

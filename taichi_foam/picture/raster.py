@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis import cells
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, cells, colours, inset
+from taichi_foam.picture import annotate, colours, inset
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key

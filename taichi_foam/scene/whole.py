@@ -26,6 +26,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
             {
                 "foam.rate": 3000.0,
                 "foam.rate_exponent": 1.0,
+                "foam.crush_band": 0.005,
                 "foam.crushed_strength": 0.1,
                 "base.kind": "gripped",
                 "impactor.friction": 0.22,
@@ -41,6 +42,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "paper-literal": MappingProxyType(
             {
                 "foam.rate": None,
+                "foam.crush_band": None,
                 "foam.crushed_strength": 1.0,
                 "base.kind": "held",
                 "impactor.friction": 0.0,

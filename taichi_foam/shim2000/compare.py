@@ -103,6 +103,19 @@ def hits(
     }
 
 
+def criteria_met(content: Mapping[str, Any]) -> dict[str, int]:
+    """How many of the criteria in a study's summary.json are met."""
+    found = content["criteria"]
+    return {"within": sum(criterion["holds"] for criterion in found), "of": len(found)}
+
+
+def median_and_allowed(found: Mapping[str, Any]) -> tuple[str, str]:
+    """The median and the limits of an entry of `criteria`, as people read them."""
+    unit = "" if found["unit"] == "-" or found["unit"] in found["allowed"] else f" {found['unit']}"
+    median = "–" if found["median"] is None else f"{found['median']:.3g}{unit}"
+    return median, found["allowed"] + unit
+
+
 def theirs(quantity: q.Quantity, case: Mapping[str, Any]) -> float | None:
     """What the paper's own simulation gave for a figure of an entry of `cases`, if anything."""
     known = quantity is q.DURATION and case["test"]

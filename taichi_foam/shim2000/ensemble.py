@@ -56,7 +56,12 @@ def check(count: int) -> None:
 
 
 def factors(count: int) -> list[float]:
-    """Velocities of an ensemble over the test's own: evenly spread, from end to end."""
+    """Velocities of an ensemble over the test's own: evenly spread, from end to end.
+
+    A single one is the test's own.
+    """
+    if count == 1:
+        return [1.0]
     return [float(f) for f in 1.0 + WITHIN * np.linspace(-1.0, 1.0, count)]
 
 

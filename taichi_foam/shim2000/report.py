@@ -71,7 +71,7 @@ def write(
             misses=_misses(content),
             changed=[short(case.name) for case in cases if case.test is None],
             groups=report_ensembles.groups(content) if content["ensemble"] else [],
-            criteria=report_ensembles.criteria(content) if content["ensemble"] else [],
+            criteria=report_tables.criteria(content),
             kinds=[report_tables.kind(key, group) for key, group in groups.items()],
             pictures=drawn,
             ledger=report_tables.ledger(cases),

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME, Quantity
+from taichi_foam.shim2000.compare import criteria_met
 from taichi_foam.shim2000.error_figure import Whisker
 from taichi_foam.shim2000.report_pictures import short
 from taichi_foam.shim2000.report_tables import Row, hit
@@ -27,10 +28,9 @@ def headline(content: Mapping[str, Any]) -> list[Row]:
         },
         hit(ENERGY_PER_VOLUME.label, content["within_tolerance"][ENERGY_PER_VOLUME.key]),
     ]
-    if ensemble["criteria"]:
-        met = sum(criterion["holds"] for criterion in ensemble["criteria"])
-        found = {"within": met, "of": len(ensemble["criteria"])}
-        cards.append(hit(f"criteria met by at least {100 * SHARE:.0f} % of the runs", found))
+    if content["criteria"]:
+        words = f"criteria met by at least {100 * SHARE:.0f} % of the runs"
+        cards.append(hit(words, criteria_met(content)))
     return cards
 
 
@@ -50,22 +50,6 @@ def groups(content: Mapping[str, Any]) -> list[Row]:
     ]
 
 
-def criteria(content: Mapping[str, Any]) -> list[Row]:
-    """Each criterion of the paper's pictures, and how many runs meet it."""
-    return [
-        {
-            "case": short(found["case"]),
-            "text": found["text"],
-            "source": found["source"],
-            "median": "–" if found["median"] is None else f"{found['median']:.3g}{_unit(found)}",
-            "allowed": f"{found['allowed']}{_unit(found)}",
-            "met": f"{found['met']} of {found['of']}",
-            "miss": not found["holds"],
-        }
-        for found in content["ensemble"]["criteria"]
-    ]
-
-
 def whiskers(content: Mapping[str, Any]) -> dict[str, Sequence[Whisker]]:
     """Errors of the medians and of the ends of their bands, by figure; {} without a test."""
     tests = [case for case in content["cases"] if case["test"]]
@@ -81,7 +65,3 @@ def _whisker(quantity: Quantity, case: Mapping[str, Any]) -> Whisker:
 
 def _error(value: float | None) -> str:
     return "no answer" if value is None else f"{100 * value:.1f} %"
-
-
-def _unit(found: Mapping[str, Any]) -> str:
-    return "" if found["unit"] == "-" or found["unit"] in found["allowed"] else f" {found['unit']}"

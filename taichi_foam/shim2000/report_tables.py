@@ -10,7 +10,7 @@ from taichi_foam.analysis.quantities import DURATION, Quantity
 from taichi_foam.parts import described
 from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene
-from taichi_foam.shim2000.compare import JUDGED, is_miss, theirs
+from taichi_foam.shim2000.compare import JUDGED, criteria_met, is_miss, median_and_allowed, theirs
 from taichi_foam.shim2000.report_pictures import KINDS, short
 from taichi_foam.shim2000.study import Case
 
@@ -61,9 +61,31 @@ def _place(error: float) -> float:
 
 
 def headline(content: Mapping[str, Any]) -> list[Row]:
-    """The score of single runs: in how many tests each judged figure lies within the tolerance."""
+    """The score of single runs: in how many tests each judged figure lies within the tolerance.
+
+    And how many criteria hold.
+    """
     found = [(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
+    if content["criteria"]:
+        found.append(("criteria", criteria_met(content)))
     return [hit(label, count) for label, count in found if count["of"]]
+
+
+def criteria(content: Mapping[str, Any]) -> list[Row]:
+    """What the paper says of the crushed foam: each criterion, and how many runs meet it."""
+    shown = [median_and_allowed(found) for found in content["criteria"]]
+    return [
+        {
+            "case": "several" if found["case"] is None else short(found["case"]),
+            "text": found["text"],
+            "source": found["source"],
+            "median": median,
+            "allowed": allowed,
+            "met": f"{found['met']} of {found['of']}",
+            "miss": not found["holds"],
+        }
+        for found, (median, allowed) in zip(content["criteria"], shown, strict=True)
+    ]
 
 
 def hit(label: str, found: Mapping[str, Any]) -> Row:
@@ -92,6 +114,7 @@ def _damage(case: Case) -> Row:
     return {
         "case": short(case.name, case.test is not None),
         "pieces": found["pieces"],
+        "room": text(q.NO_ROOM),
         "region": "none" if width is None else f"{q.WIDTH.text(width)} × {text(q.HEIGHT)}",
         "crack": f"at {text(q.CRACK_START)}, {text(q.CRACK_TIME)}" if has_crack else "none",
         "depth": text(q.CRACK),
@@ -121,7 +144,10 @@ def ledger(cases: Sequence[Case]) -> Row:
     return {"names": [layer.label for layer in LEDGER], "rows": rows}
 
 
-BEYOND_THE_PAPER = ("rate", "rate_exponent", "crushed_strength", "strength_scatter")
+BEYOND_THE_PAPER = (
+    "rate", "rate_exponent", "crush_band", "crushed_strength", "fracture_energy",
+    "shear_fracture_energy", "strength_scatter",
+)  # fmt: skip
 """What the foam of a scene may do besides Table 1."""
 
 

@@ -32,7 +32,7 @@ from taichi_foam.shim2000 import compare, report
 from taichi_foam.shim2000 import ensemble as ensembles
 from taichi_foam.shim2000.bands import bands
 from taichi_foam.shim2000.machine import machine, versions
-from taichi_foam.shim2000.scores import scores
+from taichi_foam.shim2000.scores import judged, scores
 from taichi_foam.shim2000.study import Case, Computed, has_failed
 from taichi_foam.shim2000.tests import NAMES, paper_scene, title
 from taichi_foam.simulation import simulate
@@ -170,7 +170,8 @@ def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
     entries = [_entry(case) for case in computed.cases]
     return {
         "cases": entries,
-        "ensemble": None if runs is None else scores(computed.cases, entries, runs, tolerance),
+        "ensemble": None if runs is None else scores(entries, runs, tolerance),
+        "criteria": judged(computed.cases),
         "tolerance": tolerance,
         "within_tolerance": compare.hits(entries, tolerance),
         "not_finished": computed.cut,

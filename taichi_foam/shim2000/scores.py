@@ -1,19 +1,18 @@
-"""How an ensemble's medians fare against the measurements: counts and errors, all in one place."""
+"""How a study fares against the paper: the errors of an ensemble's medians, and the criteria."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.shim2000.bands import ENDS, quantile
 from taichi_foam.shim2000.compare import is_miss
+from taichi_foam.shim2000.criteria import Criterion, comparing, criteria
 from taichi_foam.shim2000.ensemble import WITHIN
 from taichi_foam.shim2000.study import Case
-
-if TYPE_CHECKING:
-    from taichi_foam.shim2000.criteria import Criterion
 
 SCORED = (DURATION, DISPLACEMENT, PLATEAU)
 """The figures that the headline counts: 27 in the nine tests."""
@@ -42,13 +41,10 @@ def score(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, A
     }
 
 
-def scores(
-    cases: Sequence[Case], entries: Sequence[Mapping[str, Any]], runs: int, tolerance: float
-) -> dict[str, Any]:
+def scores(entries: Sequence[Mapping[str, Any]], runs: int, tolerance: float) -> dict[str, Any]:
     """The part `ensemble` of summary.json.
 
     Args:
-        cases: the ensembles.
         entries: of summary.json's `cases`, of the same tests.
         runs: how many of each test were asked for.
         tolerance: errors up to this, relatively, are hits.
@@ -62,24 +58,45 @@ def scores(
         "all": score(entries, tolerance),
         "fitted": _group(fitted, tolerance),
         "held_out": _group(held_out, tolerance),
-        "criteria": [entry for case in cases for entry in _criteria(case)],
     }
+
+
+def judged(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """The part `criteria` of summary.json: for each of them, how many runs meet it.
+
+    Criteria that compare tests take the runs whose velocities differ alike from the tests' own.
+    """
+    entries: list[dict[str, Any]] = []
+    alike: dict[float, list[Criterion]] = defaultdict(list)
+    for case in cases:
+        runs = _runs(case)
+        entries += _shares(case.name, runs.values())
+        for factor, found in runs.items():
+            alike[factor] += found
+    return entries + _shares(None, map(comparing, alike.values()))
 
 
 def _group(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, Any]:
     return {"cases": [entry["name"] for entry in entries], **score(entries, tolerance)}
 
 
-def _criteria(case: Case) -> list[dict[str, Any]]:
-    """For each of a test's criteria, how many of its members meet it."""
+def _runs(case: Case) -> dict[float, Sequence[Criterion]]:
+    """The criteria of a test's runs, by their velocity over the test's own."""
+    if not case.members:
+        return {1.0: criteria(case.result)}
+    return {round(each.velocity / case.velocity, 9): each.criteria for each in case.members}
+
+
+def _shares(name: str | None, runs: Iterable[Sequence[Criterion]]) -> list[dict[str, Any]]:
+    """Of each criterion of these runs, how many meet it; `name` is the test's."""
     by_key: dict[str, list[Criterion]] = {}
-    for member in case.members:
-        for criterion in member.criteria:
+    for found in runs:
+        for criterion in found:
             by_key.setdefault(criterion.key, []).append(criterion)
-    return [_share(case.name, group) for group in by_key.values()]
+    return [_share(name, group) for group in by_key.values()]
 
 
-def _share(name: str, group: Sequence[Criterion]) -> dict[str, Any]:
+def _share(name: str | None, group: Sequence[Criterion]) -> dict[str, Any]:
     """Of one criterion: how many members meet it; the median of the values that there are."""
     first = group[0]
     met = sum(criterion.holds for criterion in group)

@@ -27,7 +27,7 @@ class Member:
 
     scene         what ran
     figures       its measures, as in its summary.json
-    criteria      the paper's patterns, and whether it shows them
+    criteria      what the paper says of the crushed foam, and whether it agrees
     time          (n,) since first contact [s]
     deceleration  (n,) smoothed [m/s2]
     """
@@ -37,6 +37,12 @@ class Member:
     criteria: Sequence[Criterion]
     time: Array
     deceleration: Array
+
+    @property
+    def velocity(self) -> float:
+        """Impact velocity [m/s]."""
+        assert self.scene.impactor is not None  # every test has one
+        return self.scene.impactor.velocity
 
 
 @dataclass(frozen=True)

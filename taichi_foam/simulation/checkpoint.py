@@ -32,7 +32,7 @@ from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
 from taichi_foam.version import version
 
-FORMAT = 4
+FORMAT = 5
 
 CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
 """Names of the two files in a folder of checkpoints."""

@@ -110,7 +110,8 @@ def test_the_floor_pushes_up_with_half_a_cell_of_foam(sunk: float, shares: list[
 def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
     """Feet once crushed by 40 % of their height: the floor meets them only at 1.5 mm.
 
-    Those crushed sideways have all their height, and are met at 2.5 mm. Their own bonds are broken, and hold nothing at a strain beyond that of zero stress.
+    Those crushed sideways have all their height, and are met at 2.5 mm. Their own bonds are
+    broken, and hold nothing at a strain beyond that of zero stress.
     """
     scene = small_scene(base=Base(kind="floor"), model=LOOSE)
     worst = np.zeros((COLUMNS - 1, ROWS) if axis == 0 else (COLUMNS, ROWS - 1))

@@ -71,6 +71,13 @@ BAD = [
     (RECTANGULAR, "numerics.end=50", ["numerics.end = 50", "'rebound' or", "1 ms is 1e-3"]),
     (WEDGE, "impactor.angle_deg=1.5708", ["impactor.angle_deg = 1.5708", "degrees"]),
     (RECTANGULAR, "output.history_interval=1", ["output.history_interval = 1", "1 ms is 1e-3"]),
+    (RECTANGULAR, "foam.fracture_energy=0", ["foam.fracture_energy = 0", "above 0", "J/m2"]),
+    (
+        RECTANGULAR,
+        "foam.shear_fracture_energy=-21",
+        ["foam.shear_fracture_energy = -21", "none, or above 0", "0.0174 N/mm is 17.4"],
+    ),
+    (RECTANGULAR, "foam.crush_band=5", ["foam.crush_band = 5", "at most 1 m", "200 mm is 0.2"]),
     # signs, zeros, NaN, infinity
     (RECTANGULAR, "block.columns=0", ["block.columns = 0", "at least 2"]),
     (RECTANGULAR, "block.rows=-20", ["block.rows = -20", "at least 2"]),

@@ -78,6 +78,9 @@ def foams(draw):
             shear_modulus=floats(1e3, 1e7),
             crushed_tensile_stress=st.none() | floats(0, 1e9),
             rate=st.none() | floats(1, 1e9),
+            crush_band=st.none() | floats(1e-5, 1),
+            fracture_energy=st.none() | floats(1e-6, 1e6),
+            shear_fracture_energy=st.none() | floats(1e-6, 1e6),
         )
     )
 
@@ -299,7 +302,8 @@ def test_unknown_choices():
 
 def test_calibrated_is_the_default_but_for_the_foam_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    plain = ["foam.rate=none", "foam.crushed_strength=1", "base.stops_impactor=true"]
+    plain = ["foam.rate=none", "foam.crush_band=none", "foam.crushed_strength=1"]
+    plain.append("base.stops_impactor=true")
     assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])
 
 

@@ -123,7 +123,7 @@ def test_an_ensemble_of_changed_tests_has_no_score(tmp_path: Path) -> None:
         tmp_path / "out", ["wedge-2.86"], ensemble=2, overrides=settings, films=False
     )
     assert content["ensemble"]["all"] == {"within": 0, "of": 0, "median_absolute_error": None}
-    assert content["ensemble"]["criteria"] == []
+    assert content["criteria"] == []
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["cases"][0]["test"] is None
     assert not (tmp_path / "out" / "figures" / "errors.png").exists()
     printed(tables.study(content))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.laws.bond.base import OPENING
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import (
@@ -108,7 +109,10 @@ def scene(strip: Strip) -> Scene:
     """
     foam = WHOLE
     if strip.tensile_strain is not None:
-        foam = foam.model_copy(update={"tensile_strain": strip.tensile_strain})
+        # its bonds break at this strain, at once
+        held = OPENING * strip.link_energy
+        strain = strip.tensile_strain
+        foam = foam.model_copy(update={"tensile_strain": strain, "fracture_energy": held})
     rows = round(strip.length / strip.cell)
     sound = MODULUS / Block().density
     interval = strip.cell / strip.speed / ROWS_PER_CELL

@@ -16,6 +16,7 @@ import numpy as np
 
 from taichi_foam.analysis.measures import summary
 from taichi_foam.errors import RunError
+from taichi_foam.laws.bond.base import OPENING, SLIDING
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Foam, Model, Scene
 from taichi_foam.shim2000.tests import paper_scene
@@ -105,12 +106,23 @@ def scene(impact: Impact, **numerics: object) -> Scene:
     return given.model_copy(
         update={
             "block": block,
-            "foam": Foam(tensile_strain=size * TENSILE, shear_strain=size * SHEAR),
+            "foam": _brittle(size * TENSILE, size * SHEAR, impact.cell),
             "impactor": impactor,
             "base": Base(kind="gripped"),
             "model": MODEL,
             "numerics": given.numerics.model_copy(update=numerics),
         }
+    )
+
+
+def _brittle(tensile: float, shear: float, cell: float) -> Foam:
+    """Foam whose bonds break at these strains, at once, in cells of this size [m]."""
+    foam = Foam()
+    return Foam(
+        tensile_strain=tensile,
+        shear_strain=shear,
+        fracture_energy=OPENING * 0.5 * foam.youngs_modulus * tensile**2 * cell,
+        shear_fracture_energy=SLIDING * 0.5 * foam.shear_modulus * shear**2 * cell,
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from taichi_foam.laws import elementary
-from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks
+from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Landmarks
 from taichi_foam.parts import quantity
 
 # The densification law is singular at the locking strain. Within this part of the way from
@@ -29,6 +29,11 @@ PACKED = 4.0
 # What a cell may lack of its room without pressure, over its area at rest: straight cells have just
 # what their bonds leave them, but for rounding.
 ROUNDING = 1e-9
+
+
+# Limits in strain belong to a lattice of the paper's cells [m] whose bonds break at once: what a
+# crack costs there it costs in any lattice, unless a scene says otherwise.
+CELL = 0.005
 
 
 class Foam(BondFoam):
@@ -48,6 +53,21 @@ class Foam(BondFoam):
         above=0,
         at_most=2,
         fix="strains are fractions (10 % is 0.10)",
+    )
+    fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+        None,
+        "J/m2",
+        "energy that a crack takes as it opens, over its area; none: as in cells of 5 mm whose "
+        "bonds break at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
+        allowed="none, or above 0 and at most 1e6 J/m2",
+    )
+    shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+        None,
+        "J/m2",
+        "energy that a crack takes as its faces slide without pressure, over its area; none: as in "
+        "cells of 5 mm whose bonds break at shear_strain, "
+        "shear_modulus * shear_strain^2 * 5 mm",
+        allowed="none, or above 0 and at most 1e6 J/m2",
     )
     densification_strain: float = quantity(
         -0.80,
@@ -141,6 +161,16 @@ class Foam(BondFoam):
             crushed_tensile=self.crushed_tension[0],
             shear=self.shear_strain,
             plateau_stress=self.plateau_stress,
+        )
+
+    def toughness(self, length: float) -> tuple[float, float]:
+        """The fracture energies over what a bond holds at its limits (Bazant & Oh 1983)."""
+        in_tension = 0.5 * self.youngs_modulus * self.tensile_strain**2 * length
+        in_shear = 0.5 * self.shear_modulus * self.shear_strain**2 * length
+        tension, shear = self.fracture_energy, self.shear_fracture_energy
+        return (
+            OPENING * CELL / length if tension is None else tension / in_tension,
+            SLIDING * CELL / length if shear is None else shear / in_shear,
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -460,3 +490,9 @@ class Crushable(BondLaw):
         """
         in_tension = e > tensile * self.tensile_limit(c, e_min)
         return in_tension | (ti.abs(tau) > strength * self.shear_strength(c, e, sigma_e, size))
+
+    @ti.func
+    def overload(self, c: ti.template(), e, sigma_e, tau, e_min, size, tensile, strength):
+        """How far beyond `fails` a bond is: strain and shear stress over their limits."""
+        in_tension = e / (tensile * self.tensile_limit(c, e_min))
+        return in_tension, ti.abs(tau) / (strength * self.shear_strength(c, e, sigma_e, size))

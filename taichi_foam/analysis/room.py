@@ -1,0 +1,164 @@
+"""Whether crushed foam keeps its room: measured on an instant as it is, where its foam lies.
+
+Foam that is crushed does not vanish. A lattice may lose it nevertheless: chains of bonds fold, and
+pieces slide into each other. Both measures show that. SI units.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from taichi_foam.analysis.cells import corners
+from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_part, worst_strain
+from taichi_foam.analysis.impact import is_flat
+from taichi_foam.laws.bond import BondFoam
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Block, Scene
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+NEEDED_AREA = 0.12
+"""A crushed cell needs this share of its area, and no more. The paper's foam has 0.20 left where
+densification begins and 0.05 at locking. This is in the middle between the two, and a little less
+than what bonds of crushed layers are pressed to in the paper's flat tests (0.13)."""
+
+PIXELS = 20
+"""Pixels along the shorter side of a cell, fewer where there were more than MOST_PIXELS in all."""
+
+MOST_PIXELS = 2e6
+"""Pixels of all cells that are looked at, for time and memory's sake."""
+
+# What is longer or further away than so many cells is none: values of a run that has diverged.
+_LONGEST, _FURTHEST = 4, 1e6
+# Where pixels begin, so that no side of an even lattice runs through the middles of pixels.
+_ASIDE = np.array([0.317, 0.239])
+# Numbers of pixels in a row: more than there are.
+_ROW = 2**31
+
+
+def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
+    """Thickness of the crushed layer left under a level face [m]: from the face to its lower end.
+
+    Of the columns that were in the middle half of the face's width (further out flanks are torn
+    off) the median counts, so that odd mass points do not. A column's layer ends in its lowest
+    crushed bond B; of one that is crushed in part the crushed part is the upper one. Where the face
+    has lifted off, the layer begins at the median of the columns' highest mass points.
+
+    None without a level face, and where nothing below it is crushed.
+    """
+    impactor, block = scene.impactor, scene.block
+    if impactor is None or not is_flat(impactor):
+        return None
+    ends = impactor.x + impactor.outline()[:, 0]
+    offset = np.abs(block.positions[:, 0, 0] - (ends.min() + ends.max()) / 2)
+    middle = offset <= np.ptp(ends) / 4 + 1e-6 * block.dx
+    part = crushed_part(snapshot.e_min_b[middle], scene.foam)
+    crushed = part > CRUSHED_FRACTION
+    if not crushed.any():
+        return None
+    height = snapshot.position[middle, :, 1]
+    column, lowest = np.arange(len(height)), crushed.argmax(axis=1)
+    below, above = height[column, lowest], height[column, lowest + 1]
+    end = above - (above - below) * _crushed_share(part[column, lowest], scene.foam)
+    begin = min(snapshot.impactor_y, float(np.median(height.max(axis=1))))
+    return float(np.median(np.where(crushed.any(axis=1), begin - end, 0.0)))
+
+
+def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
+    """Share of the crushed foam that has no room, since it lies inside other foam; 0 to 1.
+
+    Cells have the shapes in which pictures show them (`analysis.cells`). Foam that is not crushed
+    has what it covers; crushed cells have the rest of what they cover, and where several cover the
+    same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area, or less
+    if its bonds have once been pressed to less. The share is what cells lack of that, over what
+    they need. A cell that is turned inside out has nothing.
+
+    None where nothing is crushed.
+    """
+    block = scene.block
+    quads, extent, sound = _cells(snapshot, block)
+    crushed = crushed_cells(snapshot, scene.foam)
+    if not (crushed & sound).any():
+        return None
+    claims, others = quads[crushed & sound], quads[~crushed & sound]
+    reach = 2.0 * np.sqrt(2.0) * extent[sound].max()  # from corner to corner of cells that touch
+    near = KDTree(claims[:, 0]).query(others[:, 0], distance_upper_bound=reach)[0] < np.inf
+    others = others[near]
+    boxes = sum(float(np.ptp(cells, axis=1).prod(axis=1).sum()) for cells in (claims, others))
+    pixel = max(min(block.dx, block.dy) / PIXELS, np.sqrt(boxes / MOST_PIXELS))
+    room = pixel**2 * _room(claims / pixel, others / pixel)
+    needed = _needed(snapshot)[crushed & sound] * block.dx * block.dy
+    return float(np.maximum(needed - room, 0.0).sum() / needed.sum())
+
+
+def _cells(snapshot: Snapshot, block: Block) -> tuple[Array, Array, Flags]:
+    """Corners of all cells (columns, rows, 4, 2) [m], their extents [m], and which are sound."""
+    state = (snapshot.e_min_a, snapshot.e_min_b, snapshot.broken_a, snapshot.broken_b)
+    with np.errstate(over="ignore", invalid="ignore"):
+        quads = corners(snapshot.position, *state, block.dx, block.dy)
+        extent = np.ptp(quads, axis=2).max(axis=2)
+        furthest = np.abs(quads).max(axis=(2, 3))
+    size = max(block.dx, block.dy)
+    return quads, extent, (extent <= _LONGEST * size) & (furthest <= _FURTHEST * size)
+
+
+def _crushed_share(part: Array, foam: BondFoam) -> Array:
+    """What share of a bond's present length its crushed part takes."""
+    marks = foam.landmarks
+    crushed, yielded = part * (1.0 + marks.crush_end), (1.0 - part) * (1.0 + marks.crush_start)
+    return crushed / (crushed + yielded)
+
+
+def _needed(snapshot: Snapshot) -> Array:
+    """(columns, rows) share of its reference area that each cell needs once it is crushed."""
+    across = worst_strain(snapshot.e_min_a, np.zeros_like(snapshot.e_min_b))
+    upright = worst_strain(np.zeros_like(snapshot.e_min_a), snapshot.e_min_b)
+    return np.minimum(NEEDED_AREA, (1.0 + across) * (1.0 + upright))
+
+
+def _room(claims: Array, others: Array) -> Array:
+    """(n,) area that each of the quadrilaterals `claims` (n, 4, 2) has for itself; all in pixels.
+
+    Of its area, the mean over the pixels in it: none of a pixel that any of `others` (m, 4, 2)
+    covers, and one part of a pixel that so many claims cover. One that is too thin to cover a pixel
+    has its area.
+    """
+    x, y = claims[..., 0], claims[..., 1]
+    area = 0.5 * np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)
+    origin = claims.min(axis=(0, 1)) - _ASIDE
+    which, pixels = _pixels(claims - origin)
+    claimed, place, claimants = np.unique(pixels, return_inverse=True, return_counts=True)
+    taken = _pixels(others - origin)[1]
+    shares = 1.0 / claimants
+    if claimed.size:
+        nearest = np.searchsorted(claimed[:-1], taken)
+        shares[nearest[claimed[nearest] == taken]] = 0.0
+    covered = np.bincount(which, minlength=len(claims))
+    kept = np.bincount(which, shares[place], minlength=len(claims))
+    return np.maximum(area, 0.0) * np.where(covered > 0, kept / np.maximum(covered, 1), 1.0)
+
+
+def _pixels(quads: Array) -> tuple[Indices, Indices]:
+    """Which quadrilateral (n, 4, 2) [pixels] covers which pixel: a pair for each.
+
+    It covers a pixel whose middle lies to the left of all its sides, or on them: none if its
+    corners run clockwise.
+    """
+    quads = quads - 0.5  # middles of pixels at whole numbers
+    first = np.ceil(quads.min(axis=1)).astype(np.int64)
+    size = np.floor(quads.max(axis=1)).astype(np.int64) + 1 - first
+    count = size.prod(axis=1)
+    which = np.repeat(np.arange(len(quads)), count)
+    place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    x = first[which, 0] + place % size[which, 0]
+    y = first[which, 1] + place // size[which, 0]
+    inside = np.ones(len(which), dtype=bool)
+    for corner, following in zip(range(4), (1, 2, 3, 0), strict=True):
+        along = quads[:, following] - quads[:, corner]
+        level = along[:, 0] * quads[:, corner, 1] - along[:, 1] * quads[:, corner, 0]
+        inside &= along[which, 0] * y - along[which, 1] * x >= level[which]
+    return which[inside], _ROW * y[inside] + x[inside]
