@@ -11,6 +11,10 @@ from taichi_foam.engine.model import BOTH, EITHER
 from taichi_foam.engine.state import BREAKING, BROKEN, A, B
 from taichi_foam.laws import kinematics
 
+# A cell that cracks have pulled apart no longer tells the strain of its bonds, once so much of its
+# hold is left (`cells.look_pack`).
+COUNTS_ABOVE = 0.5
+
 
 @ti.func
 def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
@@ -131,11 +135,26 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 
 
 @ti.func
-def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far):
+def _counts(lattice: ti.template(), b, i, j) -> ti.i32:
+    """Whether cell (i, j) is still one piece of foam, if it is not torn all through."""
+    counts = 1
+    if ti.static(lattice.features.crushed_room):
+        hold = lattice.state.hold[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
+        counts = ti.i32(hold > COUNTS_ABOVE)
+    return counts
+
+
+@ti.func
+def _weigh(
+    lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far, ahead_counts,
+    behind_counts,
+):  # fmt: skip
     """Weights of a bond's four cross differences, by which crossing bonds are whole.
 
     In twelfths, all in one number (`lanes.weight`). A broken bond has none: the shear
-    vanishes with its column across.
+    vanishes with its column across. The two differences on a side of the bond are two sides of
+    the cell there. By the reading `both` they count as long as that cell is one piece: while one of
+    them is whole, and cracks have not pulled the cell apart.
     """
     counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
     halves = lattice.model.parameters[b].halves
@@ -143,7 +162,8 @@ def _weigh(lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near,
         ahead, behind = ahead_near * ahead_far, behind_near * behind_far
         counts = ti.Vector([ahead, ahead, behind, behind])
     elif halves == BOTH:
-        ahead, behind = ti.max(ahead_near, ahead_far), ti.max(behind_near, behind_far)
+        ahead = ahead_counts * ti.max(ahead_near, ahead_far)
+        behind = behind_counts * ti.max(behind_near, behind_far)
         counts = ti.Vector([ahead, ahead, behind, behind])
     twelfths = holds * counts * ti.raw_div(12, ti.max(counts.sum(), 1))
     weights = 0
@@ -162,6 +182,7 @@ def update_halves(lattice: ti.template(), b, i, j):
             lattice, b, is_whole(lattice, A, b, i, j),
             is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
             is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
+            _counts(lattice, b, i, j), _counts(lattice, b, i, j - 1),
         )  # fmt: skip
         lattice.state.bond_a[b, i, k].weights[lane] = weights
     if j < lattice.rows - 1:
@@ -169,6 +190,7 @@ def update_halves(lattice: ti.template(), b, i, j):
             lattice, b, is_whole(lattice, B, b, i, j),
             is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
             is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
+            _counts(lattice, b, i, j), _counts(lattice, b, i - 1, j),
         )  # fmt: skip
         lattice.state.bond_b[b, i, k].weights[lane] = weights
 

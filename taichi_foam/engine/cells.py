@@ -11,6 +11,7 @@ import taichi as ti
 
 from taichi_foam.engine import lanes
 from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.breaking import COUNTS_ABOVE
 from taichi_foam.engine.state import ABSENT, BROKEN
 from taichi_foam.laws import elementary, kinematics
 
@@ -63,7 +64,11 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
         left_over = (FREE_FROM - size) * (1.0 / (FREE_FROM - HOLDS_TO))
         left_over = ti.select(_area(d1x, d1y, d2x, d2y, p) > OPEN_AREA, 0.0, left_over)
         hold = elementary.smaller(elementary.larger(left_over, 0.0), lattice.state.hold[b, i, k])
-        lattice.state.hold[b, i, k] = ti.select(torn, hold, lattice.state.hold[b, i, k])
+        hold = ti.select(torn, hold, lattice.state.hold[b, i, k])
+        frees = (hold <= COUNTS_ABOVE) & (lattice.state.hold[b, i, k] > COUNTS_ABOVE)
+        if lanes.any_of(frees):
+            lattice.state.clock[b].freed = 1
+        lattice.state.hold[b, i, k] = hold
     crushed = there & (_room_before(lattice, b, i, k) < lattice.law.keeps_room_below(p.bond))
     lattice.scratch.presses[b, i, k] = lanes.any_of(crushed)
 

@@ -97,6 +97,13 @@ def _break(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
+def _update_halves(lattice: ti.template(), b):
+    for i in range(lattice.columns):
+        for j in range(lattice.rows):
+            breaking.update_halves(lattice, b, i, j)
+
+
+@ti.func
 def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     """One stage of a whole lattice on one thread."""
     if ti.static(lattice.features.self_contact):
@@ -118,8 +125,11 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
     _find_neighbours(lattice, b, p)
     if lattice.state.clock[b].status == RUNNING:
         if ti.static(lattice.features.crushed_room):
+            lattice.state.clock[b].freed = 0
             for i in range(lattice.columns):
                 cells.look_column(lattice, b, i, p)
+            if lattice.state.clock[b].freed:
+                _update_halves(lattice, b)
         if ti.static(lattice.law.heeds_rate):
             for i in range(lattice.columns):
                 bonds.flow_column(lattice, b, i, p)
@@ -133,9 +143,7 @@ def prepare(lattice: ti.template(), b: ti.i32):
     """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
     for _ in range(1):
         p = lattice.model.parameters[b]
-        for i in range(lattice.columns):
-            for j in range(lattice.rows):
-                breaking.update_halves(lattice, b, i, j)
+        _update_halves(lattice, b)
         if lattice.state.clock[b].stiffest < 0.0:
             stiffest = 0.0
             for i in range(lattice.columns):
@@ -190,6 +198,7 @@ def _begin_staged(lattice: ti.template()):
                 _write_row(lattice, b, p)
             _find_neighbours(lattice, b, p)
             lattice.state.clock[b].active = ti.i32(lattice.state.clock[b].status == RUNNING)
+            lattice.state.clock[b].freed = 0
             if ti.static(lattice.features.self_contact):
                 contact.push_pieces(lattice, b, p)
     if ti.static(lattice.features.crushed_room):
@@ -201,6 +210,9 @@ def _begin_staged(lattice: ti.template()):
                     p = lattice.model.parameters[b]
                     for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                         cells.look_column(lattice, b, i, p)
+        for b in range(lattice.batch):
+            if lattice.state.clock[b].active and lattice.state.clock[b].freed:
+                _update_halves(lattice, b)
     if ti.static(lattice.law.heeds_rate):
         for q in range(lattice.batch * lattice.sweeps * GRAIN):
             if q % GRAIN == 0:

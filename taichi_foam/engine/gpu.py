@@ -85,8 +85,14 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
         _find_neighbours(lattice, shared, b, t, p)
     if lattice.state.clock[b].status == RUNNING:
         if ti.static(lattice.features.crushed_room):
+            if t == 0:
+                lattice.state.clock[b].freed = 0
+            ti.simt.block.sync()
             gpu_strips.look_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
+            if lattice.state.clock[b].freed:
+                gpu_strips.update_halves(lattice, b, t, THREADS)
+                ti.simt.block.sync()
         if ti.static(lattice.law.heeds_rate):
             gpu_strips.flow_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
@@ -234,11 +240,17 @@ def _find_neighbours_wide(lattice: ti.template()):
 
 @ti.kernel
 def _look_wide(lattice: ti.template()):
+    for b in range(lattice.batch):
+        lattice.state.clock[b].freed = 0
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
         if lattice.state.clock[b].active:
             p = lattice.model.parameters[b]
             gpu_strips.look_strip(lattice, b, q % lattice.strips, lattice.strips, p)
+    for q in range(lattice.batch * lattice.strips):
+        b = q // lattice.strips
+        if lattice.state.clock[b].active and lattice.state.clock[b].freed:
+            gpu_strips.update_halves(lattice, b, q % lattice.strips, lattice.strips)
 
 
 @ti.kernel

@@ -93,7 +93,7 @@ class Clock:
     pairs: ti.i32  # in the list; a GPU counts each from both sides
     rows: ti.i32  # of the history on the device
     active: ti.i32  # takes part in the current step (staged stepping)
-    spare: ti.i32  # an even number of them keeps Vulkan's records aligned, see Layout
+    freed: ti.i32  # cells have let go before this step; an even number of them, see Layout
 
 
 CLOCK = (

@@ -268,14 +268,13 @@ class Crushable(BondLaw):
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
-        """Packed foam resists with the slope of packed pieces; whole foam, which folds, does not.
+        """Foam that is crushed through resists with the slope of packed pieces.
 
-        It is packed in proportion to its crush, from yield to densification.
+        Until then it gives way at its plateau, in whatever direction: foam that is crushed at 45
+        degrees to its bonds has four tenths of the area that their strains would leave it.
         """
-        crush = (room - 1.0 - c.yield_strain) / (c.densification_strain - c.yield_strain)
-        packed = elementary.smaller(elementary.larger(crush, 0.0), 1.0)
-        lacks = elementary.larger(room - area - ROUNDING, 0.0)
-        return PACKED * c.youngs_modulus * packed * lacks
+        least = elementary.smaller(room, 1.0 + c.densification_strain)
+        return PACKED * c.youngs_modulus * elementary.larger(least - area - ROUNDING, 0.0)
 
     @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
