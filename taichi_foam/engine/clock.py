@@ -16,6 +16,7 @@ REFRESH = 4
 # After the impactor's reversal a run goes on until contact has been lost for QUIET, or for at most
 # SETTLING. For so long the foam under a flat impactor of the tests springs back: what lies there then
 # is what one finds after a test, and the rebound velocity is told.
+QUIET = 1e-3
 SETTLING = 20e-3
 
 vec3 = ti.types.vector(3, ti.f64)
