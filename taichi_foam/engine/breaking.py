@@ -7,13 +7,10 @@ broken, part of that foam no longer counts.
 import taichi as ti
 
 from taichi_foam.engine import lanes
+from taichi_foam.engine.cells import COUNTS_ABOVE
 from taichi_foam.engine.model import BOTH, EITHER
 from taichi_foam.engine.state import BREAKING, BROKEN, A, B
 from taichi_foam.laws import kinematics
-
-# A cell that cracks have pulled apart no longer tells the strain of its bonds, once so much of its
-# hold is left (`cells.look_pack`).
-COUNTS_ABOVE = 0.5
 
 
 @ti.func

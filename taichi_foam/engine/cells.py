@@ -11,7 +11,6 @@ import taichi as ti
 
 from taichi_foam.engine import lanes
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.breaking import COUNTS_ABOVE
 from taichi_foam.engine.state import ABSENT, BROKEN
 from taichi_foam.laws import elementary, kinematics
 
@@ -20,6 +19,9 @@ from taichi_foam.laws import elementary, kinematics
 HOLDS_TO = 1.6
 FREE_FROM = 3.0
 OPEN_AREA = 1.5
+
+# It no longer tells the strain of the bonds beside it, once so much of its hold is left.
+COUNTS_ABOVE = 0.5
 
 
 @ti.func

@@ -14,8 +14,8 @@ from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, R
 REFRESH = 4
 
 # After the impactor's reversal a run goes on until contact has been lost for QUIET, or for at most
-# SETTLING. For so long the foam under a flat impactor of the tests springs back: what lies there then
-# is what one finds after a test, and the rebound velocity is told.
+# SETTLING. For so long the foam under a flat impactor of the tests springs back: what lies there
+# then is what one finds after a test, and the rebound velocity is told.
 QUIET = 1e-3
 SETTLING = 20e-3
 
