@@ -191,9 +191,10 @@ class ReferenceLattice:
         In one coordinate the energy is a parabola, so that a difference over a long way is exact.
         """
         f, (dx, dy) = self.scene.foam, self.cell
-        room, corners = self.rooms(), self.corners()
-        crush = (room - 1.0 - f.yield_strain) / (f.densification_strain - f.yield_strain)
-        stiffness = PACKED * f.youngs_modulus * np.clip(crush, 0.0, 1.0) * self.held()
+        left, corners = self.rooms(), self.corners()
+        room = np.minimum(left, 1.0 + f.densification_strain)
+        yielded = np.clip((left - 1.0 - f.yield_strain) / f.yield_strain, 0.0, 1.0)
+        stiffness = PACKED * f.youngs_modulus * yielded * self.held()
         stiffness = stiffness * (self.areas(corners) < room) * dx * dy * self.scene.block.thickness
         forces = np.zeros_like(self.position)
         step = 0.1 * min(self.cell)

@@ -16,8 +16,9 @@ from taichi_foam.simulation.simulate import run
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=2.0, shear_strain=2.0, shear_modulus=1e3)
-ROOMY = Model(self_contact=False)
-BARE = Model(self_contact=False, crushed_room=False)
+# by the reading `each` the gradients of bonds do not heed what cells hold
+ROOMY = Model(self_contact=False, broken_halves="each")
+BARE = Model(self_contact=False, broken_halves="each", crushed_room=False)
 
 K, THICKNESS, CELL = 2.78e6, 0.057, 0.005
 CELLS = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS - 1)]
@@ -68,7 +69,7 @@ def test_forces_are_the_gradient_of_the_cells_energy(dx: float) -> None:
     """q K (room - a)^2 / 2 on the volume of each cell, in NumPy by differences of corners."""
     scene, start = folded(dx)
     expected = ReferenceLattice(scene, **start).room_forces()
-    assert (np.abs(expected).max(axis=-1) > 1.0).mean() > 0.7
+    assert (np.abs(expected).max(axis=-1) > 1.0).mean() > 0.5
     np.testing.assert_allclose(of_cells(scene, start), expected, atol=SLACK)
 
 
@@ -84,14 +85,14 @@ def test_forces_of_cells_keep_momentum_and_angular_momentum() -> None:
 
 
 @pytest.mark.parametrize("shear", [0.3, -0.8, 2.0])
-@pytest.mark.parametrize("worst", [-0.8, -0.425, -0.05])
+@pytest.mark.parametrize("worst", [-0.85, -0.8, -0.65])
 def test_a_sheared_block_has_the_pressure_of_what_its_cells_lack(
     shear: float, worst: float
 ) -> None:
     """Columns of crushed bonds B lean over: lengths stay, the area falls by their angle's cosine.
 
-    Foam crushed to the densification strain resists with q K (room - a), q = 4; half way there with
-    half of it; at yield not at all.
+    It resists with q K (0.2 - a), q = 4, once it is smaller than 0.2, at which foam is crushed
+    through; and with q K (room - a) where its bonds have left it less.
     """
     scene = small_scene(base=FREE, foam=UNBREAKABLE, model=ROOMY)
     angle = math.atan(shear)
@@ -103,8 +104,7 @@ def test_a_sheared_block_has_the_pressure_of_what_its_cells_lack(
         "worst_b": np.full((COLUMNS, ROWS - 1), worst),
         "worst_a": np.zeros((COLUMNS - 1, ROWS)),
     }
-    packed = (worst + 0.05) / -0.75
-    pressure = 4.0 * K * packed * room * (1.0 - math.cos(angle))
+    pressure = 4.0 * K * max(min(room, 0.2) - room * math.cos(angle), 0.0)
     found = of_cells(scene, start)
     # inside pressures balance; the left side is pushed along the normals of its faces
     side = F[:, 1] * CELL * THICKNESS

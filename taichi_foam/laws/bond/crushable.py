@@ -271,10 +271,14 @@ class Crushable(BondLaw):
         """Foam that is crushed through resists with the slope of packed pieces.
 
         Until then it gives way at its plateau, in whatever direction: foam that is crushed at 45
-        degrees to its bonds has four tenths of the area that their strains would leave it.
+        degrees to its bonds has four tenths of the area that their strains would leave it. Whole
+        foam folds; nothing springs up at once as it yields.
         """
+        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
+        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
         least = elementary.smaller(room, 1.0 + c.densification_strain)
-        return PACKED * c.youngs_modulus * elementary.larger(least - area - ROUNDING, 0.0)
+        lacks = elementary.larger(least - area - ROUNDING, 0.0)
+        return PACKED * c.youngs_modulus * yielded * lacks
 
     @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
