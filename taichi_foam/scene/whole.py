@@ -24,7 +24,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
-                "foam.rate": 6000.0,
+                "foam.rate": None,
                 "foam.rate_exponent": 1.0,
                 "foam.crush_band": 0.005,
                 "foam.crushed_strength": 1.0,
@@ -32,7 +32,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "impactor.friction": 0.22,
                 "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
-                "model.shear_pressure_coefficient": 1.5,
+                "model.shear_pressure_coefficient": 2.0,
                 "model.broken_halves": "both",
                 "model.broken_contact": "reload",
                 "model.self_contact": True,

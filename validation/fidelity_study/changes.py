@@ -22,7 +22,7 @@ VALUES: Mapping[str, Sequence[str]] = {
     "base.stops_impactor": ("true", "false"),
     "model.shear": ("face", "variational"),
     "model.shear_failure": ("pressure-dependent", "always", "tension-only", "angle"),
-    "model.shear_pressure_coefficient": ("0", "2", "8", "18"),
+    "model.shear_pressure_coefficient": ("0", "1", "4", "8", "18"),
     "model.broken_halves": ("both", "either", "each"),
     "model.broken_contact": ("reload", "jump"),
     "model.self_contact": ("true", "false"),
@@ -30,11 +30,11 @@ VALUES: Mapping[str, Sequence[str]] = {
     "model.piece_size": ("0.8",),
     "model.piece_friction": ("0.3",),
     "model.damping": ("bond", "stiffness", "absolute"),
-    "foam.crushed_strength": ("1", "0.5", "0.2", "0"),
+    "foam.crushed_strength": ("0.6", "0.3", "0.1"),
     "foam.crushed_tensile_stress": ("10e3",),
     "foam.crushed_tensile_fraction": ("1",),
     "foam.yield_strain": ("-0.0432",),
-    "foam.rate": ("none",),
+    "foam.rate": ("3000", "6000"),
     "foam.strength_scatter": ("0.05", "0.1", "0.2"),
 }
 
