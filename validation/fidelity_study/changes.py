@@ -30,7 +30,7 @@ VALUES: Mapping[str, Sequence[str]] = {
     "model.piece_size": ("0.8",),
     "model.piece_friction": ("0.3",),
     "model.damping": ("bond", "stiffness", "absolute"),
-    "foam.crushed_strength": ("0.6", "0.3", "0.1"),
+    "foam.crushed_strength": ("1", "0.5", "0.1"),
     "foam.crushed_tensile_stress": ("10e3",),
     "foam.crushed_tensile_fraction": ("1",),
     "foam.yield_strain": ("-0.0432",),
