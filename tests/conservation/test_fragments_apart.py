@@ -15,7 +15,7 @@ from taichi_foam.simulation.simulate import run
 
 RUNS = {
     "paper/wedge-3.60": paper_scene("paper/wedge-3.60"),
-    "paper/rectangular-3.03": paper_scene("paper/rectangular-3.03"),
+    "paper/cylinder-3.32": paper_scene("paper/cylinder-3.32"),
     "fast wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.05, velocity=30.0),
         model=Model(broken_halves="either"),  # shatters more
@@ -37,13 +37,20 @@ def shattered(request: pytest.FixtureRequest) -> Result:
 
 
 def touching_radii(snapshot: Snapshot, block: Block) -> np.ndarray:
-    """(I, J) half the cell on its thinner axis, less by how far its bonds were crushed [m]."""
+    """(I, J) of discs with the area that crushing has left of their cells [m]."""
     columns, rows = snapshot.position.shape[:2]
-    a, b = np.zeros((columns + 1, rows)), np.zeros((columns, rows + 1))
-    a[1:-1], b[:, 1:-1] = snapshot.e_min_a, snapshot.e_min_b
+    a = np.zeros((columns + 1, rows))
+    a[1:-1] = snapshot.e_min_a
     width = block.dx * (1 + np.minimum(a[:-1], a[1:]))
-    height = block.dy * (1 + np.minimum(b[:, :-1], b[:, 1:]))
-    return 0.5 * np.minimum(width, height)
+    return np.sqrt(0.5 * width * half_heights(snapshot, block))
+
+
+def half_heights(snapshot: Snapshot, block: Block) -> np.ndarray:
+    """(I, J) that crushing has left of their cells [m]."""
+    columns, rows = snapshot.position.shape[:2]
+    b = np.zeros((columns, rows + 1))
+    b[:, 1:-1] = snapshot.e_min_b
+    return 0.5 * block.dy * (1 + np.minimum(b[:, :-1], b[:, 1:]))
 
 
 def at_surface(snapshot: Snapshot) -> np.ndarray:
@@ -158,14 +165,14 @@ def test_centres_of_pieces_do_not_meet(shattered: Result) -> None:
 
 
 def test_nothing_goes_through_the_floor(shattered: Result) -> None:
-    """The floor meets a node like half a cell of foam: packed at a fifth of its radius.
+    """The floor meets a node like half a cell of foam: packed at a fifth of its height.
 
     Its packed slope is twice that of two nodes, 8 K A / L: half a cell is half as long.
     """
     foam, block = shattered.scene.foam, shattered.scene.block
     lost = squeeze(shattered, 8 * foam.youngs_modulus * block.thickness)
     for state in shattered.snapshots:
-        left = 0.2 * touching_radii(state, block) - lost
+        left = 0.2 * half_heights(state, block) - lost
         assert (state.position[..., 1] - left).min() >= 0.0
 
 
