@@ -21,8 +21,8 @@ def test_a_column_that_is_crushed_steadily_has_the_stress_of_cowper_and_symonds(
 
     The strain is then the same everywhere, and so is its rate r: the stress is the plateau's times
     1 + (r / D)^(1/q), and the dashpots' tau K r. The penalty's ringing is damped by both; 0.1 % as
-    for the static curve in tests/scenes. Pieces do not touch: worst strains lag here, so that discs at
-    the sides would meet those after next at 0.68.
+    for the static curve in tests/scenes. Pieces do not touch: worst strains lag here, so that discs
+    at the sides would meet those after next at 0.68.
     """
     gauge, speed = 0.095, 2.0
     strain_rate = speed / gauge
