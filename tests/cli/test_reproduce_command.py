@@ -38,17 +38,17 @@ def test_an_ensemble_shows_medians_bands_and_scores(
         return load_scene(name, choices, SHORT)
 
     monkeypatch.setattr(study, "paper_scene", small)
-    asked = ["--ensemble", "2", "--cases", "rectangular-3.03", "--out", "two", "--no-films"]
+    asked = ["--ensemble", "2", "--cases", "wedge-2.10", "--out", "two", "--no-films"]
     result = invoke("reproduce", *asked)
     assert result.exit_code == 0, result.output
     (case,) = json.loads((tmp_path / "two" / "summary.json").read_text())["cases"]
     lines = result.stdout.splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0].startswith("median of 2 runs, and its error (calibrated)")
-    row = next(line for line in lines if line.startswith("rectangular-3.03"))
+    row = next(line for line in lines if line.startswith("wedge-2.10"))
     assert f"{100 * case['simulated']['max_displacement_m']:.2f}" in row
     band = next(line for line in lines if line.startswith("  5 to 95 %"))
     assert f"{100 * case['low']['max_displacement_m']:.2f} to" in band
-    assert next(line for line in lines if line.startswith("  measured")).split()[1] == "6.50"
-    assert any(line.startswith("held out") for line in lines)
+    assert next(line for line in lines if line.startswith("  measured")).split()[1] == "4.60"
+    assert any(line.startswith("fitted") for line in lines)
     assert "in two: report.html" in lines[-1]
