@@ -9,6 +9,7 @@ it for cells of 2.5 and 1.25 mm; Ctrl-C keeps what has ended.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -19,7 +20,7 @@ from cells_study.runs import TESTS, Variant, variants
 from ensembles import full_names
 from fidelity_study import members
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen
+from store import SMOKE_HELP, Store, chosen, computed, leave
 
 from taichi_foam.simulation.progress import Bars
 
@@ -76,22 +77,19 @@ def main(
     bars = Bars(Console(highlight=False))
     store = Store.open(out.with_suffix(".json"))
     tests = [test for test in full_names(cases) if test in TESTS]
-    interrupted = False
-    try:
-        for part in chosen(parts, PARTS) if compute else []:
-            if fresh:
-                store.forget(part)
-            for variant in variants():
-                if variant.part == part and only in variant.label:
-                    for cell in variant.cells:
-                        if cell >= 0.999e-3 * finest:
-                            asked = [variant.ensemble(test, cell) for test in tests]
-                            members.compute(part, asked, store, bars)
-    except KeyboardInterrupt:
-        interrupted = True
+
+    def compute_part(part: str) -> None:
+        for variant in variants():
+            if variant.part == part and only in variant.label:
+                for cell in variant.cells:
+                    if cell >= 0.999e-3 * finest:
+                        asked = [variant.ensemble(test, cell) for test in tests]
+                        members.compute(part, asked, store, bars)
+
+    wanted = chosen(parts, PARTS) if compute else []
+    whole = computed(store, {part: partial(compute_part, part) for part in wanted}, fresh)
     typer.echo(page.write(store, out, figures))
-    bars.say(f"written to {out}" + ", interrupted" * interrupted)
-    raise typer.Exit(130 if interrupted else 0)
+    leave(bars, out, whole)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -19,7 +20,7 @@ import typer
 from ensembles import COARSE, full_names
 from fidelity_study import changes, grid, members, page
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen
+from store import SMOKE_HELP, Store, chosen, computed, leave
 
 from taichi_foam.shim2000.compare import measured_figures
 from taichi_foam.shim2000.scores import HELD_OUT
@@ -126,17 +127,11 @@ def main(
     store = Store.open(out.with_suffix(".json"))
     counts = {part: velocities or VELOCITIES[part] for part in PARTS}
     asked = Asked(full_names(cases), only or [], counts)
-    interrupted = False
-    try:
-        for part in chosen(parts, PARTS) if compute else []:
-            if fresh:
-                store.forget(part)
-            COMPUTE[part](asked, store, bars)
-    except KeyboardInterrupt:
-        interrupted = True
+    wanted = chosen(parts, PARTS) if compute else []
+    tasks = {part: partial(COMPUTE[part], asked, store, bars) for part in wanted}
+    whole = computed(store, tasks, fresh)
     typer.echo(page.write(store, counts, out, figures))
-    bars.say(f"written to {out}" + ", interrupted" * interrupted)
-    raise typer.Exit(130 if interrupted else 0)
+    leave(bars, out, whole)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
+
+from taichi_foam.simulation.progress import Bars
 
 SMOKE_HELP = "Only see whether everything still works, in seconds; write nothing."
 
@@ -49,6 +51,27 @@ class Store:
         scratch = self.path.with_name(f"{self.path.name}.new")
         scratch.write_text(text + "\n", encoding="utf-8")
         scratch.replace(self.path)
+
+
+def computed(store: Store, parts: Mapping[str, Callable[[], object]], fresh: bool) -> bool:
+    """Compute parts of a study, one after the other, and whether all have ended.
+
+    With `fresh` what a part kept is dropped before. Ctrl-C ends it; what has come is kept.
+    """
+    try:
+        for part, compute in parts.items():
+            if fresh:
+                store.forget(part)
+            compute()
+    except KeyboardInterrupt:
+        return False
+    return True
+
+
+def leave(bars: Bars, out: Path, whole: bool) -> NoReturn:
+    """Say where the page is, and exit: 130 after Ctrl-C."""
+    bars.say(f"written to {out}" + ("" if whole else ", interrupted"))
+    raise typer.Exit(0 if whole else 130)
 
 
 def chosen(parts: str | None, known: Sequence[str]) -> list[str]:

@@ -9,13 +9,14 @@ impacts in cells of 1.25 mm take most of the time, minutes each; Ctrl-C keeps wh
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen
+from store import SMOKE_HELP, Store, chosen, computed, leave
 from verification import cantilever, convergence, page, shock, smooth, waves
 
 from taichi_foam.engine import runtime
@@ -93,22 +94,18 @@ def main(
     bars = Bars(Console(highlight=False))
     store = Store.open(out.with_suffix(".json"))
     wanted = [(name, runs) for part in chosen(parts, PARTS) for name, runs in runs_of(part).items()]
-    interrupted = False
-    try:
-        if compute:
-            runtime.start(threads=threads)
-        for name, runs in wanted if compute else []:
-            if fresh:
-                store.forget(name)
-            with bars.counting(name, name, len(runs), "runs") as on_run:
-                for run, figures_of_run in runs.items():
-                    store.figures(name, run, figures_of_run)
-                    on_run()
-    except KeyboardInterrupt:
-        interrupted = True
+
+    def compute_part(name: str, runs: Mapping[str, Compute]) -> None:
+        runtime.start(threads=threads)
+        with bars.counting(name, name, len(runs), "runs") as on_run:
+            for run, figures_of_run in runs.items():
+                store.figures(name, run, figures_of_run)
+                on_run()
+
+    tasks = {name: partial(compute_part, name, runs) for name, runs in wanted if compute}
+    whole = computed(store, tasks, fresh)
     page.write(store, out, figures)
-    bars.say(f"written to {out}" + ", interrupted" * interrupted)
-    raise typer.Exit(130 if interrupted else 0)
+    leave(bars, out, whole)
 
 
 if __name__ == "__main__":

@@ -28,18 +28,6 @@ def slot_of(lattice: ti.template(), i, last):
 
 
 @ti.func
-def _above(here: ti.template(), member: ti.template(), b, i, k):
-    """Of a node field whose pack is `here`: each lane's number of the node above it."""
-    return lanes.from_above(here, member[b, i, k + 1][0])
-
-
-@ti.func
-def _below(here: ti.template(), member: ti.template(), b, i, k):
-    """Of a node field whose pack is `here`: each lane's number of the node below it."""
-    return lanes.from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
-
-
-@ti.func
 def _normal_force(
     lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip, reach_x, reach_y,
     p: ti.template(),
@@ -81,7 +69,7 @@ def normal_forces(lattice: ti.template(), stage, b, i, k, strip, p: ti.template(
     )
     b_length, b_strain, b_force = _normal_force(
         lattice, B, stage, b, i, k, strip,
-        _above(x, trial.x, b, i, k) - x, _above(y, trial.y, b, i, k) - y, p,
+        lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y, p,
     )  # fmt: skip
     return a_length, a_strain, a, b_length, b_strain, b_force
 
@@ -238,19 +226,19 @@ def bond_pack(
     weights_b = lattice.state.bond_b[b, i, k].weights
     x, y = trial[b, i, k].x, trial[b, i, k].y
     right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
-    up_x, up_y = _above(x, trial.x, b, i, k), _above(y, trial.y, b, i, k)
-    right_up_x = _above(right_x, trial.x, b, i + 1, k)
-    right_up_y = _above(right_y, trial.y, b, i + 1, k)
+    up_x, up_y = lanes.above(x, trial.x, b, i, k), lanes.above(y, trial.y, b, i, k)
+    right_up_x = lanes.above(right_x, trial.x, b, i + 1, k)
+    right_up_y = lanes.above(right_y, trial.y, b, i + 1, k)
     reach_x, reach_y = right_x - x, right_y - y
     rise_x, rise_y = up_x - x, up_y - y
     u, v = trial[b, i, k].u, trial[b, i, k].v
     across_x = _column_across(
         lattice, weights_a, rise_x, right_up_x - right_x,
-        x - _below(x, trial.x, b, i, k), right_x - _below(right_x, trial.x, b, i + 1, k),
+        x - lanes.below(x, trial.x, b, i, k), right_x - lanes.below(right_x, trial.x, b, i + 1, k),
     )  # fmt: skip
     across_y = _column_across(
         lattice, weights_a, rise_y, right_up_y - right_y,
-        y - _below(y, trial.y, b, i, k), right_y - _below(right_y, trial.y, b, i + 1, k),
+        y - lanes.below(y, trial.y, b, i, k), right_y - lanes.below(right_y, trial.y, b, i + 1, k),
     )  # fmt: skip
     force_x, force_y, shear = _bond_forces(
         lattice, A, stage, b, i, k, strip, a_length, a_strain, a_normal, reach_x, reach_y,
@@ -263,8 +251,8 @@ def bond_pack(
         lattice.scratch.crossing[sweep, slot, k].ax = crossing * reach_x
         lattice.scratch.crossing[sweep, slot, k].ay = crossing * reach_y
     left_x, left_y = trial[b, i - 1, k].x, trial[b, i - 1, k].y
-    left_up_x = _above(left_x, trial.x, b, i - 1, k)
-    left_up_y = _above(left_y, trial.y, b, i - 1, k)
+    left_up_x = lanes.above(left_x, trial.x, b, i - 1, k)
+    left_up_y = lanes.above(left_y, trial.y, b, i - 1, k)
     across_x = _column_across(
         lattice, weights_b, reach_x, right_up_x - up_x, x - left_x, up_x - left_up_x
     )
@@ -273,7 +261,8 @@ def bond_pack(
     )
     force_x, force_y, shear = _bond_forces(
         lattice, B, stage, b, i, k, strip, b_length, b_strain, b_normal, rise_x, rise_y,
-        _above(u, trial.u, b, i, k) - u, _above(v, trial.v, b, i, k) - v, across_x, across_y, p,
+        lanes.above(u, trial.u, b, i, k) - u, lanes.above(v, trial.v, b, i, k) - v,
+        across_x, across_y, p,
     )  # fmt: skip
     force[sweep, slot, k].bx = force_x
     force[sweep, slot, k].by = force_y
@@ -295,8 +284,9 @@ def stiffen_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template())
     force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
     force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
     fx, fy, stiff = _stiffening(
-        lattice, B, b, i, k, _above(x, trial.x, b, i, k) - x, _above(y, trial.y, b, i, k) - y, p
-    )
+        lattice, B, b, i, k,
+        lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y, p,
+    )  # fmt: skip
     force[sweep, slot, k].bx = force[sweep, slot, k].bx + fx
     force[sweep, slot, k].by = force[sweep, slot, k].by + fy
     return ti.max(stiffest, stiff)
@@ -364,8 +354,9 @@ def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     x, y = motion[b, i, k].x, motion[b, i, k].y
     _flow(lattice, A, b, i, k, motion[b, i + 1, k].x - x, motion[b, i + 1, k].y - y, p)
     _flow(
-        lattice, B, b, i, k, _above(x, motion.x, b, i, k) - x, _above(y, motion.y, b, i, k) - y, p
-    )
+        lattice, B, b, i, k,
+        lanes.above(x, motion.x, b, i, k) - x, lanes.above(y, motion.y, b, i, k) - y, p,
+    )  # fmt: skip
 
 
 @ti.func

@@ -25,11 +25,6 @@ COUNTS_ABOVE = 0.5
 
 
 @ti.func
-def _above(here: ti.template(), member: ti.template(), b, i, k):
-    return lanes.from_above(here, member[b, i, k + 1][0])
-
-
-@ti.func
 def _diagonals(x, y, right_x, right_y, up_x, up_y, far_x, far_y):
     """From a pack's nodes to the far corners of their cells, and from the right to the upper."""
     return far_x - x, far_y - y, up_x - right_x, up_y - right_y
@@ -58,8 +53,10 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
         x, y = motion[b, i, k].x, motion[b, i, k].y
         right_x, right_y = motion[b, i + 1, k].x, motion[b, i + 1, k].y
         d1x, d1y, d2x, d2y = _diagonals(
-            x, y, right_x, right_y, _above(x, motion.x, b, i, k), _above(y, motion.y, b, i, k),
-            _above(right_x, motion.x, b, i + 1, k), _above(right_y, motion.y, b, i + 1, k),
+            x, y, right_x, right_y,
+            lanes.above(x, motion.x, b, i, k), lanes.above(y, motion.y, b, i, k),
+            lanes.above(right_x, motion.x, b, i + 1, k),
+            lanes.above(right_y, motion.y, b, i + 1, k),
         )  # fmt: skip
         longer = elementary.larger(d1x * d1x + d1y * d1y, d2x * d2x + d2y * d2y)
         size = ti.sqrt(longer * (2.0 / (p.cell.x * p.cell.x + p.cell.y * p.cell.y)))
@@ -113,9 +110,9 @@ def press_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     x, y = trial[b, i, k].x, trial[b, i, k].y
     right_x, right_y = trial[b, i + 1, k].x, trial[b, i + 1, k].y
-    up_x, up_y = _above(x, trial.x, b, i, k), _above(y, trial.y, b, i, k)
-    far_x = _above(right_x, trial.x, b, i + 1, k)
-    far_y = _above(right_y, trial.y, b, i + 1, k)
+    up_x, up_y = lanes.above(x, trial.x, b, i, k), lanes.above(y, trial.y, b, i, k)
+    far_x = lanes.above(right_x, trial.x, b, i + 1, k)
+    far_y = lanes.above(right_y, trial.y, b, i + 1, k)
     d1x, d1y, d2x, d2y = _diagonals(x, y, right_x, right_y, up_x, up_y, far_x, far_y)
     per_x, per_y = 1.0 / p.cell.x, 1.0 / p.cell.y
     # a strain that is met now counts, as for the bonds themselves: straight cells, whatever crushes
@@ -141,8 +138,10 @@ def press_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti
         u, v = trial[b, i, k].u, trial[b, i, k].v
         right_u, right_v = trial[b, i + 1, k].u, trial[b, i + 1, k].v
         d1u, d1v, d2u, d2v = _diagonals(
-            u, v, right_u, right_v, _above(u, trial.u, b, i, k), _above(v, trial.v, b, i, k),
-            _above(right_u, trial.u, b, i + 1, k), _above(right_v, trial.v, b, i + 1, k),
+            u, v, right_u, right_v,
+            lanes.above(u, trial.u, b, i, k), lanes.above(v, trial.v, b, i, k),
+            lanes.above(right_u, trial.u, b, i + 1, k),
+            lanes.above(right_v, trial.v, b, i + 1, k),
         )  # fmt: skip
         given = (x1 * d1u + y1 * d1v) + (x2 * d2u + y2 * d2v)
         tally = ti.static(lattice.scratch.tally)

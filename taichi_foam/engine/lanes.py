@@ -62,6 +62,18 @@ def from_below(values: ti.template(), preceding):
 
 
 @ti.func
+def above(here: ti.template(), member: ti.template(), b, i, k):
+    """Of a node field whose pack is `here`: each lane's number of the node above it."""
+    return from_above(here, member[b, i, k + 1][0])
+
+
+@ti.func
+def below(here: ti.template(), member: ti.template(), b, i, k):
+    """Of a node field whose pack is `here`: each lane's number of the node below it."""
+    return from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
+
+
+@ti.func
 def weight(weights: ti.template(), place: ti.template()):
     """What a difference across each bond of a pack counts (Eq. 13): 0, 1/4, 1/3, 1/2 or 1."""
     mask = ti.static((1 << WEIGHT_BITS) - 1)
