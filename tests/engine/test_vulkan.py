@@ -102,7 +102,7 @@ def test_blocks_agree_with_the_cpu_to_rounding_with_every_option(
 def test_wide_steps_agree_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:
     """Lattices too big for one block: crushed, and barely broken; one with every option."""
     on_cpu, on_vulkan = states
-    assert on_cpu["big/e_min_a"].min() < -0.1
+    assert on_cpu["big/e_min_a"].min() < -0.08  # well past the yield strain, -0.05
     assert_close(part(on_cpu, "big"), part(on_vulkan, "big"), STEPS_BIG)
 
 

@@ -43,7 +43,7 @@ def test_layers_hold_the_ledger_but_gravity() -> None:
     assert sorted(held) == sorted(
         column.name for column in ENERGIES if column.in_ledger and column.name != "gravity_J"
     )
-    assert len({layer.colour for layer in LEDGER}) == len({layer.label for layer in LEDGER}) == 9
+    assert len({layer.colour for layer in LEDGER}) == len({layer.label for layer in LEDGER}) == 10
     assert all(layer.columns for layer in LEDGER)
 
 
