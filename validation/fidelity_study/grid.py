@@ -13,9 +13,9 @@ from taichi_foam.shim2000.scores import HELD_OUT
 from taichi_foam.shim2000.tests import NAMES
 
 GRID: Mapping[str, Sequence[object]] = {
-    "model.shear_pressure_coefficient": (1.5, 2, 4),
-    "impactor.friction": (0.22, 0.27),
-    "foam.crushed_strength": (0.15, 1),
+    "model.shear_pressure_coefficient": (2, 4),
+    "impactor.friction": (0.22, 0.3),
+    "foam.crushed_strength": (0.1, 1),
     "foam.rate": ("none", 6000),
 }
 """What is varied: every combination of these is a candidate; all else is as calibrated."""
