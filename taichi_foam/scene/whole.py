@@ -29,7 +29,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "foam.crush_band": 0.005,
                 "foam.crushed_strength": 0.1,
                 "base.kind": "gripped",
-                "impactor.friction": 0.3,
+                "impactor.friction": 0.27,
                 "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
                 "model.shear_pressure_coefficient": 2.0,

@@ -149,7 +149,7 @@ def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(
     beside the run: inside a folder given with a slash at its end they would keep it from its place.
     """
     window = show("--set", "numerics.end=10", slash=True)
-    window.wait_for_motion(0.1)  # so far that there is energy to show
+    window.wait_for_motion(0.15)  # so far that there is energy to show
     window.press("space")
     paused = window.wait_for_rest()
     time.sleep(0.5)

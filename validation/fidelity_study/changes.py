@@ -17,7 +17,7 @@ VELOCITIES = 3
 
 # Of an option in words all readings, of a number those worth a look; the calibrated one is skipped.
 VALUES: Mapping[str, Sequence[str]] = {
-    "impactor.friction": ("0", "0.1", "0.2", "0.25", "0.35", "0.4"),
+    "impactor.friction": ("0", "0.1", "0.2", "0.25", "0.3", "0.35"),
     "base.kind": ("gripped", "held", "floor"),
     "base.stops_impactor": ("true", "false"),
     "model.shear": ("face", "variational"),
