@@ -24,7 +24,7 @@ from taichi_foam.analysis.quantities import (
     PLATEAU,
     Quantity,
 )
-from taichi_foam.shim2000.compare import is_miss
+from taichi_foam.shim2000.compare import TOLERANCE, is_miss
 from taichi_foam.shim2000.reproduce import reproduce
 
 # Of a figure in the README's table: title, decimals as computed, and as measured.
@@ -38,7 +38,7 @@ README_ORDER = (
 Entry = Mapping[str, Any]
 
 
-def readme(entries: Sequence[Entry], tolerance: float) -> str:
+def readme(entries: Sequence[Entry]) -> str:
     """Medians with the measured figures in brackets, misses in bold."""
     rows = []
     for entry in entries:
@@ -47,13 +47,12 @@ def readme(entries: Sequence[Entry], tolerance: float) -> str:
             value, measured = entry["simulated"][quantity.key], entry["measured"][quantity.key]
             shown = "–" if value is None else f"{quantity.factor * value:.{digits}f}"
             text = f"{shown} ({quantity.factor * measured:.{known}f})"
-            cells.append(f"**{text}**" if is_miss(entry, quantity.key, tolerance) else text)
+            cells.append(f"**{text}**" if is_miss(entry, quantity.key) else text)
         rows.append(cells)
     within = [
-        sum(not is_miss(entry, quantity.key, tolerance) for entry in entries)
-        for quantity, *_ in README_ORDER
+        sum(not is_miss(entry, quantity.key) for entry in entries) for quantity, *_ in README_ORDER
     ]
-    rows.append([f"within {100 * tolerance:.0f} %", *(f"{n} of {len(entries)}" for n in within)])
+    rows.append([f"within {100 * TOLERANCE:.0f} %", *(f"{n} of {len(entries)}" for n in within)])
     return table(["test", *(title for _, title, *_ in README_ORDER)], rows)
 
 
@@ -150,7 +149,7 @@ def tables(ensemble: Path, paper_literal: Path) -> None:
     """Print the tables of two studies' folders."""
     found = json.loads((ensemble / "summary.json").read_text(encoding="utf-8"))
     entries, groups = found["cases"], found["ensemble"]
-    typer.echo(f"## README\n\n{readme(entries, found['tolerance'])}")
+    typer.echo(f"## README\n\n{readme(entries)}")
     typer.echo(f"## Errors\n\n{errors(entries, groups['held_out']['cases'])}")
     for name in ("all", "fitted", "held_out"):
         group = groups[name]

@@ -71,7 +71,7 @@ def study(content: Mapping[str, Any]) -> Table:
     for quantity in JUDGED:
         table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
-        cells = [_judged(case, quantity, content["tolerance"]) for quantity in JUDGED]
+        cells = [_judged(case, quantity) for quantity in JUDGED]
         changed = "" if case["test"] else ", changed"
         table.add_row(case["name"].removeprefix("paper/") + changed, *cells)
         if ensemble is not None:
@@ -129,13 +129,13 @@ def _runs(cases: Sequence[Mapping[str, Any]]) -> str:
     return f"{span} run{'' if span == '1' else 's'}"
 
 
-def _judged(case: Mapping[str, Any], quantity: Quantity, tolerance: float) -> Text:
+def _judged(case: Mapping[str, Any], quantity: Quantity) -> Text:
     """A figure and, where it was measured, its error; a miss has an asterisk."""
     error = case["error"][quantity.key]
     if case["measured"][quantity.key] is None:
         return Text(quantity.text(case["simulated"][quantity.key]))
     shown = "no answer" if error is None else f"{100 * error:+4.0f} %"
-    miss = is_miss(case, quantity.key, tolerance)
+    miss = is_miss(case, quantity.key)
     shown, style = (shown + "*", "bold") if miss else (shown + " ", "")
     return Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style)
 

@@ -13,12 +13,8 @@ from taichi_foam.analysis import quantities as q
 from taichi_foam.shim2000.bands import Band
 from taichi_foam.shim2000.tests import TESTS, PaperTest
 
-TOLERANCE = 0.12
-"""A simulated figure further than this from the measured one, relatively, is a miss ..."""
-
-ENSEMBLE_TOLERANCE = 0.10
-"""... and the median of an ensemble, from which chance has gone, if further than this."""
-
+TOLERANCE = 0.10
+"""A simulated figure further than this from the measured one, relatively, is a miss."""
 
 JUDGED = (q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME)
 """The four figures that the paper gives for every test."""
@@ -83,20 +79,18 @@ def relative_error(simulated: Any, measured: float | None) -> float | None:
     return None if simulated is None or measured is None else simulated / measured - 1.0
 
 
-def is_miss(case: Mapping[str, Any], key: str, tolerance: float = TOLERANCE) -> bool:
-    """Whether a figure was measured, and the simulated one is beyond the tolerance or missing."""
+def is_miss(case: Mapping[str, Any], key: str) -> bool:
+    """Whether a figure was measured, and the simulated one is beyond TOLERANCE or missing."""
     error = case["error"][key]
-    return case["measured"][key] is not None and (error is None or abs(error) > tolerance)
+    return case["measured"][key] is not None and (error is None or abs(error) > TOLERANCE)
 
 
-def hits(
-    cases: Sequence[Mapping[str, Any]], tolerance: float = TOLERANCE
-) -> dict[str, dict[str, int]]:
+def hits(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
     """For each judged figure, in how many tests it is no miss, and of how many."""
     tests = [case for case in cases if case["test"]]
     return {
         quantity.key: {
-            "within": sum(not is_miss(case, quantity.key, tolerance) for case in tests),
+            "within": sum(not is_miss(case, quantity.key) for case in tests),
             "of": len(tests),
         }
         for quantity in JUDGED
@@ -122,9 +116,7 @@ def theirs(quantity: q.Quantity, case: Mapping[str, Any]) -> float | None:
     return TESTS[case["test"]].simulated_duration if known else None
 
 
-def write_tables(
-    path: Path, cases: Sequence[Mapping[str, Any]], tolerance: float = TOLERANCE
-) -> None:
+def write_tables(path: Path, cases: Sequence[Mapping[str, Any]]) -> None:
     """Write tables.csv: a row for each case and compared figure that was measured, in SI units.
 
     Of ensembles, simulated is the median, and low and high are the ends of its band.
@@ -142,7 +134,7 @@ def write_tables(
                 found = [case[part][key] for part in ("simulated", *ends, "error")]
                 values = [case["measured"][key], theirs(quantity, case), *found]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]
-                writer.writerow([case["name"], key, *texts, int(is_miss(case, key, tolerance))])
+                writer.writerow([case["name"], key, *texts, int(is_miss(case, key))])
 
 
 def _known(value: float) -> float | None:

@@ -90,8 +90,7 @@ def write(
 
 
 def _misses(content: Mapping[str, Any]) -> int:
-    tolerance = content["tolerance"]
-    return sum(is_miss(case, q.key, tolerance) for case in content["cases"] for q in COMPARED)
+    return sum(is_miss(case, q.key) for case in content["cases"] for q in COMPARED)
 
 
 def _template() -> Any:

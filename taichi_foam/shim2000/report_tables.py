@@ -26,13 +26,13 @@ def table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
     return {
         "label": quantity.label[0].upper() + quantity.label[1:],
         "unit": quantity.unit,
-        "rows": [_compared(quantity, case, content["tolerance"]) for case in entries],
+        "rows": [_compared(quantity, case) for case in entries],
         "has_theirs": quantity is DURATION,
         "has_band": content["ensemble"] is not None,
     }
 
 
-def _compared(quantity: Quantity, case: Mapping[str, Any], tolerance: float) -> Row:
+def _compared(quantity: Quantity, case: Mapping[str, Any]) -> Row:
     """One figure of one case beside the measured one; of an ensemble its median and band."""
     measured, error = case["measured"][quantity.key], case["error"][quantity.key]
     row = {
@@ -42,7 +42,7 @@ def _compared(quantity: Quantity, case: Mapping[str, Any], tolerance: float) -> 
         "simulated": quantity.text(case["simulated"][quantity.key]),
         "error": "no answer" if error is None else _percent(error),
         "at": None if error is None else _place(error),
-        "miss": is_miss(case, quantity.key, tolerance),
+        "miss": is_miss(case, quantity.key),
         "band": None,
     }
     if "low" in case:

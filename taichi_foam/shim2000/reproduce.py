@@ -137,7 +137,7 @@ def reproduce(
         # figures first: whatever happens to films and report, they are safe
         with held_interrupts() as pressed, claim.publishing() as staging:
             _write_runs(staging, computed)
-            compare.write_tables(staging / "tables.csv", content["cases"], content["tolerance"])
+            compare.write_tables(staging / "tables.csv", content["cases"])
             if ensemble is not None:
                 ensembles.write_members(staging / "members.csv", computed.cases)
             write_json(staging / "summary.json", content)
@@ -166,14 +166,13 @@ def reproduce(
 
 def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
     """What the cases gave, as summary.json has it; `runs` of each test were asked for."""
-    tolerance = compare.TOLERANCE if runs is None else compare.ENSEMBLE_TOLERANCE
     entries = [_entry(case) for case in computed.cases]
     return {
         "cases": entries,
-        "ensemble": None if runs is None else scores(entries, runs, tolerance),
+        "ensemble": None if runs is None else scores(entries, runs),
         "criteria": judged(computed.cases),
-        "tolerance": tolerance,
-        "within_tolerance": compare.hits(entries, tolerance),
+        "tolerance": compare.TOLERANCE,
+        "within_tolerance": compare.hits(entries),
         "not_finished": computed.cut,
         "failed": [result.scene.name for result in computed.failed],
         "failure": computed.failure,

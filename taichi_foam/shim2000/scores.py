@@ -24,7 +24,7 @@ SHARE = 0.8
 """A criterion is met when at least this share of the runs meets it."""
 
 
-def score(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, Any]:
+def score(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """How many figures `SCORED` of these cases lie within the tolerance, and the median error.
 
     The median is that of the absolute relative errors; a figure without an answer counts as inf,
@@ -32,7 +32,7 @@ def score(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, A
     """
     judged = [entry for entry in entries if entry["test"]]
     errors = [entry["error"][quantity.key] for entry in judged for quantity in SCORED]
-    misses = sum(is_miss(entry, q.key, tolerance) for entry in judged for q in SCORED)
+    misses = sum(is_miss(entry, q.key) for entry in judged for q in SCORED)
     median = quantile([None if e is None else abs(e) for e in errors], 0.5) if errors else math.inf
     return {
         "within": len(errors) - misses,
@@ -41,13 +41,12 @@ def score(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, A
     }
 
 
-def scores(entries: Sequence[Mapping[str, Any]], runs: int, tolerance: float) -> dict[str, Any]:
+def scores(entries: Sequence[Mapping[str, Any]], runs: int) -> dict[str, Any]:
     """The part `ensemble` of summary.json.
 
     Args:
         entries: of summary.json's `cases`, of the same tests.
         runs: how many of each test were asked for.
-        tolerance: errors up to this, relatively, are hits.
     """
     held_out = [entry for entry in entries if entry["test"] in HELD_OUT]
     fitted = [entry for entry in entries if entry["test"] and entry not in held_out]
@@ -55,9 +54,9 @@ def scores(entries: Sequence[Mapping[str, Any]], runs: int, tolerance: float) ->
         "runs": runs,
         "velocities_within": WITHIN,
         "quantiles": list(ENDS),
-        "all": score(entries, tolerance),
-        "fitted": _group(fitted, tolerance),
-        "held_out": _group(held_out, tolerance),
+        "all": score(entries),
+        "fitted": _group(fitted),
+        "held_out": _group(held_out),
     }
 
 
@@ -76,8 +75,8 @@ def judged(cases: Sequence[Case]) -> list[dict[str, Any]]:
     return entries + _shares(None, map(comparing, alike.values()))
 
 
-def _group(entries: Sequence[Mapping[str, Any]], tolerance: float) -> dict[str, Any]:
-    return {"cases": [entry["name"] for entry in entries], **score(entries, tolerance)}
+def _group(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {"cases": [entry["name"] for entry in entries], **score(entries)}
 
 
 def _runs(case: Case) -> dict[float, Sequence[Criterion]]:

@@ -64,15 +64,15 @@ def errors(duration: float | None, depth: float | None, plateau: float | None) -
 def test_scores_count_hits_and_take_the_median_of_absolute_errors() -> None:
     """Of 1, 4, 20, 10, 11 % and one without an answer: three hits, and (10 + 11) / 2 %."""
     entries = [entry("a", **errors(0.01, -0.04, 0.20)), entry("b", **errors(-0.10, 0.11, None))]
-    assert score(entries, 0.10) == {
+    assert score(entries) == {
         "within": 3,
         "of": 6,
         "median_absolute_error": pytest.approx(0.105),
     }
-    assert score(entries[1:], 0.10)["median_absolute_error"] == pytest.approx(0.11)
+    assert score(entries[1:])["median_absolute_error"] == pytest.approx(0.11)
     lost = [entry("c", **errors(None, None, 0.0))]
-    assert score(lost, 0.10) == {"within": 1, "of": 3, "median_absolute_error": None}
-    assert score([], 0.10) == {"within": 0, "of": 0, "median_absolute_error": None}
+    assert score(lost) == {"within": 1, "of": 3, "median_absolute_error": None}
+    assert score([]) == {"within": 0, "of": 0, "median_absolute_error": None}
 
 
 def test_the_middle_velocities_are_held_out() -> None:

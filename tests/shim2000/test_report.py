@@ -60,7 +60,7 @@ def test_there_is_a_montage_and_a_film_for_each_kind(study) -> None:
 
 def test_every_miss_has_its_badge(page: Page, study) -> None:
     misses = sum(
-        case["measured"][q.key] is not None and not abs(case["error"][q.key] or 1) <= 0.12
+        case["measured"][q.key] is not None and not abs(case["error"][q.key] or 1) <= 0.10
         for case in study.content["cases"]
         for q in COMPARED
     )
@@ -82,13 +82,13 @@ def summary_with(**figures: float | None) -> dict[str, float | None]:
     return {quantity.key: None for quantity in COMPARED} | figures
 
 
-def test_hits_count_what_lies_within_twelve_per_cent() -> None:
-    """Measured in wedge 2.86: 7.5 cm. 8.4 cm is 12 % more; no answer is a miss."""
+def test_hits_count_what_lies_within_ten_per_cent() -> None:
+    """Measured in wedge 2.86: 7.5 cm. 8.25 cm is 10 % more; no answer is a miss."""
     name, key = "paper/wedge-2.86", "max_displacement_m"
-    within = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0839))
-    beyond = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0841))
+    within = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0824))
+    beyond = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0826))
     without = comparison(name, TESTS[name], summary_with())
-    assert within["error"][key] == pytest.approx(0.0839 / 0.075 - 1)
+    assert within["error"][key] == pytest.approx(0.0824 / 0.075 - 1)
     assert [is_miss(case, key) for case in (within, beyond, without)] == [False, True, True]
     assert not is_miss(without, "initial_peak_m_s2")  # a wedge has none to miss
     assert hits([within, beyond, without])[key] == {"within": 1, "of": 3}
@@ -114,7 +114,7 @@ def test_a_displacement_is_judged_only_at_rest() -> None:
     name, depth = "paper/wedge-2.86", {"max_displacement_m": 0.0751}
     at_rest = comparison(name, TESTS[name], summary_with(came_to_rest=True, **depth))
     passing = comparison(name, TESTS[name], summary_with(came_to_rest=False, **depth))
-    assert abs(at_rest["error"]["max_displacement_m"]) < 0.12
+    assert abs(at_rest["error"]["max_displacement_m"]) < 0.10
     assert not is_miss(at_rest, "max_displacement_m")
     assert passing["error"]["max_displacement_m"] is None
     assert is_miss(passing, "max_displacement_m")

@@ -9,7 +9,7 @@ from typing import Any
 from fidelity_study.members import Ensemble, Entry, Kept, entry, shares
 from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME
 from taichi_foam.catalogue import load_scene
-from taichi_foam.shim2000.compare import ENSEMBLE_TOLERANCE, hits
+from taichi_foam.shim2000.compare import hits
 from taichi_foam.shim2000.scores import SHARE, score
 from taichi_foam.shim2000.tests import NAMES
 
@@ -86,12 +86,12 @@ class Outcome:
     @property
     def score(self) -> dict[str, Any]:
         """Hits among duration, displacement and plateau, and their median absolute error."""
-        return score(list(self.entries.values()), ENSEMBLE_TOLERANCE)
+        return score(list(self.entries.values()))
 
     @property
     def energy(self) -> dict[str, int]:
         """Hits among the energies."""
-        return hits(list(self.entries.values()), ENSEMBLE_TOLERANCE)[ENERGY_PER_VOLUME.key]
+        return hits(list(self.entries.values()))[ENERGY_PER_VOLUME.key]
 
     @property
     def unmet(self) -> list[str]:

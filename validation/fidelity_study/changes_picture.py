@@ -18,7 +18,7 @@ from fidelity_study.members import TITLES
 from taichi_foam.analysis.quantities import Quantity
 from taichi_foam.picture import style
 from taichi_foam.picture.style import BLUE, GREEN, GREY, INK, VERMILION
-from taichi_foam.shim2000.compare import ENSEMBLE_TOLERANCE
+from taichi_foam.shim2000.compare import TOLERANCE
 
 REACH = 0.4
 """Errors beyond this are arrows at the edge."""
@@ -82,7 +82,7 @@ def _place(error: float | None) -> float:
 
 
 def _panel(axis: Axes, rows: Sequence[Outcome], quantity: Quantity) -> None:
-    tolerance = 100 * ENSEMBLE_TOLERANCE
+    tolerance = 100 * TOLERANCE
     axis.axvspan(-tolerance, tolerance, color=GREY, alpha=0.22, linewidth=0)
     axis.axvline(0.0, color=INK, linewidth=1.0)
     for place, outcome in enumerate(rows):
@@ -123,5 +123,5 @@ def _key() -> list[Line2D | Patch]:
         *tests,
         Line2D([], [], marker=">", color=INK, label=f"beyond {100 * REACH:.0f} %", **dot),
         Line2D([], [], marker="x", color=INK, markeredgewidth=2, label="no answer", **dot),
-        Patch(color=GREY, alpha=0.3, linewidth=0, label=f"±{100 * ENSEMBLE_TOLERANCE:.0f} %"),
+        Patch(color=GREY, alpha=0.3, linewidth=0, label=f"±{100 * TOLERANCE:.0f} %"),
     ]

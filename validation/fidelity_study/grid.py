@@ -14,13 +14,13 @@ from taichi_foam.shim2000.tests import NAMES
 
 GRID: Mapping[str, Sequence[object]] = {
     "model.shear_pressure_coefficient": (2, 4),
-    "impactor.friction": (0.22, 0.27),
+    "impactor.friction": (0.22, 0.27, 0.3),
     "foam.crushed_strength": (0.1, 1),
     "foam.rate": ("none", 6000),
 }
 """What is varied: every combination of these is a candidate; all else is as calibrated."""
 
-VELOCITIES = 3
+VELOCITIES = 5
 FITTED = tuple(name for name in NAMES if name not in HELD_OUT)
 
 NO_ANSWER = 1.0
