@@ -58,6 +58,11 @@ def test_there_is_a_montage_and_a_film_for_each_kind(study) -> None:
     assert not any("cylinder" in name for name in names)
 
 
+def test_it_says_what_choices_were_fitted_to_and_that_a_single_run_is_chance(text: str) -> None:
+    assert "a figure of a single run is partly chance" in text
+    assert "fitted to the lowest and the highest velocity of each impactor" in text
+
+
 def test_every_miss_has_its_badge(page: Page, study) -> None:
     misses = sum(
         case["measured"][q.key] is not None and not abs(case["error"][q.key] or 1) <= 0.10
