@@ -53,7 +53,7 @@ class Outcome:
 
 
 def check() -> Iterator[Outcome | Skipped]:
-    """Compare all peers that are there, with both sets of choices."""
+    """Compare all peers that are there, with all sets of choices."""
     for kind in PEERS:
         peer = kind.load()
         if isinstance(peer, Skipped):

@@ -1,4 +1,4 @@
-"""The scenes that are compared: a paper test with one of two sets of choices, of any size."""
+"""The scenes that are compared: a paper test with one of three sets of choices, of any size."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
-Choices = Literal["calibrated", "bare"]
-BARE: dict[str, dict[str, object]] = {
-    "model": {"damping": "bond", "broken_halves": "either"},
-    "foam": {"rate": None, "crushed_strength": 1.0},
+Choices = Literal["calibrated", "rated", "bare"]
+CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
+    "calibrated": {},
+    "rated": {"foam": {"rate": 3000.0}},
+    "bare": {
+        "model": {"damping": "bond", "broken_halves": "either"},
+        "foam": {"crushed_strength": 1.0},
+    },
 }
-"""What is left out: dashpots that differ along and across, rate, crush across bonds."""
+"""What differs from the calibrated choices. Rated: a plateau that grows with the strain rate. Bare:
+without dashpots that differ along and across, and without crush across bonds."""
 
 
 def scene_with(choices: Choices, name: str = CASE, contact: bool = False) -> Scene:
-    """A paper test, calibrated or bare; contact of pieces and the room of crushed foam,
+    """A paper test with these choices; contact of pieces and the room of crushed foam,
     which come together here, are what the peers do not have."""
     scene = updated(
         paper_scene(name), {"model": {"self_contact": contact, "crushed_room": contact}}
     )
-    return updated(scene, BARE) if choices == "bare" else scene
+    return updated(scene, CHANGES[choices])
 
 
 def updated(scene: Scene, values: dict[str, dict[str, object]]) -> Scene:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import get_args
 
 from peers import CASE, Choices, lattice_of, scene_with, updated
 
@@ -11,6 +10,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
 
 SMALL = (40, 20)
+CALIBRATED_AND_BARE: tuple[Choices, ...] = ("calibrated", "bare")
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
 LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
 PEERS = {"Plain": "C++, plain", "Vectors": "C++, vectors by hand", "Numba": "Numba"}
@@ -102,7 +102,7 @@ def _small(mode: Mode) -> list[Subject]:
     """The paper's lattice on one thread, with the calibrated choices and with bare ones."""
     fused = Subject("fused", "this engine, fused", "engine-1", start=mode.start, span=mode.span)
     found = []
-    for choices in get_args(Choices):
+    for choices in CALIBRATED_AND_BARE:
         before, after = ("", "") if choices == "calibrated" else ("bare ", ", bare")
         found.append(replace(fused, key=f"{before}fused", name=fused.name + after, choices=choices))
         if choices == "calibrated":

@@ -16,8 +16,8 @@ from taichi_foam.laws import elementary, kinematics
 
 # A cell that cracks have pulled apart is none any more. It lets go by its longer diagonal, in
 # cells (the root mean square of their two sides), and at once by its area, over that at rest.
-HOLDS_TO = 1.6
-FREE_FROM = 3.0
+HOLDS_TO = 2.0
+FREE_FROM = 4.0
 OPEN_AREA = 1.5
 
 # It no longer tells the strain of the bonds beside it, once so much of its hold is left.

@@ -24,12 +24,12 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
-                "foam.rate": 6000.0,
+                "foam.rate": None,
                 "foam.rate_exponent": 1.0,
                 "foam.crush_band": 0.005,
                 "foam.crushed_strength": 0.1,
                 "base.kind": "gripped",
-                "impactor.friction": 0.27,
+                "impactor.friction": 0.3,
                 "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
                 "model.shear_pressure_coefficient": 2.0,
