@@ -176,7 +176,7 @@ class ReferenceLattice:
         for i, j in np.ndindex(*size.shape):
             sides = ((0, i, j), (0, i, j + 1), (1, i, j), (1, i + 1, j))
             torn[i, j] = not all(self.whole(*side) for side in sides)
-        hold = np.clip((3.0 - size) / 1.4, 0.0, 1.0) * (self.areas(corners) <= 1.5)
+        hold = np.clip((4.0 - size) / 2.0, 0.0, 1.0) * (self.areas(corners) <= 1.5)
         return np.where(torn, hold, 1.0)
 
     def areas(self, corners: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ def test_an_ensemble_shows_medians_bands_and_scores(
     invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def small(name: str, choices: str) -> Scene:
-        return load_scene(name, choices, SHORT)
+        return load_scene(name, choices, [*SHORT, "impactor.friction=0.6"])  # it comes to rest
 
     monkeypatch.setattr(study, "paper_scene", small)
     asked = ["--ensemble", "2", "--cases", "wedge-2.10", "--out", "two", "--no-films"]
