@@ -30,9 +30,11 @@ os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 # The tests use many lattices, most of them again and again.
 lattice.MOST_IDLE = 10_000
 
-# A shell that starts a job in the background has it ignore Ctrl-C, and so all that it starts; the
-# tests of Ctrl-C need it.
+# A shell that starts a job in the background has it ignore Ctrl-C, `nohup` has it ignore a hang-up,
+# and so all that these start; the tests of both need them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")
