@@ -196,10 +196,9 @@ def _crush_across(lattice: ti.template(), axis: ti.template(), b, i, k):
     near = crossing[b, i, k].worst
     far = near
     if ti.static(axis == A):
-        last = ti.static(lattice.lanes - 1)
         far = crossing[b, i + 1, k].worst
-        near_below = lanes.from_below(near, crossing[b, i, k - 1].worst[last])
-        far_below = lanes.from_below(far, crossing[b, i + 1, k - 1].worst[last])
+        near_below = lanes.below(near, crossing.worst, b, i, k)
+        far_below = lanes.below(far, crossing.worst, b, i + 1, k)
         near = elementary.smaller(near, near_below)
         far = elementary.smaller(far, far_below)
     else:

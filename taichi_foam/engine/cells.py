@@ -50,7 +50,7 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     motion = ti.static(lattice.state.motion)
     a = bonds_a[b, i, k].condition
     left, right = bonds_b[b, i, k].condition, bonds_b[b, i + 1, k].condition
-    above = lanes.from_above(a, bonds_a[b, i, k + 1].condition[0])
+    above = lanes.above(a, bonds_a.condition, b, i, k)
     there = (a > ABSENT) & (left > ABSENT)
     torn = there & ((a == BROKEN) | (above == BROKEN) | (left == BROKEN) | (right == BROKEN))
     room = _room_before(lattice, b, i, k)
@@ -85,7 +85,7 @@ def _room_before(lattice: ti.template(), b, i, k):
     """Room of a pack's cells by the strains that their bonds met before this step."""
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     along_x = bonds_a[b, i, k].worst
-    along_x += lanes.from_above(along_x, bonds_a[b, i, k + 1].worst[0])
+    along_x += lanes.above(along_x, bonds_a.worst, b, i, k)
     along_y = bonds_b[b, i, k].worst + bonds_b[b, i + 1, k].worst
     return (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
 
@@ -126,7 +126,7 @@ def press_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti
     # a strain that is met now counts, as for the bonds themselves: straight cells, whatever crushes
     # them, have exactly the room that their bonds leave them
     worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
-    above = lanes.from_above(worst_a, bonds_a[b, i, k + 1].worst[0])
+    above = lanes.above(worst_a, bonds_a.worst, b, i, k)
     right = bonds_b[b, i + 1, k].worst
     along_x = _most_crushed(worst_a, right_x - x, right_y - y, per_x)
     along_x += _most_crushed(above, far_x - up_x, far_y - up_y, per_x)
