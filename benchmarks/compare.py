@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from peers import Skipped, scene_with
+from peers import EXTENTS, Skipped, scene_with
 from peers.flops import flops
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -106,17 +106,19 @@ def _everything(record: Record, mode: Mode, rounds: int, threads: int, bar: Bar)
 
 
 def _tests(workers: Workers, record: Record, mode: Mode, bar: Bar) -> None:
-    """The paper's tests, whole runs without contact of pieces and with it, side by side."""
+    """The paper's tests, whole runs with ever more of the model, side by side."""
     found: dict[str, list] = record.found.setdefault("tests", {})
     for _ in range(mode.test_rounds):
         for case in mode.tests:
             bar.step(case)
             with record.attempt(case):
-                pair = [
-                    workers["engine-1"].ask("whole", case=case, contact=contact, end=mode.test_end)
-                    for contact in (False, True)
-                ]
-                found.setdefault(case, []).append(pair)
+                runs = {
+                    extent: workers["engine-1"].ask(
+                        "whole", case=case, extent=extent, end=mode.test_end
+                    )
+                    for extent in EXTENTS
+                }
+                found.setdefault(case, []).append(runs)
 
 
 def _big(workers: Workers, record: Record, threads: int, bar: Bar) -> None:

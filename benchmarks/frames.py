@@ -122,7 +122,7 @@ def frames(mode: Mode) -> Table:
         ("cells", "720p, 1 thread, ms", f"720p, {many}", "1080p, 1 thread", f"1080p, {many}",
          "Matplotlib's polygons at 720p, over 1 thread")
     )  # fmt: skip
-    coarse = scene_with("calibrated", CASE, contact=True)
+    coarse = scene_with("calibrated", CASE, "whole")
     state = next(s for s in simulate(coarse) if s.time >= mode.time)
     for times in mode.finer:
         snapshot, scene = finer(state, coarse, times)
@@ -163,7 +163,7 @@ def run_seconds(
 
 def view(mode: Mode) -> Table:
     """A run alone, one whose frames are only taken, and one whose pictures are drawn, too."""
-    scene = updated(scene_with("calibrated", CASE, contact=True), {"numerics": {"end": mode.end}})
+    scene = updated(scene_with("calibrated", CASE, "whole"), {"numerics": {"end": mode.end}})
     ratios: dict[str, list[float]] = {"frames taken": [], "frames drawn": []}
     counts: dict[str, list[float]] = {name: [] for name in ratios}
     with Controller(scene, pace=None) as controller:

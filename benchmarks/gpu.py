@@ -55,7 +55,7 @@ class Rate:
 
 def scene_of(nodes: int | None) -> Scene:
     """The paper's test, or as many nodes of the same cells."""
-    scene = scene_with("calibrated", contact=True)
+    scene = scene_with("calibrated", extent="whole")
     if nodes is None:
         return scene
     columns = max(2, round((nodes / 2) ** 0.5))

@@ -1,7 +1,7 @@
 """What each part of a step costs, on one core: `python benchmarks/parts.py [--smoke]`.
 
 The parts are timed one by one on the lattice of a paper test in full impact, then whole runs
-without and with contact of pieces, of which the parts should be the sum. Processor time, the least
+with ever more of the model, of which the parts should be the sum. Processor time, the least
 of several repetitions, in ns per node and Runge-Kutta stage. `--smoke` does a few steps of each:
 whether they run, not how fast.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import taichi as ti
-from peers import CASE, scene_with, updated
+from peers import CASE, Extent, scene_with, updated
 from rich.console import Console
 from timing.table import Table
 
@@ -22,6 +22,11 @@ from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
 from taichi_foam.simulation.simulate import run
 
+WHOLE_RUNS: dict[Extent, str] = {
+    "peers": "of what the peers have",
+    "contact": "with contact of pieces",
+    "whole": "of the whole model",
+}
 STEPS_PER_ROW = 30  # about, at the default interval
 NEIGHBOURS = "pieces: neighbour lists, as often as needed"
 
@@ -155,7 +160,7 @@ def cost(kernel: Callable, lattice: Lattice, mode: Mode) -> float:
 
 def part_costs(mode: Mode) -> dict[str, float]:
     """ns per node-stage of each part."""
-    scene = scene_with("calibrated", contact=True)
+    scene = scene_with("calibrated", extent="whole")
     with borrowed(1, scene.block.columns, scene.block.rows, features_of(scene)) as lattice:
         transfer.load(lattice, 0, scene)
         run_to(lattice, mode.impact_time - mode.watched_time)
@@ -198,11 +203,11 @@ def main() -> None:
         share = f"{100 * ns / total:.0f} %" if name in counted else ""
         table.rows.append((name, f"{ns:.2f}", share))
     table.rows.append(("sum", f"{total:.2f}", "100 %"))
-    for self_contact in (False, True):
-        case = scene_with("calibrated", contact=self_contact)
+    for extent, what in WHOLE_RUNS.items():
+        case = scene_with("calibrated", extent=extent)
         case = updated(case, {"numerics": {"end": mode.run_end}})
         rates = [run(case).run["node_stages_per_s"] for _ in range(mode.runs)]
-        name = f"a whole run {'with' if self_contact else 'without'} contact of pieces, wall time"
+        name = f"a whole run {what}, wall time"
         table.rows.append((name, f"{1e9 / max(rates):.2f}", ""))
     console = Console(highlight=False)
     console.print(f"{CASE} at {1e3 * mode.impact_time:g} ms, one core")

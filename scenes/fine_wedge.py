@@ -20,7 +20,7 @@ from taichi_foam.scene import Block, Foam, Model, Numerics, Output, Scene, Wedge
 scene = Scene(
     name="Wedge at 2.86 m/s, 80,000 cells",
     block=Block(columns=400, rows=200),
-    foam=Foam(fracture_energy=6.95, shear_fracture_energy=4.2),
+    foam=Foam(fracture_energy=6.95, shear_fracture_energy=4.2, softening=False),
     impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.15),
     model=Model(damping="bond", broken_halves="either", shear_pressure_coefficient=18.0),
     numerics=Numerics(damping_time=0.1 * Numerics().damping_time),

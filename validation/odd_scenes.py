@@ -190,6 +190,7 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
             "shear_strain": decades(1e-3, 2.0),
             "crushed_tensile_fraction": rng.uniform(0.05, 1.0),
             "crushed_strength": rng.uniform(0.0, 0.99) if weakens else 1.0,
+            "softening": bool(rng.integers(2)),
             "strength_scatter": rng.uniform(0.01, 0.5) if scatters else 0.0,
             "rate": decades(1.0, 1e9) if heeds_rate else None,
             "rate_exponent": exponent,

@@ -5,7 +5,8 @@
     peer.advance(steps, threads=1)
     peer.state()                      # positions, velocities, impactor, time, ledger
 
-Plain, Vectors and Numba compute what the engine computes without contact of pieces (`check`);
+Plain, Vectors and Numba compute what the engine computes without contact of pieces, room and
+softening (`check`);
 Lammps is another model of the same size.
 """
 
@@ -13,14 +14,16 @@ from .constants import Case, Skipped, State
 from .lammps_peer import PLASTIC, ROTATIONAL, Lammps
 from .native import Plain, Vectors
 from .numba_peer import Numba
-from .scenes import CASE, Choices, lattice_of, scene_with, updated
+from .scenes import CASE, EXTENTS, Choices, Extent, lattice_of, scene_with, updated
 
 __all__ = [
     "CASE",
+    "EXTENTS",
     "PLASTIC",
     "ROTATIONAL",
     "Case",
     "Choices",
+    "Extent",
     "Lammps",
     "Numba",
     "Plain",

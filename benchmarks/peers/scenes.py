@@ -9,6 +9,7 @@ from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated", "bare"]
+Extent = Literal["peers", "contact", "whole"]
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
     "calibrated": {},
     "rated": {"foam": {"rate": 3000.0}},
@@ -21,13 +22,21 @@ CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
 without dashpots that differ along and across, and without crush across bonds."""
 
 
-def scene_with(choices: Choices, name: str = CASE, contact: bool = False) -> Scene:
-    """A paper test with these choices; contact of pieces and the room of crushed foam,
-    which come together here, are what the peers do not have."""
-    scene = updated(
-        paper_scene(name), {"model": {"self_contact": contact, "crushed_room": contact}}
-    )
-    return updated(scene, CHANGES[choices])
+EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
+    "peers": {
+        "model": {"self_contact": False, "crushed_room": False},
+        "foam": {"softening": False},
+    },
+    "contact": {"model": {"crushed_room": False}, "foam": {"softening": False}},
+    "whole": {},
+}
+"""How much of the model: what the peers have; contact of pieces besides; and all of it, with the
+room of crushed foam and bonds that soften."""
+
+
+def scene_with(choices: Choices, name: str = CASE, extent: Extent = "peers") -> Scene:
+    """A paper test with these choices, and so much of the model."""
+    return updated(updated(paper_scene(name), CHANGES[choices]), EXTENTS[extent])
 
 
 def updated(scene: Scene, values: dict[str, dict[str, object]]) -> Scene:

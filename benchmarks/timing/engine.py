@@ -21,7 +21,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 from .measurement import LEAST_STEPS, Measurement, better_steps
-from .subjects import Subject, scene_with, updated
+from .subjects import Extent, Subject, scene_with, updated
 
 ALL = 1_000_000  # steps: as far as the lattice's pause
 
@@ -156,9 +156,9 @@ class Engine:
             end = subject.start + subject.span
         return loaded.run_to(end)
 
-    def whole(self, case: str, contact: bool, end: float | None) -> Measurement:
+    def whole(self, case: str, extent: Extent, end: float | None) -> Measurement:
         """A whole run of a paper test on one lattice, or its first `end` seconds."""
-        scene = scene_with("calibrated", case, contact)
+        scene = scene_with("calibrated", case, extent)
         if end is not None:
             scene = updated(scene, {"numerics": {"end": end}})
         loaded = self._loaded(1, scene)

@@ -8,6 +8,9 @@ from .rounds import Record, Spread, cpu_ns, wall_ns
 
 BUSY = 0.9  # of the gain by threads that an idle machine has in pure arithmetic
 
+PARTS = {"contact of pieces": ("peers", "contact"), "room and softening": ("contact", "whole")}
+"""Parts of the model whose cost is measured, by the extents without and with each."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -70,7 +73,7 @@ def figures(record: Record, threads: int) -> list[Figure]:
         for key, nodes in (("middle", "80,000"), ("large", "2,000,000")):
             speedup = record.ratio(f"{key} on 1", f"{key} on {threads}", wall_ns)
             add(f"{nodes} nodes: speed of {threads} threads / 1", "", speedup)
-    for what in ("large", "large contact"):
+    for what in ("large", "large whole"):
         values = record.values(f"{what} on {threads}", wall_ns)
         name = f"2,000,000 nodes, {threads} threads{what.removeprefix('large').replace(' ', ', ')}"
         add(name, " ns", Spread.of(values) if values else None, at_most=12.0)
@@ -81,11 +84,10 @@ def figures(record: Record, threads: int) -> list[Figure]:
 def _add_costs(record: Record, add) -> None:
     ledger = record.ratio("fused", "fused no ledger", cpu_ns)
     add("energy ledger, fused run", " %", _percent(ledger), at_most=10.0)
-    costs = contact_costs(record)
-    if costs:
+    for what, costs in costs_of_tests(record).items():
         each = list(costs.values())
-        add("contact of pieces, the paper's tests", " %", Spread.of(each), at_most=15.0)
-        add("contact of pieces, the worst test", " %", _exact(max(each)), at_most=20.0)
+        add(f"{what}, the paper's tests", " %", Spread.of(each), at_most=15.0)
+        add(f"{what}, the worst test", " %", _exact(max(each)), at_most=20.0)
     found = record.found
     for counts, share in found.get("snapshots", {}).items():
         add(f"snapshots at the default interval, {counts}", " %", _exact(100 * share), at_most=5.0)
@@ -99,19 +101,22 @@ def _add_costs(record: Record, add) -> None:
         add(what, " s", _exact(seconds), **goal)
 
 
-def contact_costs(record: Record) -> dict[str, float]:
-    """What contact of pieces adds to the processor time of each paper test's whole run [%].
+def costs_of_tests(record: Record) -> dict[str, dict[str, float]]:
+    """What parts of the model add to the processor time of each paper test's whole run [%].
 
-    Per simulated time, since runs end at the rebound, which contact brings forward.
+    Per simulated time, since runs end at the rebound, which each part brings forward or puts off.
     """
-    costs = {}
-    for case, runs in record.found.get("tests", {}).items():
-        ratios = [
-            (with_it["cpu"] / with_it["simulated"]) / (without["cpu"] / without["simulated"])
-            for without, with_it in runs
-        ]
-        costs[case] = 100 * (Spread.of(ratios).median - 1)
+    costs: dict[str, dict[str, float]] = {}
+    for case, rounds in record.found.get("tests", {}).items():
+        for what, (without, with_it) in PARTS.items():
+            ratios = [_pace(runs[with_it]) / _pace(runs[without]) for runs in rounds]
+            costs.setdefault(what, {})[case] = 100 * (Spread.of(ratios).median - 1)
     return costs
+
+
+def _pace(run: dict[str, float]) -> float:
+    """Processor time over simulated time."""
+    return run["cpu"] / run["simulated"]
 
 
 def _percent(ratio: Spread | None) -> Spread | None:

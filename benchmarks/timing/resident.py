@@ -7,4 +7,4 @@ from .subjects import Subject
 
 threads, columns, rows = map(int, sys.argv[1:])
 start_taichi(threads=threads)
-print(stepped(Subject("", "", "", counts=(columns, rows), contact=True)))
+print(stepped(Subject("", "", "", counts=(columns, rows), extent="whole")))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from peers import CASE, Choices, lattice_of, scene_with, updated
+from peers import CASE, Choices, Extent, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
@@ -70,7 +70,7 @@ class Subject:
     batch: int = 1
     threads: int = 1
     choices: Choices = "calibrated"
-    contact: bool = False
+    extent: Extent = "peers"
     peer: str = ""
     start: float = 0.0  # s
     span: float = 0.0
@@ -83,7 +83,7 @@ class Subject:
 
     def scene(self) -> Scene:
         """The case with this subject's cells and choices, and no end in sight."""
-        scene = updated(scene_with(self.choices, contact=self.contact), {"numerics": {"end": 1.0}})
+        scene = updated(scene_with(self.choices, extent=self.extent), {"numerics": {"end": 1.0}})
         if self.worker.endswith(NO_LEDGER):
             rare = {"history_interval": 0.01, "snapshot_interval": 0.01}
             scene = updated(scene, {"output": rare})
@@ -106,8 +106,8 @@ def _small(mode: Mode) -> list[Subject]:
         before, after = ("", "") if choices == "calibrated" else ("bare ", ", bare")
         found.append(replace(fused, key=f"{before}fused", name=fused.name + after, choices=choices))
         if choices == "calibrated":
-            contact = f"{fused.name}, contact of pieces"
-            found.append(replace(fused, key="fused contact", name=contact, contact=True))
+            whole = f"{fused.name}, whole model"
+            found.append(replace(fused, key="fused whole", name=whole, extent="whole"))
             worker = f"engine-1-{NO_LEDGER}"
             name = f"{fused.name}, no ledger"
             found.append(replace(fused, key="fused no ledger", name=name, worker=worker))
@@ -146,8 +146,8 @@ def _big(mode: Mode, key: str, counts: tuple[int, int], threads: int) -> list[Su
         replace(engine, key=f"{key} on {count}", worker=f"engine-{count}", threads=count)
         for count in ((1, threads) if alone else (threads,))
     ]
-    contact = f"{engine.name}, contact of pieces"
-    found.append(replace(found[-1], key=f"{key} contact on {threads}", name=contact, contact=True))
+    whole = f"{engine.name}, whole model"
+    found.append(replace(found[-1], key=f"{key} whole on {threads}", name=whole, extent="whole"))
     for peer in ("Plain", "Vectors"):
         found += [
             replace(

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from taichi_foam.shim2000.machine import machine, versions
 
-from .goals import contact_costs, figures, roofline
+from .goals import costs_of_tests, figures, roofline
 from .rounds import Record, Spread, cpu_ns, wall_ns, wall_per_ms
 from .subjects import Subject
 from .table import Table, write
@@ -72,12 +72,11 @@ def show(console: Console, record: Record, threads: int) -> None:
 
 
 def notes(record: Record) -> list[str]:
-    """Contact of pieces case by case, and what is not there and why."""
-    costs = [
-        f"{name.removeprefix('paper/')} {cost:+.0f} %"
-        for name, cost in contact_costs(record).items()
-    ]
-    lines = [f"contact of pieces, by test: {', '.join(costs)}"] if costs else []
+    """Parts of the model case by case, and what is not there and why."""
+    lines = []
+    for what, costs in costs_of_tests(record).items():
+        each = [f"{case.removeprefix('paper/')} {cost:+.0f} %" for case, cost in costs.items()]
+        lines.append(f"{what}, by test: {', '.join(each)}")
     for what, missing in (("skipped", record.skipped), ("FAILED", record.failed)):
         lines += [f"{what} ({keys}): {reason}" for reason, keys in by_reason(missing).items()]
     return lines

@@ -64,7 +64,7 @@ def _server(arguments: list[str]) -> Any:
 
 def _answer(server: Any, request: dict) -> Any:
     if request["do"] == "whole":
-        return asdict(server.whole(request["case"], request["contact"], request["end"]))
+        return asdict(server.whole(request["case"], request["extent"], request["end"]))
     values = request["subject"]
     subject = Subject(**{**values, "counts": tuple(values["counts"])})
     result = getattr(server, request["do"])(subject)

@@ -46,7 +46,7 @@ def features_of(scene: Scene) -> Features:
         law=scene.foam.law_for(model),
         distance=(scene.impactor or Impactor).distance,
         scattered=scene.foam.strength_scatter > 0.0,
-        softens=any(each.softens for each in limits(scene)),
+        softens=any(each.tail > 1.0 for pair in limits(scene) for each in pair),
         variational=model.shear == "variational",
         four_weights=model.broken_halves == "each",
         excess_damping=model.damping == "stiffness",

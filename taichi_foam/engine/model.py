@@ -52,8 +52,8 @@ MEMBERS = {
     "cell": vec2,  # (dx, dy), also the bonds' lengths
     "area": vec2,  # of the bonds' faces
     "node_mass": ti.f64,
-    # what the length of bonds makes of their limits, see `strengths.Limits`
-    "tensile_share": vec2,  # limit over that of the law, at most 1
+    # what the length of bonds makes of their limits, see `laws.bond.base.Limit`
+    "tensile_share": vec2,  # limit over that of the law
     "shear_share": vec2,
     "tensile_tail": vec2,  # how far a bond holds beyond it, over the limit, at least 1
     "shear_tail": vec2,
@@ -192,10 +192,10 @@ def parameters_of(scene: Scene) -> dict:
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": block.node_mass,
-        "tensile_share": list(tension.share),
-        "shear_share": list(shear.share),
-        "tensile_tail": list(tension.tail),
-        "shear_tail": list(shear.tail),
+        "tensile_share": [each.share for each in tension],
+        "shear_share": [each.share for each in shear],
+        "tensile_tail": [each.tail for each in tension],
+        "shear_tail": [each.tail for each in shear],
         "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
         "flow_share": (1.0 / rates).tolist(),
         "cross_dashpot": (across * per_length * rates).tolist(),

@@ -1,13 +1,12 @@
 """What the length of a block's bonds makes of their strength and rates; scatter, and saw cuts."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.base import OPENING, SLIDING
+from taichi_foam.laws.bond.base import Limit
 from taichi_foam.scene import Block, Scene
 
 
@@ -26,44 +25,10 @@ def strengths(scene: Scene) -> NDArray[np.float64]:
     return drawn / math.gamma(1 + 1 / modulus)
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What the length of bonds A and B makes of the limits of their law, in tension or in shear.
-
-    share  (A, B) limit over that of the law, at most 1
-    tail   (A, B) how far a bond holds beyond its limit, over the limit; 1: it breaks at once
-    """
-
-    share: tuple[float, float]
-    tail: tuple[float, float]
-
-    @property
-    def softens(self) -> bool:
-        """Whether some bonds hold beyond their limits."""
-        return max(self.tail) > 1.0
-
-
-def limits(scene: Scene) -> tuple[Limits, Limits]:
-    """In tension and in shear, see `BondFoam.toughness`."""
-    toughness = [scene.foam.toughness(length) for length in (scene.block.dx, scene.block.dy)]
-    tension, shear = zip(*toughness, strict=True)
-    return _limits(*tension, brittle=OPENING), _limits(*shear, brittle=SLIDING)
-
-
-def _limits(a: float, b: float, brittle: float) -> Limits:
-    """Of bonds A and B for which a crack costs so much, over what they hold.
-
-    One through brittle bonds costs `brittle` times that.
-    """
-    pair = [_snapped(each, brittle) for each in (a, b)]
-    share = [math.sqrt(min(each / brittle, 1.0)) for each in pair]
-    tail = [each if each > brittle else 1.0 for each in pair]
-    return Limits((share[0], share[1]), (tail[0], tail[1]))
-
-
-def _snapped(value: float, reference: float) -> float:
-    """The reference, where only rounding differs: such cells are like it to the last bit."""
-    return reference if abs(value / reference - 1.0) < 1e-9 else value
+def limits(scene: Scene) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
+    """Those of bonds A and B in tension, and in shear, see `BondFoam.limits`."""
+    a, b = (scene.foam.limits(length) for length in (scene.block.dx, scene.block.dy))
+    return (a[0], b[0]), (a[1], b[1])
 
 
 def rate_shares(scene: Scene) -> tuple[float, float]:
@@ -74,7 +39,12 @@ def rate_shares(scene: Scene) -> tuple[float, float]:
     """
     block, band = scene.block, scene.foam.crush_band
     a, b = (1.0 if band is None else length / band for length in (block.dx, block.dy))
-    return _snapped(a, 1.0), _snapped(b, 1.0)
+    return _snapped(a), _snapped(b)
+
+
+def _snapped(share: float) -> float:
+    """1 where only rounding differs: such cells are like those of the band to the last bit."""
+    return 1.0 if abs(share - 1.0) < 1e-9 else share
 
 
 def cuts(scene: Scene) -> NDArray[np.bool_]:

@@ -24,15 +24,16 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
-                "foam.rate": None,
+                "foam.rate": 4500.0,
                 "foam.rate_exponent": 1.0,
-                "foam.crush_band": 0.005,
+                "foam.crush_band": 0.0075,
                 "foam.crushed_strength": 0.1,
+                "foam.softening": True,
                 "base.kind": "gripped",
-                "impactor.friction": 0.3,
+                "impactor.friction": 0.25,
                 "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
-                "model.shear_pressure_coefficient": 2.0,
+                "model.shear_pressure_coefficient": 1.5,
                 "model.broken_halves": "both",
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
@@ -44,6 +45,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "foam.rate": None,
                 "foam.crush_band": None,
                 "foam.crushed_strength": 1.0,
+                "foam.softening": False,
                 "base.kind": "held",
                 "impactor.friction": 0.0,
                 "model.damping": "absolute",

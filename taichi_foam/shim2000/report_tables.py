@@ -146,7 +146,7 @@ def ledger(cases: Sequence[Case]) -> Row:
 
 BEYOND_THE_PAPER = (
     "rate", "rate_exponent", "crush_band", "crushed_strength", "fracture_energy",
-    "shear_fracture_energy", "strength_scatter",
+    "shear_fracture_energy", "softening", "strength_scatter",
 )  # fmt: skip
 """What the foam of a scene may do besides Table 1."""
 

@@ -47,6 +47,8 @@ def test_two_threads_give_the_numbers_of_one(kind: type) -> None:
     ("part", "field", "value"),
     [
         ("model", "self_contact", True),
+        ("model", "crushed_room", True),
+        ("foam", "softening", True),
         ("model", "damping", "absolute"),
         ("model", "broken_halves", "each"),
         ("model", "shear", "variational"),

@@ -33,7 +33,7 @@ LATTICES = 8
 assert THREADS < SMALL[0] * SMALL[1] <= BLOCK_NODES < BIG[0] * BIG[1]
 
 STEPS_BEFORE = 100  # nothing has broken yet
-STEPS_AFTER = 250  # some bonds break on the way
+STEPS_AFTER = 400  # some bonds break on the way
 STEPS_BIG = 120
 
 ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shear_J", "damping_J", "fracture_J")
@@ -61,7 +61,7 @@ def breaking_scenes() -> list[Scene]:
         Scene(
             block=Block(width=0.005 * columns, height=0.005 * rows, columns=columns, rows=rows),
             impactor=Wedge(angle_deg=60, shank_width=0.03, mass=0.1, velocity=velocity),
-            numerics=Numerics(end=1.6e-3),
+            numerics=Numerics(end=2.0e-3),
             output=Output(history_interval=1e-4, snapshot_interval=1e-3),
         )
         for velocity in np.linspace(14.0, 15.75, LATTICES)

@@ -165,6 +165,7 @@ def test_compressed_foam_breaks_by_its_angle(slide: float, breaks: list[str]) ->
     for reading in ("angle", "always", "tension-only"):
         scene = small_scene(
             base=FREE,
+            foam=Foam(softening=False),
             model=Model(self_contact=False, shear_failure=reading),
             numerics=numerics(dt=1e-9),
         )

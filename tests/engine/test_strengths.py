@@ -81,7 +81,7 @@ def test_a_block_breaks_connection_by_connection_at_its_own_strength(
     axis: int, within: tuple[int, int]
 ) -> None:
     """Pulled by 4.5 % along one axis: the breaks are those below 0.9 of the mean."""
-    foam = Foam(strength_scatter=0.2, strength_seed=3)
+    foam = Foam(softening=False, strength_scatter=0.2, strength_seed=3)
     scene = small_scene(
         base=Base(kind="floor"), foam=foam, model=Model(self_contact=False),
         numerics=numerics(dt=1e-9),

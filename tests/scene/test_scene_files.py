@@ -81,6 +81,7 @@ def foams(draw):
             crush_band=st.none() | floats(1e-5, 1),
             fracture_energy=st.none() | floats(1e-6, 1e6),
             shear_fracture_energy=st.none() | floats(1e-6, 1e6),
+            softening=st.booleans(),
         )
     )
 

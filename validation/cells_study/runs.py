@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -59,14 +58,14 @@ def limits(strengths: str, cell: float) -> Overrides:
     """Settings that make bonds break at once, at strains that do not, or do, heed the cell."""
     if strengths == "energies":
         return ()
+    brittle = ("foam.softening=false",)
+    if strengths == "scaled":
+        return brittle  # by one over the root of the cell: a crack costs the same
     foam = Foam()
-    size = math.sqrt(REFERENCE / cell) if strengths == "scaled" else 1.0
-    tensile, shear = size * foam.tensile_strain, size * foam.shear_strain
-    opening = OPENING * 0.5 * foam.youngs_modulus * tensile**2 * cell
-    sliding = SLIDING * 0.5 * foam.shear_modulus * shear**2 * cell
+    opening = OPENING * 0.5 * foam.youngs_modulus * foam.tensile_strain**2 * cell
+    sliding = SLIDING * 0.5 * foam.shear_modulus * foam.shear_strain**2 * cell
     return (
-        f"foam.tensile_strain={tensile!r}",
-        f"foam.shear_strain={shear!r}",
+        *brittle,
         f"foam.fracture_energy={opening!r}",
         f"foam.shear_fracture_energy={sliding!r}",
     )

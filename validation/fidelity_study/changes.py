@@ -17,12 +17,12 @@ VELOCITIES = 3
 
 # Of an option in words all readings, of a number those worth a look; the calibrated one is skipped.
 VALUES: Mapping[str, Sequence[str]] = {
-    "impactor.friction": ("0", "0.1", "0.15", "0.2", "0.25", "0.35"),
+    "impactor.friction": ("0", "0.1", "0.15", "0.2", "0.3", "0.35"),
     "base.kind": ("gripped", "held", "floor"),
     "base.stops_impactor": ("true", "false"),
     "model.shear": ("face", "variational"),
     "model.shear_failure": ("pressure-dependent", "always", "tension-only", "angle"),
-    "model.shear_pressure_coefficient": ("0", "1", "4", "8", "18"),
+    "model.shear_pressure_coefficient": ("0", "1", "2", "4", "8", "18"),
     "model.broken_halves": ("both", "either", "each"),
     "model.broken_contact": ("reload", "jump"),
     "model.self_contact": ("true", "false"),
@@ -31,10 +31,12 @@ VALUES: Mapping[str, Sequence[str]] = {
     "model.piece_friction": ("0.3",),
     "model.damping": ("bond", "stiffness", "absolute"),
     "foam.crushed_strength": ("1", "0.5", "0.05"),
+    "foam.softening": ("true", "false"),
+    "foam.crush_band": ("0.005", "0.01"),
     "foam.crushed_tensile_stress": ("10e3",),
     "foam.crushed_tensile_fraction": ("1",),
     "foam.yield_strain": ("-0.0432",),
-    "foam.rate": ("3000", "6000"),
+    "foam.rate": ("none", "3000", "6000"),
     "foam.strength_scatter": ("0.05", "0.1", "0.2"),
 }
 

@@ -13,9 +13,10 @@ from taichi_foam.shim2000.scores import HELD_OUT
 from taichi_foam.shim2000.tests import NAMES
 
 GRID: Mapping[str, Sequence[object]] = {
-    "model.shear_pressure_coefficient": (2, 4),
-    "impactor.friction": (0.27, 0.3),
-    "foam.rate": ("none", 6000),
+    "foam.crush_band": (0.005, 0.0075),
+    "foam.rate": ("none", 4500),
+    "impactor.friction": (0.22, 0.25),
+    "model.shear_pressure_coefficient": (1.5, 2),
 }
 """What is varied: every combination of these is a candidate; all else is as calibrated."""
 

@@ -112,7 +112,8 @@ def scene(strip: Strip) -> Scene:
         # its bonds break at this strain, at once
         held = OPENING * strip.link_energy
         strain = strip.tensile_strain
-        foam = foam.model_copy(update={"tensile_strain": strain, "fracture_energy": held})
+        update = {"tensile_strain": strain, "fracture_energy": held, "softening": False}
+        foam = foam.model_copy(update=update)
     rows = round(strip.length / strip.cell)
     sound = MODULUS / Block().density
     interval = strip.cell / strip.speed / ROWS_PER_CELL

@@ -121,6 +121,7 @@ def _brittle(tensile: float, shear: float, cell: float) -> Foam:
     return Foam(
         tensile_strain=tensile,
         shear_strain=shear,
+        softening=False,
         fracture_energy=OPENING * 0.5 * foam.youngs_modulus * tensile**2 * cell,
         shear_fracture_energy=SLIDING * 0.5 * foam.shear_modulus * shear**2 * cell,
     )

@@ -1,10 +1,10 @@
 """Bond laws: what the foam of a scene can be. docs/extending.md tells how to add one."""
 
 from taichi_foam.laws.bond import crushable
-from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks
+from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks, Limit
 from taichi_foam.laws.registry import Registry
 
-__all__ = ["FOAMS", "BondFoam", "BondLaw", "Landmarks"]
+__all__ = ["FOAMS", "BondFoam", "BondLaw", "Landmarks", "Limit"]
 
 FOAMS: Registry[BondFoam] = Registry("law", default="crushable")
 """Foams by their `law`."""

@@ -5,6 +5,7 @@ A law is one module. It has two classes: a `BondFoam`, the values of a scene's `
 knows nothing else of either.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -26,6 +27,32 @@ stops. In double cantilevers (validation/verify.py) an opening crack takes 4.9 t
 3.4 to 3.8 W to grow; what bonds do not hold is radiated. One through bonds that soften costs 1.1 to
 1.3 of what they hold. A sliding one has not been measured.
 """
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What the length of a bond makes of a limit of its law, in tension or in shear.
+
+    share  limit over that of the law
+    tail   how far a bond holds beyond its limit, over the limit: its stress falls in a straight
+           line, to nothing there; 1: it breaks at once
+    """
+
+    share: float = 1.0
+    tail: float = 1.0
+
+    @classmethod
+    def for_crack(cls, cost: float, brittle: float, softening: bool) -> "Limit":
+        """That of bonds through which a crack costs so much, over what they hold at the law's.
+
+        Through brittle bonds it costs `brittle` times what they hold. Those that soften never
+        have less of a tail than that, and in cells too large for it a limit that is lower.
+        """
+        # where only rounding differs: such cells are like the law's to the last bit
+        times = 1.0 if abs(cost / brittle - 1.0) < 1e-9 else cost / brittle
+        if not softening:
+            return cls(share=math.sqrt(times))
+        return cls(share=math.sqrt(min(times, 1.0)), tail=brittle * max(times, 1.0))
 
 
 @dataclass(frozen=True)
@@ -88,16 +115,12 @@ class BondFoam(Part):
         fix="any other whole number draws others",
     )
 
-    def toughness(self, length: float) -> tuple[float, float]:
-        """What a crack costs over what bonds of `length` [m] hold at their limits, per area.
+    def limits(self, length: float) -> tuple[Limit, Limit]:
+        """What a length of bonds [m] makes of the law's limits, in tension and in shear.
 
-        As it opens, and as its faces slide. A crack through brittle bonds costs `OPENING` and
-        `SLIDING` times what they hold: up to this, bonds break at once, at limits that fall with
-        the root of what a crack costs. Beyond, their stress falls in a straight line from the
-        limit, to nothing at so many times the limit. A law that knows nothing of cracks has limits
-        that are the same for every length.
+        A law that knows nothing of cracks has the same ones for every length.
         """
-        return OPENING, SLIDING
+        return Limit(), Limit()
 
     @property
     def landmarks(self) -> Landmarks:
@@ -202,7 +225,7 @@ class BondLaw:
         """Strain over the limit in tension, and shear stress over the strength; as for `fails`.
 
         It is asked for instead of `fails` where bonds hold beyond their limits, see
-        `BondFoam.toughness`. The stresses are those of a whole bond.
+        `BondFoam.limits`. The stresses are those of a whole bond.
         """
         raise NotImplementedError
 

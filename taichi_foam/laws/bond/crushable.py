@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from taichi_foam.laws import elementary
-from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Landmarks
-from taichi_foam.parts import quantity
+from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Landmarks, Limit
+from taichi_foam.parts import choice, quantity
 
 # The densification law is singular at the locking strain. Within this part of the way from
 # locking back to densification it goes on as its tangent, so that a trial stage that oversteps
@@ -68,6 +68,11 @@ class Foam(BondFoam):
         "cells of 5 mm whose bonds break at shear_strain, "
         "shear_modulus * shear_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
+    )
+    softening: bool = choice(
+        True,
+        "beyond its limit in tension or shear a bond loses its stress by and by; false: it breaks "
+        "at once. A crack costs the same",
     )
     densification_strain: float = quantity(
         -0.80,
@@ -163,14 +168,18 @@ class Foam(BondFoam):
             plateau_stress=self.plateau_stress,
         )
 
-    def toughness(self, length: float) -> tuple[float, float]:
-        """The fracture energies over what a bond holds at its limits (Bazant & Oh 1983)."""
-        in_tension = 0.5 * self.youngs_modulus * self.tensile_strain**2 * length
-        in_shear = 0.5 * self.shear_modulus * self.shear_strain**2 * length
-        tension, shear = self.fracture_energy, self.shear_fracture_energy
+    def limits(self, length: float) -> tuple[Limit, Limit]:
+        """By what a crack costs over what a bond holds at its limit (Bazant & Oh 1983)."""
+        in_tension = 0.5 * self.youngs_modulus * self.tensile_strain**2
+        in_shear = 0.5 * self.shear_modulus * self.shear_strain**2
+        opening, sliding = self.fracture_energy, self.shear_fracture_energy
+        if opening is None:
+            opening = OPENING * in_tension * CELL
+        if sliding is None:
+            sliding = SLIDING * in_shear * CELL
         return (
-            OPENING * CELL / length if tension is None else tension / in_tension,
-            SLIDING * CELL / length if shear is None else shear / in_shear,
+            Limit.for_crack(opening / (in_tension * length), OPENING, self.softening),
+            Limit.for_crack(sliding / (in_shear * length), SLIDING, self.softening),
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
