@@ -14,7 +14,7 @@ Run time: some seconds on one core.
 from taichi_foam.scene import Cylinder, Foam, Scene
 
 # what docs/fidelity.md found the specimens' foam to do besides Table 1
-FOAM = Foam(crush_band=0.0075, crushed_strength=0.1, rate=4500.0)
+FOAM = Foam(crush_band=0.0075, crushed_strength=0.1)
 
 scene = Scene(
     name="Cylinder at 3.32 m/s", foam=FOAM, impactor=Cylinder(radius=0.025, velocity=3.32)

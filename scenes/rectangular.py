@@ -14,7 +14,7 @@ Run time: some seconds on one core.
 from taichi_foam.scene import FlatBlock, Foam, Scene
 
 # what docs/fidelity.md found the specimens' foam to do besides Table 1
-FOAM = Foam(crush_band=0.0075, crushed_strength=0.1, rate=4500.0)
+FOAM = Foam(crush_band=0.0075, crushed_strength=0.1)
 
 scene = Scene(
     name="Flat block at 3.03 m/s", foam=FOAM, impactor=FlatBlock(width=0.05, velocity=3.03)

@@ -15,7 +15,7 @@ Run time: some seconds on one core.
 from taichi_foam.scene import Foam, Scene, Wedge
 
 # what docs/fidelity.md found the specimens' foam to do besides Table 1
-FOAM = Foam(crush_band=0.0075, crushed_strength=0.1, rate=4500.0)
+FOAM = Foam(crush_band=0.0075, crushed_strength=0.1)
 
 scene = Scene(name="Wedge at 2.86 m/s", foam=FOAM, impactor=Wedge(angle_deg=90, velocity=2.86))
 

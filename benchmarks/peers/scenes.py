@@ -8,17 +8,18 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
-Choices = Literal["calibrated", "bare"]
+Choices = Literal["calibrated", "rated", "bare"]
 Extent = Literal["peers", "contact", "whole"]
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
     "calibrated": {},
+    "rated": {"foam": {"rate": 3000.0}},
     "bare": {
         "model": {"damping": "bond", "broken_halves": "either"},
-        "foam": {"crushed_strength": 1.0, "rate": None},
+        "foam": {"crushed_strength": 1.0},
     },
 }
-"""What differs from the calibrated choices. Bare: without dashpots that differ along and across,
-without crush across bonds, and with a plateau that does not heed the rate."""
+"""What differs from the calibrated choices. Rated: a plateau that grows with the strain rate. Bare:
+without dashpots that differ along and across, and without crush across bonds."""
 
 
 EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {

@@ -54,7 +54,7 @@ class Model(Part):
         "angle: it does, by the angle that its foam has sheared through, however short it is",
     )
     shear_pressure_coefficient: float = quantity(
-        2.0,
+        1.5,
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,

@@ -24,13 +24,13 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
-                "foam.rate": 4500.0,
+                "foam.rate": None,
                 "foam.rate_exponent": 1.0,
                 "foam.crush_band": 0.0075,
                 "foam.crushed_strength": 0.1,
                 "foam.softening": True,
                 "base.kind": "gripped",
-                "impactor.friction": 0.25,
+                "impactor.friction": 0.22,
                 "model.damping": "stiffness",
                 "model.shear_failure": "pressure-dependent",
                 "model.shear_pressure_coefficient": 1.5,

@@ -26,7 +26,7 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     assert outcome.intact > 1, "bonds broke at once: nothing was compared before that"
     assert outcome.broken > 10, "too few bonds have broken to see what follows"
     # without a rate the worst strain is behind by the last step at most
-    assert (outcome.lagging > 6e-3) == (choices == "calibrated")
+    assert (outcome.lagging > 6e-3) == (choices == "rated")
 
 
 @pytest.mark.parametrize("kind", [Plain, Vectors])
@@ -57,7 +57,7 @@ def test_two_threads_give_the_numbers_of_one(kind: type) -> None:
     ],
 )
 def test_peers_refuse_choices_that_they_do_not_have(part: str, field: str, value: object) -> None:
-    scene = updated(scene_with("calibrated"), {part: {field: value}})
+    scene = updated(scene_with("rated"), {part: {field: value}})
     with pytest.raises(ValueError, match="the peers do not know"):
         case_of(scene)
 

@@ -303,10 +303,7 @@ def test_unknown_choices():
 
 def test_calibrated_is_the_default_but_for_the_foam_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    plain = [
-        "foam.crush_band=none", "foam.crushed_strength=1", "foam.rate=none",
-        "base.stops_impactor=true",
-    ]  # fmt: skip
+    plain = ["foam.crush_band=none", "foam.crushed_strength=1", "base.stops_impactor=true"]
     assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])
 
 

@@ -52,7 +52,7 @@ class Impactor(Part):
         3.03, "m/s", "velocity at the start, downwards", at_least=0, at_most=500
     )
     friction: float = quantity(
-        0.3, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
+        0.22, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
     )
     x: float = quantity(
         0.0, "m", "offset of the mid-width from that of the block", at_least=-5, at_most=5
