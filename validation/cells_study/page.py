@@ -29,7 +29,7 @@ calibrated choices and nothing else changed but the cell: medians of ensembles w
 within 0.5 % of the test's own, and what they are off those with cells of 5 mm.
 
 What a crack costs is a property of the foam: `foam.fracture_energy` and
-`foam.shear_fracture_energy`. Dashpots and rate take strain rates over `foam.crush_band`, 5 mm.
+`foam.shear_fracture_energy`. Dashpots and rate take strain rates over `foam.crush_band`.
 [docs/model.md](../../docs/model.md#cells) has the reasons.
 
 In cells of 4 and 10 mm a flat face of 50 mm covers 12 and 4 mass points, 48 and 40 mm: 4 and 20 %
