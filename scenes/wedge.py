@@ -7,7 +7,7 @@ block. The deceleration rises linearly until the tip is in, at 25 mm, and then s
 
 Measured (Table 4): duration 49 ms, displacement 75 mm, plateau 66 m/s2. The paper's own simulation
 gives 48.3 ms. After the block has split a single run is chance (docs/fidelity.md): velocities that
-differ by 0.5 % give durations of 43 to 60 ms, and some more.
+differ by 0.5 % give durations of 43 to 53 ms, and a few longer ones.
 
 Run time: some seconds on one core.
 """

@@ -71,8 +71,8 @@ class Foam(BondFoam):
     )
     softening: bool = choice(
         True,
-        "beyond its limit in tension or shear a bond loses its stress by and by; false: it breaks "
-        "at once. A crack costs the same",
+        "beyond its limit in tension or shear a bond loses its stress gradually; false: it breaks "
+        "at once, and a crack costs about as much",
     )
     densification_strain: float = quantity(
         -0.80,
