@@ -50,7 +50,9 @@ def _normal_force(
     numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
     if ti.static(lattice.features.softens):
         intact = ti.cast(bonds[b, i, k].intact, ti.f64)
-        numerator = ti.select(numerator > 0.0, intact * numerator, numerator)
+        # what pulls; as a choice of one of two products the compiler leaves it scalar
+        pulls = elementary.larger(numerator, 0.0)
+        numerator = intact * pulls + elementary.smaller(numerator, 0.0)
     # what the strip has to know goes to memory: these loops have no registers to spare. Columns at
     # the seams of two sweeps are looked at by both: twice is the same as once
     tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
@@ -153,24 +155,25 @@ def _bond_forces(
         if ti.static(lattice.law.weakens_across):
             tensile *= lattice.law.strength_left(p.bond, _crush_across(lattice, axis, b, i, k))
         sigma_e = numerator / divisor
-        failed = condition
+        fails = lattice.law.fails(p.bond, e, sigma_e, tau, worst, size, tensile, strength) & whole
         if ti.static(lattice.features.softens):
-            pulled, sheared = lattice.law.overload(
-                p.bond, e, sigma_e, tau, worst, size, tensile, strength
-            )
-            left = elementary.smaller(
-                _left(pulled, p.tensile_tail[axis]), _left(sheared, p.shear_tail[axis])
-            )
-            left = elementary.smaller(left, condition)
-            failed = ti.select(left > 0.0, left, ti.cast(BREAKING, ti.f64))
-            # over what is there now: a column at a seam of two sweeps is looked at by both
-            intact = ti.cast(bonds[b, i, k].intact, ti.f64)
-            softens = ti.select(whole & (left < intact) & (left > 0.0), 1.0, 0.0)
-            tally[b, strip].softens = tally[b, strip].softens + softens
+            # divisions are dear, and few bonds are beyond their limits
+            if lanes.any_of(fails):
+                pulled, sheared = lattice.law.overload(
+                    p.bond, e, sigma_e, tau, worst, size, tensile, strength
+                )
+                left = elementary.smaller(
+                    _left(pulled, p.tensile_tail[axis]), _left(sheared, p.shear_tail[axis])
+                )
+                left = elementary.smaller(left, condition)
+                # over what is there now: a column at a seam of two sweeps is looked at by both
+                intact = ti.cast(bonds[b, i, k].intact, ti.f64)
+                softens = ti.select(whole & (left < intact) & (left > 0.0), 1.0, 0.0)
+                tally[b, strip].softens = tally[b, strip].softens + softens
+                failed = ti.select(left > 0.0, left, ti.cast(BREAKING, ti.f64))
+                condition = ti.select(whole, failed, condition)
         else:
-            fails = lattice.law.fails(p.bond, e, sigma_e, tau, worst, size, tensile, strength)
-            failed = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
-        condition = ti.select(whole, failed, condition)
+            condition = ti.select(fails, ti.cast(BREAKING, ti.f64), condition)
         bonds[b, i, k].condition = ti.cast(condition, ti.f32)
         breaks = ti.select(condition == BREAKING, 1.0, 0.0)
         tally[b, strip].breaks = tally[b, strip].breaks + breaks

@@ -61,9 +61,15 @@ def is_pulled(lattice: ti.template(), strain, worst, p: ti.template()) -> ti.i32
 @ti.func
 def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
     """At the end of a step: parts of the faces of column `i`'s bonds are lost from now on."""
+    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     lost = 0.0
-    for j in range(lattice.rows):
-        lost = soften_at(lattice, b, i, j, lost, p)
+    for k in range(lattice.packs):
+        left_a, left_b = bonds_a[b, i, k].condition, bonds_b[b, i, k].condition
+        loses = (left_a > BROKEN) & (left_a < bonds_a[b, i, k].intact)
+        loses |= (left_b > BROKEN) & (left_b < bonds_b[b, i, k].intact)
+        if lanes.any_of(loses):
+            for lane in range(lattice.lanes):
+                lost = soften_at(lattice, b, i, k * lattice.lanes + lane, lost, p)
     lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
 
 
@@ -72,17 +78,16 @@ def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -
     """Take from a node's bonds what they lose; the energy stored there is added to `lost` [J]."""
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
-    for axis in range(2):
-        condition, worst, strain = look_at(lattice, axis, b, i, j, p)
-        left, share = ti.cast(condition, ti.f64), intact_share(lattice, axis, b, i, j)
-        if condition > BROKEN and left < share:
+    for axis in ti.static(range(2)):
+        bonds = ti.static(lattice.state.bonds[axis])
+        left, intact = bonds[b, i, k].condition[lane], bonds[b, i, k].intact[lane]
+        if left > BROKEN and left < intact:
+            _, worst, strain = look_at(lattice, axis, b, i, j, p)
             if is_pulled(lattice, strain, worst, p):
                 stored = lattice.law.stored_energy(p.bond, strain, worst, 0)
-                total += volume(axis, p) * (share - left) * stored
-            if axis == A:
-                lattice.state.bond_a[b, i, k].intact[lane] = condition
-            else:
-                lattice.state.bond_b[b, i, k].intact[lane] = condition
+                share = ti.cast(intact, ti.f64) - ti.cast(left, ti.f64)
+                total += volume(axis, p) * share * stored
+            bonds[b, i, k].intact[lane] = left
     return total
 
 
