@@ -9,7 +9,7 @@ from scipy.spatial.distance import pdist
 
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Base, Block, FlatBlock, Model, Numerics, Output, Wedge
+from taichi_foam.scene import Base, Block, FlatBlock, Foam, Model, Numerics, Output, Wedge
 from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run
 
@@ -18,6 +18,7 @@ RUNS = {
     "paper/cylinder-2.94": paper_scene("paper/cylinder-2.94"),
     "fast wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.05, velocity=30.0),
+        foam=Foam(softening=False),
         model=Model(broken_halves="either"),  # shatters more
         numerics=Numerics(end=10e-3),
         output=Output(snapshot_interval=2e-4),

@@ -22,7 +22,7 @@ def test_a_block_that_shatters_in_the_air_keeps_its_momentum() -> None:
     scene = small_scene(base=FREE, numerics=numerics())
     X = reference_positions(scene)
     rng = np.random.default_rng(8)
-    velocity = rng.uniform(-1.0, 1.0, X.shape) + (X - X.mean(axis=(0, 1))) * [1500.0, -1500.0]
+    velocity = rng.uniform(-1.0, 1.0, X.shape) + (X - X.mean(axis=(0, 1))) * [2500.0, -2500.0]
     velocity += [0.3, 5.0]
     with bench(scene, position=X + LIFT, velocity=velocity) as loaded:
         after = loaded.step(3000)

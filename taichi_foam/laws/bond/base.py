@@ -224,7 +224,7 @@ class BondLaw:
     def overload(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
         """Strain over the limit in tension, and shear stress over the strength; as for `fails`.
 
-        It is asked for instead of `fails` where bonds hold beyond their limits, see
+        It is asked for besides `fails` where bonds hold beyond their limits, see
         `BondFoam.limits`. The stresses are those of a whole bond.
         """
         raise NotImplementedError
