@@ -6,8 +6,7 @@
     peer.state()                      # positions, velocities, impactor, time, ledger
 
 Plain, Vectors and Numba compute what the engine computes without contact of pieces, room and
-softening (`check`);
-Lammps is another model of the same size.
+softening (`check`); Lammps is another model of the same size.
 """
 
 from .constants import Case, Skipped, State

@@ -289,17 +289,17 @@ def test_dashpots_limit_the_step_as_computed() -> None:
 
 @pytest.mark.parametrize(
     ("name", "tolerance"),
-    [("rectangular-3.03", 2e-5), ("cylinder-2.94", 2e-6), ("wedge-2.86", 1e-6)],
+    [("rectangular-3.03", 1e-5), ("cylinder-2.94", 1e-6), ("wedge-2.86", 1e-6)],
 )
 def test_the_first_millisecond_is_that_of_a_tenth_of_the_step(name: str, tolerance: float) -> None:
     """Nothing has broken yet: displacements agree to 1e-6, velocities too once nodes stop ringing.
 
     A node that meets the impactor swings on its penalty spring with a period of 15 us, which some
     four automatic steps follow to a few per cent. It carries little: only the flat face, which all
-    its nodes meet at once, shows it in the velocity, for a tenth of a millisecond. Dashpots over
-    the crush band are two thirds of those over a cell, and let it ring as much longer.
+    its nodes meet at once, shows it in the velocity, for a tenth of a millisecond. The dashpots
+    are Table 6's, over a cell: over the crush band they are weaker, and nodes ring for longer.
     """
-    scene = paper_scene(f"paper/{name}")
+    scene = paper_scene(f"paper/{name}").with_values({"foam.crush_band": None})
     step = first_millisecond(scene, "auto", 1e-4).history["dt_s"][0]
     interval = 10 * step * (1.0 - 1e-9)  # rows of both fall on the same instants
     coarse, fine = (first_millisecond(scene, dt, interval).history for dt in ("auto", step / 10))
