@@ -35,9 +35,13 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def display() -> Iterator[str]:
-    """A virtual screen of the window's size and a little more."""
+    """A virtual screen of the window's size and a little more.
+
+    It does not start anew when its last client leaves (`-noreset`): every screenshot is a client
+    that leaves, and a window that opens at that moment would be refused.
+    """
     reading, writing = os.pipe()
-    screen = ["-screen", "0", "1400x900x24", "-nolisten", "tcp"]
+    screen = ["-screen", "0", "1400x900x24", "-nolisten", "tcp", "-noreset"]
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", str(writing), *screen],
         pass_fds=[writing],
