@@ -61,15 +61,9 @@ def is_pulled(lattice: ti.template(), strain, worst, p: ti.template()) -> ti.i32
 @ti.func
 def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
     """At the end of a step: parts of the faces of column `i`'s bonds are lost from now on."""
-    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     lost = 0.0
-    for k in range(lattice.packs):
-        left_a, left_b = bonds_a[b, i, k].condition, bonds_b[b, i, k].condition
-        loses = (left_a > BROKEN) & (left_a < bonds_a[b, i, k].intact)
-        loses |= (left_b > BROKEN) & (left_b < bonds_b[b, i, k].intact)
-        if lanes.any_of(loses):
-            for lane in range(lattice.lanes):
-                lost = soften_at(lattice, b, i, k * lattice.lanes + lane, lost, p)
+    for j in range(lattice.rows):
+        lost = soften_at(lattice, b, i, j, lost, p)
     lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
 
 
