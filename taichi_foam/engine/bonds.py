@@ -275,23 +275,34 @@ def bond_pack(
 
 
 @ti.func
-def stiffen_pack(lattice: ti.template(), b, i, k, sweep, slot, p: ti.template()):
-    """Add stiffening to a pack's forces; its stiffest bond [N/m] comes back."""
+def stiffen_pack(
+    lattice: ti.template(), b, i, k, sweep, slot, a_strain, b_strain, p: ti.template()
+):  # fmt: skip
+    """Add stiffening to a pack's forces; its stiffest bond [N/m] comes back.
+
+    Foam is seldom packed along both axes, and exponentials are dear.
+    """
     trial = ti.static(lattice.scratch.trial)
     force = ti.static(lattice.scratch.force)
-    x, y = trial[b, i, k].x, trial[b, i, k].y
-    fx, fy, stiffest = _stiffening(
-        lattice, A, b, i, k, trial[b, i + 1, k].x - x, trial[b, i + 1, k].y - y, p
-    )
-    force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
-    force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
-    fx, fy, stiff = _stiffening(
-        lattice, B, b, i, k,
-        lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y, p,
-    )  # fmt: skip
-    force[sweep, slot, k].bx = force[sweep, slot, k].bx + fx
-    force[sweep, slot, k].by = force[sweep, slot, k].by + fy
-    return ti.max(stiffest, stiff)
+    limit = lattice.law.stiffens_below(p.bond)
+    stiffest = 0.0
+    if a_strain.min() < limit:
+        reach_x = trial[b, i + 1, k].x - trial[b, i, k].x
+        reach_y = trial[b, i + 1, k].y - trial[b, i, k].y
+        fx, fy, stiff = _stiffening(lattice, A, b, i, k, reach_x, reach_y, p)
+        force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
+        force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
+        stiffest = ti.max(stiffest, stiff)
+    if b_strain.min() < limit:
+        x, y = trial[b, i, k].x, trial[b, i, k].y
+        fx, fy, stiff = _stiffening(
+            lattice, B, b, i, k,
+            lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y, p,
+        )  # fmt: skip
+        force[sweep, slot, k].bx = force[sweep, slot, k].bx + fx
+        force[sweep, slot, k].by = force[sweep, slot, k].by + fy
+        stiffest = ti.max(stiffest, stiff)
+    return stiffest
 
 
 @ti.func
@@ -315,14 +326,14 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
     Stiffening has a loop of its own: few packs have any, and it would cost every other bond its
     registers.
     """
-    normal = ti.static(lattice.scratch.normal)
+    strain = ti.static(lattice.scratch.strain)
     clear_bonds(lattice, b, strip)
     for k in range(lattice.packs):
         a_length, a_strain, a, b_length, b_strain, b_force = normal_forces(
             lattice, stage, b, i, k, strip, p
         )
-        normal[sweep, k].a_strain = a_strain
-        normal[sweep, k].b_strain = b_strain
+        strain[sweep, k].a = a_strain
+        strain[sweep, k].b = b_strain
         bond_pack(
             lattice, stage, b, i, k, strip, sweep, slot, a_length, a_strain, a, b_length,
             b_strain, b_force, p,
@@ -332,9 +343,11 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
         limit = lattice.law.stiffens_below(p.bond)
         if lattice.scratch.tally[b, strip].least.min() < limit:
             for k in range(lattice.packs):
-                if ti.min(normal[sweep, k].a_strain.min(), normal[sweep, k].b_strain.min()) < limit:
-                    stiff = stiffen_pack(lattice, b, i, k, sweep, slot, p)
-                    stiffest = ti.max(stiffest, stiff)
+                stiff = stiffen_pack(
+                    lattice, b, i, k, sweep, slot, strain[sweep, k].a,
+                    strain[sweep, k].b, p,
+                )  # fmt: skip
+                stiffest = ti.max(stiffest, stiff)
     lattice.scratch.stiffest[b, strip] = stiffest
     if ti.static(lattice.features.crushed_room):
         cells.press_column(lattice, stage, b, i, strip, sweep, slot, p)

@@ -19,7 +19,7 @@ vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
-def may_touch_bodies(lattice: ti.template(), b, x, y, p: ti.template()) -> ti.i32:
+def may_touch_bodies(lattice: ti.template(), b, k, x, y, p: ti.template()) -> ti.i32:
     """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
 
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
@@ -27,7 +27,11 @@ def may_touch_bodies(lattice: ti.template(), b, x, y, p: ti.template()) -> ti.i3
     """
     above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
-    return lanes.any_of((above & beside) | (y < 0.5 * p.cell.y + p.skin))
+    may = (above & beside) | (y < 0.5 * p.cell.y + p.skin)
+    if p.hold_y and k == 0:
+        # the held row is part of the support, which lets the impactor pass
+        may[0] = 0
+    return lanes.any_of(may)
 
 
 @ti.func
@@ -53,8 +57,8 @@ def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
 
 
 @ti.func
-def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()):
-    """Forces [N] of the impactor and the floor on a node, as the `reaction` of its lane.
+def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()) -> vec2:
+    """Force [N] of the impactor and the floor on a node.
 
     Work and the force on the impactor are added to the strip's. The first stage of a step also
     latches the friction springs: slid off beyond mu N, and slack where there is no touch.
@@ -66,7 +70,6 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     force = vec2(0.0)
     on_impactor = 0.0
     on_floor = 0.0
-    # the held row is part of the support, which lets the impactor pass
     if not (p.hold_y and j == 0):
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
@@ -115,8 +118,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     if stage == 0:
         lattice.state.slip[b, i, k].impactor[lane] = on_impactor
         lattice.state.slip[b, i, k].floor[lane] = on_floor
-    lattice.scratch.tally[b, strip].reaction_x[lane] = force.x
-    lattice.scratch.tally[b, strip].reaction_y[lane] = force.y
+    return force
 
 
 @ti.func

@@ -73,9 +73,9 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
             lattice, stage, b, i, k, strip, b, i, a_length, a_strain, a, b_length, b_strain,
             b_force, p,
         )  # fmt: skip
-        if ti.static(lattice.law.stiffens):  # noqa: SIM102 - the static test must stand alone
-            if ti.min(a_strain[0], b_strain[0]) < lattice.law.stiffens_below(p.bond):
-                stiffest = ti.max(stiffest, bonds.stiffen_pack(lattice, b, i, k, b, i, p))
+        if ti.static(lattice.law.stiffens):
+            stiff = bonds.stiffen_pack(lattice, b, i, k, b, i, a_strain, b_strain, p)
+            stiffest = ti.max(stiffest, stiff)
         if ti.static(lattice.features.crushed_room):
             if lattice.scratch.presses[b, i, k]:
                 cells.press_pack(lattice, stage, b, i, k, strip, b, i, p)

@@ -37,6 +37,13 @@ def zeros(lattice: ti.template()):
 
 
 @ti.func
+def only(lattice: ti.template(), lane, value):
+    """A pack of zeros but for one lane."""
+    places = ti.Vector([ti.static(n) for n in ti.static(range(lattice.lanes))])
+    return ti.select(places == lane, value, zeros(lattice))
+
+
+@ti.func
 def from_above(values: ti.template(), following):
     """Each lane's value of the node above it; the last lane's is the next pack's first.
 

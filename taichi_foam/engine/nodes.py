@@ -67,15 +67,14 @@ def node_pack(
             )
     by_bonds = force_x * now.u + force_y * now.v
     tally[b, strip].by_bonds = tally[b, strip].by_bonds - by_bonds
-    if contact.may_touch_bodies(lattice, b, now.x, now.y, p):
-        tally[b, strip].reaction_x = lanes.zeros(lattice)
-        tally[b, strip].reaction_y = lanes.zeros(lattice)
+    if contact.may_touch_bodies(lattice, b, k, now.x, now.y, p):
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
-                contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
-        force_x += tally[b, strip].reaction_x
-        force_y += tally[b, strip].reaction_y
+                reaction = contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
+                # not by way of memory: a wide load behind a narrow store would wait for it
+                force_x += lanes.only(lattice, lane, reaction.x)
+                force_y += lanes.only(lattice, lane, reaction.y)
     if ti.static(lattice.features.self_contact):  # noqa: SIM102 - the static test must stand alone
         if contact.is_pushed(lattice, b, i, k):
             push = lattice.scratch.push[b, i, k]

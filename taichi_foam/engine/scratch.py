@@ -27,7 +27,7 @@ class ScratchFields:
     trial     motion of the nodes at the current stage
     force     of the bonds [N]; on a CPU of the few columns that a sweep needs at a time
     crossing  of a variational shear on the differences that cross them, per unit of their weight
-    normal    of the bonds of a column: strain, and force along the bond over its length [N/m]
+    strain    of the bonds of a column now
     tally     what a strip of nodes adds up; a sum over strips has one order on any machine
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
               impactor now [N]; kinetic, stored, potential energy [J]
@@ -52,8 +52,8 @@ class ScratchFields:
             self.crossing = pair.field()
             layout.of_sweeps(self.crossing)
         if not layout.on_gpu:
-            self.normal = ti.types.struct(a_strain=pack, a=pack, b_strain=pack, b=pack).field()
-            layout.listed_by_sweep(layout.packs, self.normal)
+            self.strain = ti.types.struct(a=pack, b=pack).field()
+            layout.listed_by_sweep(layout.packs, self.strain)
         tally = {
             "least": pack,  # strain
             "sheared": pack,  # power of shear [W]
@@ -63,8 +63,6 @@ class ScratchFields:
             "by_bonds": pack,  # power of all bonds at the stage [W]
             "moved": pack,  # squared motion in the step [m2]
             "diverged": pack,  # nodes that have
-            "reaction_x": pack,  # of the bodies on the pack at hand [N]
-            "reaction_y": pack,
         }
         if features.softens:
             tally["softens"] = pack  # bonds that lose a part of their faces in this step

@@ -23,6 +23,9 @@ from taichi_foam.parts import choice, quantity
 # that a run reaches.
 GUARD = 0.05
 
+# Of the rule for the energy that densification stores, on [-1, 1].
+GAUSS_POINTS, GAUSS_WEIGHTS = (each.tolist() for each in np.polynomial.legendre.leggauss(8))
+
 # Slope of packed pieces beyond the densification strain, in Young's moduli.
 PACKED = 4.0
 
@@ -409,24 +412,19 @@ class Crushable(BondLaw):
 
     @ti.func
     def _densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
-        """Area under the densification branch between `e` and e_d [J/m3], by Simpson's rule.
+        """Area under the densification branch between `e` and e_d [J/m3], by Gauss's rule.
 
         It is an exponential integral without a closed form for every b. Taken over the logarithm of
-        e - e_l, 32 intervals are good to 1e-5 of it down to 0.93 of crush for Table 6's constants.
+        e - e_l, eight points are good to 1e-5 of it down to 0.93 of crush for Table 6's constants.
         """
-        intervals = 32
         room = c.densification_strain - c.locking_strain
         ratio = ti.max(e - c.locking_strain, GUARD * room) / room
-        width = -elementary.log(ratio) / intervals
-        area = 0.0
-        for k in range(intervals + 1):
-            weight = 2.0 + 2.0 * (k % 2)
-            if k == 0 or k == intervals:
-                weight = 1.0
-            here = room * elementary.exp(-k * width)
-            stress, _ = self._densified(c, c.locking_strain + here)
-            area += weight * here * stress
-        return -area * width / 3.0
+        half = -0.5 * elementary.log(ratio)
+        points = ti.Vector(ti.static(GAUSS_POINTS))
+        weights = ti.Vector(ti.static(GAUSS_WEIGHTS))
+        here = room * elementary.exp(-half * (1.0 + points))
+        stress, _ = self._densified(c, c.locking_strain + here)
+        return -half * (weights * here * stress).sum()
 
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
