@@ -17,14 +17,14 @@ from peers import CASE, Extent, scene_with, updated
 from rich.console import Console
 from timing.table import Table
 
-from taichi_foam.engine import bonds, clock, contact, cpu, ledger, nodes, runtime, transfer
+from taichi_foam.engine import bonds, cells, clock, contact, cpu, ledger, nodes, runtime, transfer
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
 from taichi_foam.simulation.simulate import run
 
 WHOLE_RUNS: dict[Extent, str] = {
     "peers": "of what the peers have",
-    "contact": "with contact of pieces",
+    "room": "with room and softening",
     "whole": "of the whole model",
 }
 STEPS_PER_ROW = 30  # about, at the default interval
@@ -73,10 +73,26 @@ def flow(lattice: ti.template(), p: ti.template()):
 
 @ti.func
 def stiffen(lattice: ti.template(), p: ti.template()):
+    """Of the bonds that have ever been packed: nearly all of them still are."""
     for i in range(lattice.columns):
         if lattice.scratch.tally[0, i].least.min() < lattice.law.stiffens_below(p.bond):
             for k in range(lattice.packs):
-                bonds.stiffen_pack(lattice, 0, i, k, 0, i % 3, p)
+                bonds.stiffen_pack(
+                    lattice, 0, i, k, 0, i % 3, lattice.state.bond_a[0, i, k].worst,
+                    lattice.state.bond_b[0, i, k].worst, p,
+                )  # fmt: skip
+
+
+@ti.func
+def look(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        cells.look_column(lattice, 0, i, p)
+
+
+@ti.func
+def press(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        cells.press_column(lattice, 1, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
@@ -90,10 +106,11 @@ def bodies(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
         for k in range(lattice.packs):
             now = lattice.scratch.trial[0, i, k]
-            if contact.may_touch_bodies(lattice, 0, now.x, now.y, p):
+            if contact.may_touch_bodies(lattice, 0, k, now.x, now.y, p):
                 for lane in range(lattice.lanes):
                     j = k * lattice.lanes + lane
-                    contact.touch_bodies(lattice, 0, i, j, i, 1, 0.0, p)
+                    if j < lattice.rows:
+                        contact.touch_bodies(lattice, 0, i, j, i, 1, 0.0, p)
 
 
 @ti.func
@@ -121,10 +138,12 @@ def row(lattice: ti.template(), p: ti.template()):
 # another part.
 PARTS = (
     ("flow of the worst strain, once a step", flow, 0.25, True),
+    ("room: which cells may press, once a step", look, 0.25, True),
     ("bonds with history, first stage", first_bonds, 0.25, True),
     ("bonds, two middle stages", middle_bonds, 0.5, True),
     ("bonds with failure, last stage", last_bonds, 0.25, True),
     ("  of these: stiffening, four times a step", stiffen, 1.0, False),
+    ("  of these: room of crushed cells", press, 1.0, False),
     ("nodes, four times a step", node_stage, 1.0, True),
     ("  of these: contact with impactor and floor", bodies, 1.0, False),
     ("pieces: push, four times a step", push, 1.0, True),

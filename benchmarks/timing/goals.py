@@ -8,7 +8,7 @@ from .rounds import Record, Spread, cpu_ns, wall_ns
 
 BUSY = 0.9  # of the gain by threads that an idle machine has in pure arithmetic
 
-PARTS = {"contact of pieces": ("peers", "contact"), "room and softening": ("contact", "whole")}
+PARTS = {"room and softening": ("peers", "room"), "contact of pieces": ("room", "whole")}
 """Parts of the model whose cost is measured, by the extents without and with each."""
 
 
