@@ -1,8 +1,11 @@
-"""SI prefixes for figures that people read."""
+"""SI prefixes for figures that people read, and what 1 g is."""
 
 from __future__ import annotations
 
 import math
+
+STANDARD_GRAVITY = 9.80665
+"""What an acceleration of 1 g is [m/s2]."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

@@ -28,9 +28,7 @@ from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
-
-STANDARD_GRAVITY = 9.80665
-"""What a deceleration of 1 g is [m/s2]."""
+from taichi_foam.units import STANDARD_GRAVITY
 
 FLAT_RISE_S = 3e-3
 """The initial rise of a flat face ends so long after contact ..."""
@@ -228,6 +226,26 @@ def rebound_velocity(record: Record) -> float | None:
     return float(-record.history["velocity_m_s"][found.row :].min()) if found else None
 
 
+def velocity_change(record: Record) -> float | None:
+    """What the impact changed of the impactor's velocity, from contact to its rebound (m/s)."""
+    found, rebound = impact(record), rebound_velocity(record)
+    return None if found is None or rebound is None else found.velocity_0 + rebound
+
+
+def restitution(record: Record) -> float | None:
+    """Coefficient of restitution: rebound velocity over that at contact."""
+    found, rebound = impact(record), rebound_velocity(record)
+    if found is None or rebound is None or found.velocity_0 <= 0:
+        return None
+    return rebound / found.velocity_0
+
+
+def equivalent_drop_height(record: Record) -> float | None:
+    """Height (m) of a free fall under standard gravity that gives the velocity at contact."""
+    touch = first_contact(record)
+    return touch and touch.velocity_0**2 / (2 * STANDARD_GRAVITY)
+
+
 def summary(record: Record) -> dict[str, Any]:
     """The content of summary.json: one entry per measure, units in the names, None for no answer.
 
@@ -263,6 +281,9 @@ def summary(record: Record) -> dict[str, Any]:
         "energy_per_volume_J_m3": energy_per_volume(record),
         "energy_volume_slope_J_m3": energy_volume_slope(record),
         "rebound_velocity_m_s": rebound_velocity(record),
+        "velocity_change_m_s": velocity_change(record),
+        "restitution": restitution(record),
+        "equivalent_drop_height_m": equivalent_drop_height(record),
         "crushed_width_m": region and region.width,
         "crushed_height_m": region and region.height,
         "crushed_layer_m": crushed_layer(last, scene) if last else None,

@@ -58,6 +58,9 @@ PEAK_TIME = Quantity("initial_peak_time_s", "time of the initial peak", "peak ti
 ENERGY_ABSORBED = Quantity("energy_absorbed_J", "energy absorbed", "energy absorbed", "J", 1.0, 2)
 VOLUME = Quantity("crushed_volume_m3", "volume crushed", "volume crushed", "cm³", 1e6, 1)
 REBOUND = Quantity("rebound_velocity_m_s", "rebound velocity", "rebound", "m/s", 1.0, 2)
+CHANGE = Quantity("velocity_change_m_s", "velocity change", "velocity change", "m/s", 1.0, 2)
+RESTITUTION = Quantity("restitution", "coefficient of restitution", "restitution", "", 1.0, 3)
+FALL = Quantity("equivalent_drop_height_m", "equivalent drop height", "drop height", "cm", 1e2, 1)
 WIDTH = Quantity("crushed_width_m", "width of the crushed region", "crushed width", "cm", 1e2, 1)
 HEIGHT = Quantity(
     "crushed_height_m", "height of the crushed region", "crushed height", "cm", 1e2, 1

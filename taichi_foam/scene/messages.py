@@ -19,6 +19,32 @@ from taichi_foam.parts import Part
 _CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 """Parts of a scene that are one of several classes, by their key."""
 
+_CLOSE = 0.8
+"""How like a known key a word is that is a slip of the pen: drop_height is no height."""
+
+_TURNING = "an impactor moves straight down and does not turn"
+_CURVE = (
+    "the foam's curve is that of its law: foam.youngs_modulus, foam.yield_strain, "
+    "foam.densification_strain and foam.locking_strain"
+)
+_CONCEPTS = {
+    "fall_height": "impactor.drop_height is the height of a fall",
+    "falling_height": "impactor.drop_height is the height of a fall",
+    "speed": "impactor.velocity is what it starts with, impactor.drop_height the height of a fall",
+    "weight": "impactor.mass, in kilograms",
+    "g": "numerics.gravity, in m/s2",
+    "angular_velocity": _TURNING,
+    "inertia": _TURNING,
+    "moment_of_inertia": _TURNING,
+    "rotation": _TURNING,
+    "spin": _TURNING,
+    "tilt": _TURNING,
+    "curve": _CURVE,
+    "stress_strain": _CURVE,
+    "plateau_stress": "the plateau's stress is foam.youngs_modulus times foam.yield_strain",
+}
+"""What a key is called here, or why there is none, by other words that people use for it."""
+
 _MOST_PROBLEMS = 20
 _LONGEST_LINE = 400
 _LONGEST_KEY = 60
@@ -163,9 +189,11 @@ def _locate(
 
 
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
-    """Say that a key is unknown, and which known one comes nearest."""
+    """Say that a key is unknown, and which known one is meant."""
     *_, key = path.split(".")
     head = path.removesuffix(key)
+    if key in _CONCEPTS:
+        return f"{key_shown(path)}: unknown key; {_CONCEPTS[key]}"
     here = {name: head + name for name in owner.model_fields}
     # Other shapes' keys stand in the same place: to suggest one would repeat the question.
     everywhere = {
@@ -175,7 +203,9 @@ def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
         if f"{part}.{name}" != path
     }
     for known in (here, everywhere):
-        near = difflib.get_close_matches(key[:_LONGEST_KEY], known, n=1, cutoff=0.6)
+        near = [name for name in known if name == key or name.startswith(f"{key}_")]
+        near.sort(key=len)
+        near += difflib.get_close_matches(key[:_LONGEST_KEY], known, n=1, cutoff=_CLOSE)
         if near:
             return f"{key_shown(path)}: unknown key; did you mean {known[near[0]]}?"
     return f"{key_shown(path)}: unknown key; known here: {', '.join(here)}"

@@ -11,6 +11,7 @@ import numpy as np
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
+from taichi_foam.scene import fall
 from taichi_foam.scene.messages import key_shown, shown
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
@@ -41,7 +42,8 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     """Nested data of a scene with other values by dotted key; None empties an optional key.
 
     Whole parts come first and the impactor's shape next, in whatever order they are given: a new
-    shape drops what the old one had and it lacks. Raises UserError for a key that is malformed, or
+    shape drops what the old one had and it lacks. A velocity and a drop height stand for each other
+    (`fall.settle`). Raises UserError for a key that is malformed, or
     below one that has no keys of its own.
     """
     found = copy.deepcopy(dict(data))
@@ -49,6 +51,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
         if not all(key.split(".")) or key.count(".") > DEEPEST:
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
+    fall.settle(found, values)
     return found
 
 

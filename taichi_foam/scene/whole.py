@@ -15,6 +15,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
+from taichi_foam.scene import fall
 from taichi_foam.scene.block import Block
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
@@ -88,13 +89,18 @@ class Scene(Part):
     start: Start = Field(default=Start(), description="deformation and motion at the start")
     output: Output = Field(default=Output(), description="what a run keeps")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _complete_fall(cls, data: Any) -> Any:
+        return fall.completed(data)
+
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
         problems = [
             *_problems_of_foam(self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *_problems_of_contact(self),
+            *(_problems_of_fall(self) or _problems_of_contact(self)),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -115,7 +121,8 @@ class Scene(Part):
             scene.with_values(impactor__velocity=3.0, block__rows=40)
 
         Keys are those of the scene's TOML; as keywords they have two underscores for each dot. None
-        empties an optional key. A new `impactor.shape` drops the keys that it lacks.
+        empties an optional key. A new `impactor.shape` drops the keys that it lacks, and a
+        new `impactor.velocity` the drop height that it stands for.
 
         Raises UserError, naming every problem: unknown keys, values that cannot be.
         """
@@ -179,6 +186,15 @@ def _problems_of_times(scene: Scene) -> list[str]:
     return problems
 
 
+def _problems_of_fall(scene: Scene) -> list[str]:
+    impactor = scene.impactor
+    if impactor is None or impactor.drop_height is None:
+        return []
+    return fall.problems(
+        impactor.drop_height, impactor.velocity, impactor.gap, scene.numerics.gravity
+    )
+
+
 def _problems_of_contact(scene: Scene) -> list[str]:
     """Say why the impactor could never touch the block, or would start inside it."""
     impactor = scene.impactor
@@ -215,7 +231,7 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
     if impactor.velocity == 0 and g == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
-            "(positive downwards), or set numerics.gravity = 9.81"
+            "(positive downwards), or give impactor.drop_height"
         ]
     # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
     speed = math.sqrt(impactor.velocity**2 + 2 * g * impactor.gap)

@@ -111,6 +111,15 @@ def test_rebound_velocity(braked) -> None:
     assert measures.rebound_velocity(braked()) == pytest.approx(A * 5e-3)
 
 
+def test_velocity_change_restitution_and_drop_height(braked) -> None:
+    """A constant deceleration A gives back A times what the record lasts beyond the stop."""
+    rebound = A * 5e-3
+    assert measures.velocity_change(braked()) == pytest.approx(V0 + rebound)
+    assert measures.restitution(braked()) == pytest.approx(rebound / V0)
+    height = measures.equivalent_drop_height(braked())
+    assert height == pytest.approx(V0**2 / (2 * 9.80665), rel=1e-12)
+
+
 def test_a_gap_delays_and_deepens_nothing(braked) -> None:
     """Contact 1.234 ms after the start, between two rows: all measures count from there."""
     gap = V0 * 1.234e-3
@@ -136,6 +145,8 @@ def test_a_run_that_ends_before_the_stop_has_no_such_measures(braked, end: float
         measures.energy_per_volume,
         measures.energy_volume_slope,
         measures.rebound_velocity,
+        measures.velocity_change,
+        measures.restitution,
     ):
         assert measure(result) is None
 

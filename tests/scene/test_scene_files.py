@@ -87,7 +87,12 @@ def foams(draw):
 
 
 # An offset that keeps every shape over the block, and a width that no gap between columns has.
-hits = {"x": floats(-0.02, 0.02), "gap": st.just(0.0), "velocity": floats(1e-3, 500)}
+hits = {
+    "x": floats(-0.02, 0.02),
+    "gap": st.just(0.0),
+    "velocity": floats(1e-3, 500),
+    "drop_height": st.none(),  # it would say another velocity
+}
 impactors = st.one_of(
     parts(FlatBlock, width=floats(0.1, 5), **hits, rotation_deg=floats(-80, 80)),
     parts(Cylinder, radius=floats(0.05, 2), **hits),

@@ -51,6 +51,14 @@ class Impactor(Part):
     velocity: float = quantity(
         3.03, "m/s", "velocity at the start, downwards", at_least=0, at_most=500
     )
+    drop_height: float | None = quantity(
+        None,
+        "m",
+        "height of the fall that ends at first contact, in place of a velocity; gravity is then "
+        "9.80665 m/s2 unless it is given",
+        above=0,
+        at_most=1000,
+    )
     friction: float = quantity(
         0.22, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
     )

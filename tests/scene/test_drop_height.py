@@ -1,0 +1,84 @@
+"""A drop height in place of a velocity: what it sets, what takes it away, what contradicts it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from taichi_foam.catalogue import load_scene
+from taichi_foam.errors import UserError
+from taichi_foam.scene import Numerics, Scene
+from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.units import STANDARD_GRAVITY
+
+PAPER = "paper/rectangular-3.03"
+FALL = math.sqrt(2 * STANDARD_GRAVITY * 0.5)
+
+
+@pytest.fixture(scope="module")
+def fallen() -> Scene:
+    """An impactor that falls half a metre."""
+    return load_scene(PAPER, overrides=["impactor.drop_height=0.5"])
+
+
+def test_it_sets_velocity_and_gravity(fallen: Scene) -> None:
+    assert fallen.impactor is not None
+    assert fallen.impactor.velocity == pytest.approx(FALL, rel=1e-15)
+    assert fallen.numerics.gravity == STANDARD_GRAVITY
+
+
+def test_the_gap_is_the_last_part_of_the_fall(fallen: Scene) -> None:
+    """Free fall: v^2 = v0^2 + 2 g gap at first contact, whatever the gap."""
+    for gap in (0.0, 0.05, 0.1):
+        scene = fallen.with_values(impactor__gap=gap)
+        assert scene.impactor is not None
+        at_contact = math.sqrt(scene.impactor.velocity**2 + 2 * STANDARD_GRAVITY * gap)
+        assert at_contact == pytest.approx(FALL, rel=1e-15)
+
+
+def test_parts_built_in_python_say_the_same(fallen: Scene) -> None:
+    assert fallen.impactor is not None
+    shape = type(fallen.impactor)
+    scene = Scene(impactor=shape(drop_height=0.5), numerics=Numerics(safety=0.5))
+    assert scene.impactor is not None
+    assert scene.impactor.velocity == fallen.impactor.velocity
+    assert scene.numerics == Numerics(safety=0.5, gravity=STANDARD_GRAVITY)
+
+
+def test_a_velocity_takes_it_away_and_the_rest_gives_a_new_one(fallen: Scene) -> None:
+    slow = fallen.with_values(impactor__velocity=2.0)
+    assert slow.impactor is not None
+    assert (slow.impactor.drop_height, slow.impactor.velocity) == (None, 2.0)
+    moon = fallen.with_values(numerics__gravity=1.62)
+    assert moon.impactor is not None
+    assert moon.impactor.velocity == pytest.approx(math.sqrt(2 * 1.62 * 0.5), rel=1e-15)
+    heavy = fallen.with_values(impactor__mass=1.0)
+    assert heavy.impactor is not None
+    assert heavy.impactor.velocity == pytest.approx(FALL, rel=1e-15)
+
+
+def test_a_written_scene_reads_back(fallen: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "fall.toml"
+    path.write_text(scene_to_toml(fallen), encoding="utf-8")
+    assert load_scene(str(path)) == fallen
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"impactor.velocity": 2.0}, "comes to 3.132 m/s; give one of the two"),
+        ({"numerics.gravity": 0.0}, "nothing falls without gravity"),
+        ({"impactor.gap": 0.6}, "must be at most impactor.drop_height = 0.5 m"),
+    ],
+)
+def test_contradictions_are_refused(values: dict[str, float], said: str) -> None:
+    with pytest.raises(UserError, match=said):
+        load_scene(PAPER).with_values({"impactor.drop_height": 0.5, **values})
+
+
+@pytest.mark.parametrize("height", [0.0, -1.0, "0.5 m", math.nan, True, 1e9])
+def test_what_is_no_height_is_refused(height: object) -> None:
+    with pytest.raises(UserError, match=r"impactor\.drop_height = .*must be"):
+        load_scene(PAPER).with_values({"impactor.drop_height": height})
