@@ -72,16 +72,17 @@ def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -
     """Take from a node's bonds what they lose; the energy stored there is added to `lost` [J]."""
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
-    for axis in ti.static(range(2)):
-        bonds = ti.static(lattice.state.bonds[axis])
-        left, intact = bonds[b, i, k].condition[lane], bonds[b, i, k].intact[lane]
+    for axis in range(2):  # not unrolled: the law is long, and compiles once so
+        left, worst, strain = look_at(lattice, axis, b, i, j, p)
+        intact = intact_share(lattice, axis, b, i, j)
         if left > BROKEN and left < intact:
-            _, worst, strain = look_at(lattice, axis, b, i, j, p)
             if is_pulled(lattice, strain, worst, p):
                 stored = lattice.law.stored_energy(p.bond, strain, worst, 0)
-                share = ti.cast(intact, ti.f64) - ti.cast(left, ti.f64)
-                total += volume(axis, p) * share * stored
-            bonds[b, i, k].intact[lane] = left
+                total += volume(axis, p) * (intact - left) * stored
+            if axis == A:
+                lattice.state.bond_a[b, i, k].intact[lane] = ti.cast(left, ti.f32)
+            else:
+                lattice.state.bond_b[b, i, k].intact[lane] = ti.cast(left, ti.f32)
     return total
 
 

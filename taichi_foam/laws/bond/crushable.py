@@ -422,9 +422,12 @@ class Crushable(BondLaw):
         half = -0.5 * elementary.log(ratio)
         points = ti.Vector(ti.static(GAUSS_POINTS))
         weights = ti.Vector(ti.static(GAUSS_WEIGHTS))
-        here = room * elementary.exp(-half * (1.0 + points))
-        stress, _ = self._densified(c, c.locking_strain + here)
-        return -half * (weights * here * stress).sum()
+        area = 0.0
+        for k in range(ti.static(len(GAUSS_POINTS))):
+            here = room * elementary.exp(-half * (1.0 + points[k]))
+            stress, _ = self._densified(c, c.locking_strain + here)
+            area += weights[k] * here * stress
+        return -half * area
 
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
