@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
+
+from taichi_foam.units import plain
 
 FIX_BY_UNIT = {
     "m": "lengths are in metres (200 mm is 0.2)",
@@ -60,7 +62,7 @@ def quantity(
     """Return a pydantic field for a number with its unit and its range.
 
     Args:
-        default: value when the scene does not give one.
+        default: value when the scene does not give one; `...`: it has to.
         unit: key of `FIX_BY_UNIT`.
         meaning: what the number is; becomes the field's description.
         above, at_least, below, at_most: the range, enforced and described.
@@ -71,7 +73,7 @@ def quantity(
     shown = "" if unit in _WITHOUT_UNIT else unit
     limits = {"above": above, "at least": at_least, "below": below, "at most": at_most}
     given = [
-        f"{text} {limit:{',' if isinstance(limit, int) else 'g'}}"
+        f"{text} {format(limit, ',') if isinstance(limit, int) else plain(limit)}"
         for text, limit in limits.items()
         if limit is not None
     ]
@@ -91,10 +93,15 @@ def choice(default: Any, meaning: str) -> Any:
     return Field(default=default, description=meaning)
 
 
+def hints_of(field: FieldInfo) -> Mapping[str, Any]:
+    """What `quantity` says of a field: `allowed`, `fix` and `unit`; nothing of other fields."""
+    extra = field.json_schema_extra
+    return extra if isinstance(extra, dict) else {}
+
+
 def unit_of(field: FieldInfo) -> str:
     """Unit of a field [SI, degrees or pixels]; empty for a plain number and all else."""
-    extra = field.json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+    return str(hints_of(field).get("unit", ""))
 
 
 def described(field: FieldInfo) -> str:

@@ -1,4 +1,4 @@
-"""SI prefixes for figures that people read, and what 1 g is."""
+"""Figures that people read: SI prefixes, numbers as one would write them, and what 1 g is."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ STANDARD_GRAVITY = 9.80665
 """What an acceleration of 1 g is [m/s2]."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+def plain(value: float) -> str:
+    """A number as one would write it: 0.005, 2.78e6, 1e-7; five digits."""
+    return f"{value:.5g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
 def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str]:

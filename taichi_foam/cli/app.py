@@ -12,7 +12,7 @@ from rich.console import Console
 
 from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
-from taichi_foam.cli import replay, serve, sweep
+from taichi_foam.cli import keys, replay, serve, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -158,6 +158,7 @@ def scenes_command() -> None:
         typer.echo(f"{name:<{width}}{about}")
 
 
+_app.command("keys")(keys.keys_command)
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
 _app.command("serve")(serve.serve_command)

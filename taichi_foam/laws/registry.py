@@ -17,12 +17,13 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     """Classes of one kind, by their tag.
 
     tag       field that tells them apart, a Literal in each class
+    meaning   what that field says
     default   tag of what a table without one is; None: a table must have one
     watchers  called when a class is registered
     """
 
-    def __init__(self, tag: str, default: str | None = None) -> None:
-        self.tag, self.default = tag, default
+    def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
+        self.tag, self.meaning, self.default = tag, meaning, default
         self.watchers: list[Callable[[], object]] = []
         self._kinds: dict[str, type[Kind]] = {}
 

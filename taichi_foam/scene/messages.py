@@ -5,19 +5,15 @@ from __future__ import annotations
 import difflib
 import reprlib
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.shape import SHAPES
-from taichi_foam.parts import Part
-
-_CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
-"""Parts of a scene that are one of several classes, by their key."""
+from taichi_foam.parts import Part, hints_of
+from taichi_foam.scene.keys import CHOSEN, all_parts, parts
 
 _CLOSE = 0.8
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
@@ -84,6 +80,29 @@ def key_shown(key: str) -> str:
     return _printable(key, _LONGEST_KEY)
 
 
+def nearest(path: str, here: Mapping[str, str], scene: type[Part]) -> str | None:
+    """The known key that an unknown one stands for; None if it is no slip of the pen.
+
+    First among those that stand `here`, dotted keys by name, then anywhere in a scene: one of its
+    name, one that goes on after it (angle_deg for angle), one that is spelt nearly so.
+    """
+    key = path.rpartition(".")[2][:_LONGEST_KEY]
+    # Other shapes' keys stand in the same place: to suggest one would repeat the question.
+    everywhere = {
+        name: f"{part}.{name}"
+        for part, kind in all_parts(scene)
+        for name in kind.model_fields
+        if f"{part}.{name}" != path
+    }
+    for known in (here, everywhere):
+        near = [name for name in known if name == key or name.startswith(f"{key}_")]
+        near.sort(key=len)
+        near += difflib.get_close_matches(key, known, n=1, cutoff=_CLOSE)
+        if near:
+            return known[near[0]]
+    return None
+
+
 def titled(source: str, problems: str) -> str:
     """Return problems as an indented list under the scene that has them."""
     listed = "\n".join(f"  {line}" for line in problems.splitlines())
@@ -113,22 +132,10 @@ def _printable(text: str, most: int = _LONGEST_LINE) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in cut)
 
 
-@lru_cache
-def _parts(scene: type[Part]) -> dict[str, type[Part]]:
-    """Classes of a scene's parts but those that are chosen, by the key that they stand under."""
-    return {
-        name: field.annotation
-        for name, field in scene.model_fields.items()
-        if name not in _CHOSEN
-        and isinstance(field.annotation, type)
-        and issubclass(field.annotation, Part)
-    }
-
-
 def _root(title: str, scene: type[Part]) -> tuple[str, type[Part]]:
     """Where in a scene a class stands, by its name: a part may also be built by itself."""
     return next(
-        ((key, part) for key, part in _all_parts(scene) if part.__name__ == title), ("", scene)
+        ((key, part) for key, part in all_parts(scene) if part.__name__ == title), ("", scene)
     )
 
 
@@ -139,7 +146,7 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
         yield from str(context["error"]).splitlines()
         return
     path, owner, field = _locate(error.title, detail["loc"], scene)
-    registry = _CHOSEN.get(path, SHAPES)
+    registry = CHOSEN.get(path, SHAPES)
     tag, tags = registry.tag, ", ".join(registry)
     if kind == "extra_forbidden":
         yield _unknown_key(path, owner, scene)
@@ -154,8 +161,7 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
     elif kind == "bool_type":
         yield f"{path} = {shown(value)}: must be true or false"
     else:
-        extra = field.json_schema_extra if field else None
-        hints = extra if isinstance(extra, dict) else {}
+        hints = hints_of(field) if field else {}
         allowed = str(hints.get("allowed") or context.get("expected") or detail["msg"])
         # Ranges that begin with a word say themselves what kind of value they want.
         sort = _KIND_OF_VALUE.get(kind, "") if allowed.startswith(("above", "at")) else ""
@@ -176,12 +182,12 @@ def _locate(
     for step in location:
         if isinstance(step, int):
             path += f"[{step}]"
-        elif owner is scene and step in _parts(scene):
-            path, owner = step, _parts(scene)[step]
-        elif path in _CHOSEN and step in _CHOSEN[path]:
-            owner = _CHOSEN[path][step]
-        elif owner is scene and step in _CHOSEN:
-            path, owner = step, next(iter(_CHOSEN[step].values()))
+        elif owner is scene and step in parts(scene):
+            path, owner = step, parts(scene)[step]
+        elif path in CHOSEN and step in CHOSEN[path]:
+            owner = CHOSEN[path][step]
+        elif owner is scene and step in CHOSEN:
+            path, owner = step, next(iter(CHOSEN[step].values()))
         elif field is None:
             path = f"{path}.{step}" if path else step
             field = owner.model_fields.get(step)
@@ -190,29 +196,12 @@ def _locate(
 
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
     """Say that a key is unknown, and which known one is meant."""
-    *_, key = path.split(".")
-    head = path.removesuffix(key)
+    head, _, key = path.rpartition(".")
+    here = {name: f"{head}.{name}".lstrip(".") for name in owner.model_fields}
     if key in _CONCEPTS:
-        return f"{key_shown(path)}: unknown key; {_CONCEPTS[key]}"
-    here = {name: head + name for name in owner.model_fields}
-    # Other shapes' keys stand in the same place: to suggest one would repeat the question.
-    everywhere = {
-        name: f"{part}.{name}"
-        for part, kind in _all_parts(scene)
-        for name in kind.model_fields
-        if f"{part}.{name}" != path
-    }
-    for known in (here, everywhere):
-        near = [name for name in known if name == key or name.startswith(f"{key}_")]
-        near.sort(key=len)
-        near += difflib.get_close_matches(key[:_LONGEST_KEY], known, n=1, cutoff=_CLOSE)
-        if near:
-            return f"{key_shown(path)}: unknown key; did you mean {known[near[0]]}?"
-    return f"{key_shown(path)}: unknown key; known here: {', '.join(here)}"
-
-
-def _all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
-    """Yield every class that a scene can hold, with the key that it stands under."""
-    yield from _parts(scene).items()
-    for name, registry in _CHOSEN.items():
-        yield from ((name, kind) for kind in registry.values())
+        answer = _CONCEPTS[key]
+    elif near := nearest(path, here, scene):
+        answer = f"did you mean {near}?"
+    else:
+        answer = f"known here: {', '.join(here)}"
+    return f"{key_shown(path)}: unknown key; {answer}"

@@ -116,7 +116,7 @@ class Numerics(Part):
         "-",
         "penalty stiffness of a contact over K times the thickness",
         above=0,
-        at_most=1e4,
+        at_most=10_000,
     )
     gravity: float = quantity(
         0.0, "m/s2", "gravity on block and impactor, downwards", at_least=0, at_most=1000

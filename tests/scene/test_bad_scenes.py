@@ -63,7 +63,7 @@ BAD = [
     (
         RECTANGULAR,
         "foam.youngs_modulus=2.78",
-        ["foam.youngs_modulus = 2.78", "at least 1000", "Pa", "2.78 MPa is 2.78e6"],
+        ["foam.youngs_modulus = 2.78", "at least 1,000", "Pa", "2.78 MPa is 2.78e6"],
     ),
     (RECTANGULAR, "foam.shear_modulus=0.84", ["foam.shear_modulus = 0.84", "0.84 MPa is 0.84e6"]),
     (RECTANGULAR, "foam.yield_strain=-5", ["foam.yield_strain = -5", "5 % is 0.05"]),

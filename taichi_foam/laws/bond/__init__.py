@@ -6,7 +6,7 @@ from taichi_foam.laws.registry import Registry
 
 __all__ = ["FOAMS", "BondFoam", "BondLaw", "Landmarks", "Limit"]
 
-FOAMS: Registry[BondFoam] = Registry("law", default="crushable")
+FOAMS: Registry[BondFoam] = Registry("law", "how the foam's bonds behave", default="crushable")
 """Foams by their `law`."""
 
 FOAMS.register(crushable.Foam)

@@ -82,12 +82,12 @@ class BondFoam(Part):
 
     law: str
 
-    youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1e3, at_most=1e11)
+    youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1000, at_most=1e11)
     shear_modulus: float = quantity(
         0.84e6,
         "Pa",
         "shear modulus G",
-        at_least=1e3,
+        at_least=1000,
         at_most=1e11,
         fix="moduli and stresses are in pascals (0.84 MPa is 0.84e6)",
     )

@@ -6,7 +6,7 @@ from taichi_foam.laws.shape.base import Control, Impactor
 
 __all__ = ["SHAPES", "Control", "Impactor"]
 
-SHAPES: Registry[Impactor] = Registry("shape")
+SHAPES: Registry[Impactor] = Registry("shape", "what the impactor is")
 """Impactors by their `shape`."""
 
 SHAPES.register(flat.FlatBlock)

@@ -21,13 +21,13 @@ class Polygon(Impactor):
     vertices: Annotated[
         tuple[_Corner, ...],
         Field(strict=False, min_length=3, max_length=SURFACE_ROWS),
-    ] = Field(
-        description="corners (x, y) [m], in any order and about any origin",
-        json_schema_extra={
-            "allowed": f"3 to {SURFACE_ROWS} corners [x, y], each from -2 to 2 m",
-            "fix": "lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
-            "[0.05, 0.05], [0, 0.05]]",
-        },
+    ] = quantity(
+        ...,
+        "m",
+        "corners (x, y), in any order and about any origin",
+        allowed=f"3 to {SURFACE_ROWS} corners [x, y], each from -2 to 2 m",
+        fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
+        "[0.05, 0.05], [0, 0.05]]",
     )
     rotation_deg: float = quantity(
         0.0, "deg", "turn, counter-clockwise", at_least=-180, at_most=180

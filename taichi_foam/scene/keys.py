@@ -1,0 +1,136 @@
+"""The keys of a scene: the one walk over its fields, for messages and for the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from taichi_foam.laws.bond import FOAMS
+from taichi_foam.laws.registry import Registry
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.parts import Part, hints_of
+from taichi_foam.units import plain
+
+CHOSEN: Mapping[str, Registry[Any]] = {"foam": FOAMS, "impactor": SHAPES}
+"""Parts of a scene that are one of several classes, by their key."""
+
+REQUIRED = "must be given"
+"""What stands for the default of a key that has none."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a scene, in words.
+
+    key      dotted, as in TOML
+    unit     SI, degrees or pixels; "-" for a plain number; empty where it is no number
+    default  as one would write it
+    allowed  range or choices
+    meaning  what it is
+    only     shapes or laws that have it; empty: all have
+    """
+
+    key: str
+    unit: str
+    default: str
+    allowed: str
+    meaning: str
+    only: tuple[str, ...] = ()
+
+    @property
+    def part(self) -> str:
+        """The part that has it; "scene" for what is in no part."""
+        return self.key.rpartition(".")[0] or "scene"
+
+    @property
+    def about(self) -> str:
+        """The meaning, and which shapes or laws have the key if not all."""
+        if not self.only:
+            return self.meaning
+        return f"{self.meaning} ({CHOSEN[self.part].tag} {' or '.join(self.only)} only)"
+
+
+@lru_cache
+def parts(scene: type[Part]) -> dict[str, type[Part]]:
+    """Classes of a scene's parts but those that are chosen, by the key that they stand under."""
+    return {
+        name: field.annotation
+        for name, field in scene.model_fields.items()
+        if name not in CHOSEN
+        and isinstance(field.annotation, type)
+        and issubclass(field.annotation, Part)
+    }
+
+
+def all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
+    """Yield every class that a scene can hold, with the key that it stands under."""
+    yield from parts(scene).items()
+    for name, registry in CHOSEN.items():
+        yield from ((name, kind) for kind in registry.values())
+
+
+def keys(scene: type[Part]) -> Iterator[Key]:
+    """Yield every key of a scene, part by part.
+
+    A key that some shapes or laws read otherwise than others comes once for each reading.
+    """
+    for name, field in scene.model_fields.items():
+        if name in CHOSEN:
+            yield from _chosen(name, CHOSEN[name])
+        elif name in parts(scene):
+            fields = parts(scene)[name].model_fields
+            yield from (_key(f"{name}.{last}", field) for last, field in fields.items())
+        else:
+            yield _key(name, field)
+
+
+def written(value: Any) -> str:
+    """A value as one would write it in TOML, words without their quotes; None is "none"."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return plain(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(written, value))}]"
+    return str(value)
+
+
+def _chosen(part: str, registry: Registry[Any]) -> Iterator[Key]:
+    """Yield what tells the classes of a part apart, then their fields."""
+    default, tags = registry.default or REQUIRED, ", ".join(registry)
+    yield Key(f"{part}.{registry.tag}", "", default, tags, registry.meaning)
+    having: dict[Key, list[str]] = {}
+    for tag, kind in registry.items():
+        for name, field in kind.model_fields.items():
+            if name != registry.tag:
+                having.setdefault(_key(f"{part}.{name}", field), []).append(tag)
+    for key, only in having.items():
+        yield key if len(only) == len(registry) else replace(key, only=tuple(only))
+
+
+def _key(key: str, field: FieldInfo) -> Key:
+    hints = hints_of(field)
+    return Key(
+        key,
+        unit=(hints["unit"] or "-") if "unit" in hints else "",
+        default=REQUIRED if field.is_required() else written(field.default),
+        allowed=_allowed(field.annotation, hints.get("allowed", "")),
+        meaning=field.description or "",
+    )
+
+
+def _allowed(kind: Any, stated: str) -> str:
+    if kind is bool:
+        return "true, false"
+    if get_origin(kind) is Literal:
+        return ", ".join(map(str, get_args(kind)))
+    # Ranges that begin otherwise say themselves what kind of number they want.
+    return (
+        f"whole number, {stated}" if kind is int and stated.startswith(("above", "at")) else stated
+    )

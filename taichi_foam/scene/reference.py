@@ -1,0 +1,138 @@
+"""The reference of a scene's keys: those that somebody asks for, and the page docs/scene.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene.keys import REQUIRED, Key, keys, written
+from taichi_foam.scene.messages import nearest, shown
+
+COMMAND = "taichi-foam keys --markdown > docs/scene.md"
+"""What writes the page."""
+
+_INTRODUCTION = f"""\
+# What a scene says
+
+Written by `{COMMAND}`; `taichi-foam keys` prints the same tables on the terminal.
+
+A **scene** is one impact on one block of foam: everything that decides its result. Every key has a
+default, and a scene says only what differs. It needs an impactor, or a time at which the run ends
+(`numerics.end`). An unknown key and a value that cannot be are refused, with what is allowed and
+what to do. What no scene can say is in [limits.md](limits.md).
+
+**Units are SI**: metres, seconds, kilograms, pascals; angles in degrees. Strains are fractions,
+positive in tension. The impactor's velocity is positive downwards. The frame: x to the right from
+the block's mid-width, y up from its bottom.
+
+## How it is written
+
+In TOML, a table for each part:
+
+```toml
+name = "Cylinder on a wide block"
+
+[block]
+width = 0.3
+columns = 60
+
+[impactor]
+shape = "cylinder"
+radius = 0.03
+velocity = 2.5
+```
+
+`taichi-foam run FILE` runs it, with `--set impactor.velocity=3` for single values. In Python, where
+a script that defines `scene` is as good as a TOML file:
+
+```python
+import taichi_foam as tf
+from taichi_foam.scene import Block, Cylinder
+
+scene = tf.Scene(
+    name="Cylinder on a wide block",
+    block=Block(width=0.3, columns=60),
+    impactor=Cylinder(radius=0.03, velocity=2.5),
+)
+faster = scene.with_values({{"impactor.velocity": 3.0}})  # or with_values(impactor__velocity=3.0)
+```
+
+A default of `none` means that nothing is given. `--set foam.rate=none`, and `None` in
+`with_values`, go back to that; in TOML one leaves the key out. A new `impactor.shape` drops the
+keys that it lacks.
+
+## Choice sets
+
+The paper leaves some things open. Two named sets of choices settle them: `--choices NAME`, or
+`tf.load_scene(source, choices=NAME)`. A set replaces what the scene says of these keys; `--set`
+comes after it and has the last word. Without a set a scene keeps its own values and the defaults.
+The paper's nine tests are `calibrated` unless another set is asked for; with `paper-literal` their
+cylinder has a radius of 5 cm, too. [model.md](model.md#open-choices) has the reasons. An empty
+cell: the set leaves the key as it is.
+"""
+
+_UNITS = "In the column *unit* - stands for a plain number; what has an empty cell is no number."
+
+
+def described(part: str) -> str:
+    """What a part of a scene is; "scene" stands for what is in no part."""
+    field = Scene.model_fields.get(part)
+    return "what is in no part" if field is None else field.description or ""
+
+
+def keys_of(name: str | None = None) -> list[Key]:
+    """Every key of a scene, those of the part of this name, or the key of this name.
+
+    Raises UserError for a name that is neither, with the nearest one.
+    """
+    known = list(keys(Scene))
+    found = [key for key in known if name in (None, key.part, key.key)]
+    if name is None or found:
+        return found
+    parts = {key.part: key.part for key in known}
+    beside = {
+        key.key.rpartition(".")[2]: key.key for key in known if name.startswith(key.part + ".")
+    }
+    near = nearest(name, beside or parts, Scene)
+    guess = f"did you mean {near}? " if near else ""
+    raise UserError(
+        f"{shown(name)}: no part and no key of a scene; {guess}the parts are {', '.join(parts)}"
+    )
+
+
+def page() -> str:
+    """The page docs/scene.md, in Markdown."""
+    return "\n".join([_INTRODUCTION, *_choice_sets(), "", "## Keys", "", _UNITS, *_parts()]) + "\n"
+
+
+def _choice_sets() -> Iterator[str]:
+    """The keys that choice sets set, each set's value beside the default."""
+    default = {key.key: key.default for key in keys(Scene)}
+    rows = []
+    for key in dict.fromkeys(key for chosen in CHOICE_SETS.values() for key in chosen):
+        values = [written(chosen[key]) if key in chosen else "" for chosen in CHOICE_SETS.values()]
+        rows.append([_code(key), *map(_code, [default[key], *values])])
+    return _table(["key", "default", *map(_code, CHOICE_SETS)], rows)
+
+
+def _parts() -> Iterator[str]:
+    """The keys of each part under a heading."""
+    for part, having in groupby(keys(Scene), key=lambda key: key.part):
+        about = described(part)
+        yield from ("", f"### {part}", "", f"{about[:1].upper()}{about[1:]}.", "")
+        rows = [
+            [_code(key.key), key.unit, _code(key.default), key.allowed, key.about] for key in having
+        ]
+        yield from _table(["key", "unit", "default", "allowed", "meaning"], rows)
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    for cells in (heads, ["---"] * len(heads), *rows):
+        yield f"| {' | '.join(cells)} |"
+
+
+def _code(text: str) -> str:
+    """What one writes, set as code."""
+    return text if text in ("", REQUIRED) else f"`{text}`"
