@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import CHOICE_SETS, Scene
-from taichi_foam.scene.files import read_toml
+from taichi_foam.scene.files import read_scene
 from taichi_foam.scene.messages import explain, shown, titled
 from taichi_foam.scene.values import changed, settings
 from taichi_foam.shim2000 import tests
@@ -76,7 +76,7 @@ def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
     if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
         raise UserError(_missing(name, path, gallery))
     if path.suffix == ".toml":
-        return read_toml(path)
+        return read_scene(path)
     if path.suffix == ".py":
         return _run_script(path)
     raise UserError(

@@ -57,6 +57,7 @@ def quantity(
     at_most: float | None = None,
     allowed: str | None = None,
     fix: str | None = None,
+    unless: str | None = None,
     **more: Any,
 ) -> Any:
     """Return a pydantic field for a number with its unit and its range.
@@ -68,6 +69,7 @@ def quantity(
         above, at_least, below, at_most: the range, enforced and described.
         allowed: the range in words, for a field whose type enforces it.
         fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
+        unless: what stands for the default where it follows from other values.
         more: passed on to `pydantic.Field`.
     """
     shown = "" if unit in _WITHOUT_UNIT else unit
@@ -82,7 +84,12 @@ def quantity(
     return Field(
         default=default,
         description=meaning,
-        json_schema_extra={"allowed": allowed, "fix": fix or FIX_BY_UNIT[unit], "unit": shown},
+        json_schema_extra={
+            "allowed": allowed,
+            "fix": fix or FIX_BY_UNIT[unit],
+            "unit": shown,
+            **({"unless": unless} if unless else {}),
+        },
         **{name: limit for name, limit in bounds.items() if limit is not None},
         **more,
     )
@@ -94,7 +101,7 @@ def choice(default: Any, meaning: str) -> Any:
 
 
 def hints_of(field: FieldInfo) -> Mapping[str, Any]:
-    """What `quantity` says of a field: `allowed`, `fix` and `unit`; nothing of other fields."""
+    """What `quantity` says of a field: `allowed`, `fix`, `unit`, `unless`; nothing of others."""
     extra = field.json_schema_extra
     return extra if isinstance(extra, dict) else {}
 

@@ -28,6 +28,7 @@ from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
+from taichi_foam.scene import Scene
 from taichi_foam.units import STANDARD_GRAVITY
 
 FLAT_RISE_S = 3e-3
@@ -250,7 +251,8 @@ def summary(record: Record) -> dict[str, Any]:
     """The content of summary.json: one entry per measure, units in the names, None for no answer.
 
     Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
-    impact ended, `warnings` what there is to say against the run's figures.
+    impact ended, `warnings` what there is to say against the run's figures, `assumed` what of a
+    foam of one's own nobody gave.
     """
     scene, run, found = record.scene, record.run, impact(record)
     raw, filtered = peak_deceleration(record), filtered_peak_deceleration(record)
@@ -307,4 +309,18 @@ def summary(record: Record) -> dict[str, Any]:
         "interrupted": record.ending is Ending.INTERRUPTED,
     }
     words = statement(figures, why_no_plateau(record))
-    return {**figures, "statement": words, "warnings": warnings_of(record)}
+    return {
+        **figures,
+        "statement": words,
+        "warnings": warnings_of(record),
+        "assumed": assumed_values(scene),
+    }
+
+
+def assumed_values(scene: Scene) -> dict[str, dict[str, Any]]:
+    """What a scene says of a foam of one's own that nobody gave: value and source, by key."""
+    found = {}
+    for each in scene.assumed or ():
+        part, _, key = each.key.partition(".")
+        found[each.key] = {"value": getattr(getattr(scene, part), key), "why": each.why}
+    return found

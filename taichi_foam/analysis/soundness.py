@@ -20,6 +20,9 @@ OVERLAP_LIMIT = 0.1
 """How deep a mass point may sink into the impactor, in cells: what lies closer together than a cell
 the lattice does not resolve, and a tenth of one moves no figure; the paper's tests reach 0.01."""
 
+UNTESTED_LIMIT = 0.01
+"""The share of the bonds that may be crushed beyond the test of the foam's curve."""
+
 LOOSE_LIMIT = 0.25
 """The share of mass points without a whole bond up to which the lattice stands for foam: contact
 of points is a model of contact of pieces; the paper's tests reach 0.005."""
@@ -55,6 +58,7 @@ def warnings_of(record: Record) -> list[str]:
         _of_overlap(record),
         _of_leaving(record),
         _of_loose_points(record),
+        _of_tested_range(record),
     )
     return [sentence for sentence in found if sentence is not None]
 
@@ -135,4 +139,19 @@ def _of_loose_points(record: Record) -> str | None:
         f"{share:.0%} of the mass points hang on no whole bond: the lattice fell apart into flying "
         "points, which stand for no foam; take smaller cells (block.columns, block.rows), or end "
         "the run before (numerics.end)"
+    )
+
+
+def _of_tested_range(record: Record) -> str | None:
+    tested = record.scene.foam.tested_strain
+    if tested is None or not record.snapshots:
+        return None
+    last = record.snapshots[-1]
+    beyond = np.concatenate([last.e_min_a.ravel(), last.e_min_b.ravel()]) < tested
+    if not beyond.mean() > UNTESTED_LIMIT:
+        return None
+    return (
+        f"{beyond.mean():.0%} of the bonds were crushed beyond {-tested:.3g}, where the test of "
+        "the foam's curve ends: their stress is a continuation of it; test the foam further, or "
+        "take a thicker block"
     )

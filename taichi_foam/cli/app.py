@@ -26,7 +26,7 @@ from taichi_foam.cli.options import (
     Set,
     Threads,
 )
-from taichi_foam.cli.outcome import exit_codes, say_warnings, say_where
+from taichi_foam.cli.outcome import exit_codes, say_assumed, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
@@ -312,6 +312,7 @@ def _compute_and_save(
         raise RunError(
             f"the run could not be measured ({told}); its data are in {folder}"
         ) from error
+    say_assumed(console, result)
     say_where(console, folder)
     if failure is None:
         say_warnings(errors, result)

@@ -91,6 +91,16 @@ def say_warnings(errors: Console, result: Result) -> None:
         errors.print(f"warning: {text}", soft_wrap=True, markup=False)
 
 
+def say_assumed(console: Console, result: Result) -> None:
+    """Say what of a foam of one's own nobody gave, each with what stands for it."""
+    found = result.summary["assumed"]
+    if found:
+        console.print("assumed of the foam, as nobody gave it:", soft_wrap=True)
+    for key, entry in found.items():
+        value = "none" if entry["value"] is None else f"{entry['value']:.4g}"
+        console.print(f"  {key} = {value}: {entry['why']}", soft_wrap=True, markup=False)
+
+
 def _with_options(error: UserError) -> str:
     """The message, with the command line's own option for the argument that it proposes."""
     text, argument = str(error), error.argument

@@ -27,7 +27,7 @@ class Lattice:
     def __init__(self, batch: int, columns: int, rows: int, features: Features) -> None:
         runtime.start()
         layout = Layout(batch, columns, rows)
-        self.features, self.law = features, features.law
+        self.features = features
         self.on_gpu, self.blocks = layout.on_gpu, layout.blocks
         self.batch, self.columns, self.rows, self.nodes = batch, columns, rows, layout.nodes
         self.lanes, self.packs = layout.lanes, layout.packs
@@ -35,6 +35,7 @@ class Lattice:
         self.most_pairs, self.most_candidates = layout.most_pairs, layout.most_candidates
         self.bins_x, self.bins_y = layout.bins_x, layout.bins_y
         self.model = ModelFields(layout, features)
+        self.law = self.model.law
         self.state = StateFields(layout, features)
         self.scratch = ScratchFields(layout, features)
         layout.finish()

@@ -18,6 +18,7 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondLaw
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
 from taichi_foam.scene import Scene
 
@@ -104,11 +105,13 @@ class Model:
     numbers    (n,) every member of `parameters_type`, in its order
     surface    (SURFACE_ROWS, 3) of the impactor, zeros beyond its rows
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
+    table      (TABLE_ROWS, 3) of its bond law, if that looks things up
     """
 
     numbers: NDArray[np.float64]
     surface: NDArray[np.float64]
     strengths: NDArray[np.float64] | None
+    table: NDArray[np.float64] | None
 
 
 def model_of(scene: Scene) -> Model:
@@ -122,6 +125,7 @@ def model_of(scene: Scene) -> Model:
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
         surface=surface,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
+        table=scene.foam.table,
     )
 
 
@@ -145,6 +149,8 @@ class ModelFields:
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2]
     strengths   of A and of B (batch, I, packs), if they are scattered
+    table       (batch, TABLE_ROWS) three numbers each, of a bond law that looks things up
+    law         the bond law, which knows that table
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -158,6 +164,11 @@ class ModelFields:
         if features.scattered:
             self.strengths = (small_pack.field(), small_pack.field())
             layout.of_nodes(*self.strengths)
+        self.law = features.law
+        if features.law.tabulated:
+            self.table = vec3.field()
+            layout.listed(TABLE_ROWS, self.table)
+            self.law = features.law.with_table(self.table)
         self.members = list(_members(self.parameters))
 
 

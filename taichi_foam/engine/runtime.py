@@ -9,6 +9,8 @@ import contextlib
 import gc
 import io
 import os
+from collections.abc import Callable
+from typing import Any
 
 import taichi as ti
 
@@ -20,6 +22,7 @@ ARCHES = ("cpu", "cuda", "vulkan", "metal")
 
 _started: tuple[str, int] | None = None
 _device: Device | None = None
+_aside: list[Callable[[], None]] = []
 
 
 def start(arch: str | None = None, threads: int | None = None) -> None:
@@ -76,13 +79,30 @@ def begin_anew() -> None:
     Every field made so far is lost. Kernels that were compiled are loaded from the disk again.
     """
     assert _started is not None
+    while _aside:
+        _aside.pop()()
     ti.reset()
     ti.set_logging_level(ti.ERROR)
     _init(*_started)
 
 
+def set_aside(shape: tuple[int, int], field: Any, forget: Callable[[], None]) -> None:
+    """Give memory to a field of the package that belongs to no lattice.
+
+    `forget` is called before it is lost (`begin_anew`).
+    """
+    start()
+    tree = ti.FieldsBuilder()
+    tree.dense(ti.ij, shape).place(field)
+    tree.finalize()
+    _aside.append(forget)
+
+
 def has_only(trees: int) -> bool:
-    """Whether there are so many trees of fields, and no other fields and arrays on the device."""
+    """Whether there are so many trees of fields, and no other fields and arrays on the device.
+
+    Those that were set aside do not count.
+    """
     from taichi._snode.fields_builder import FieldsBuilder
     from taichi.lang import impl
 
@@ -90,7 +110,11 @@ def has_only(trees: int) -> bool:
     made = sum(root.ptr.get_num_ch() > 0 for root in FieldsBuilder._finalized_roots())
     begun = impl.get_runtime().unfinalized_fields_builder
     arrays = (thing for thing in gc.get_objects() if isinstance(thing, ti.Ndarray))
-    return made == trees and all(builder.empty for builder in begun) and next(arrays, None) is None
+    return (
+        made == trees + len(_aside)
+        and all(builder.empty for builder in begun)
+        and next(arrays, None) is None
+    )
 
 
 def _init(arch: str, threads: int) -> None:

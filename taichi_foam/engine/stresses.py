@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.engine import runtime
 from taichi_foam.laws.bond import BondLaw
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
@@ -17,8 +18,13 @@ WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
 @cache
-def _kernel(law: BondLaw) -> Any:
-    """The law's normal stress, mapped over arrays."""
+def _kernel(law: BondLaw) -> tuple[Any, Any]:
+    """The law's normal stress, mapped over arrays, and the table that it looks up."""
+    table = None
+    if law.tabulated:
+        table = ti.Vector.field(3, ti.f64)
+        runtime.set_aside((1, TABLE_ROWS), table, _kernel.cache_clear)
+        law = law.with_table(table)
 
     @ti.kernel
     def normal_stresses(
@@ -27,7 +33,7 @@ def _kernel(law: BondLaw) -> Any:
         for n in range(strain.shape[0]):
             stress[n] = law.normal_stress(c, strain[n], worst[n], broken[n])
 
-    return normal_stresses
+    return normal_stresses, table
 
 
 def normal_stresses(
@@ -50,5 +56,8 @@ def normal_stresses(
     stress = np.empty_like(flat)
     law = scene.foam.law_for(scene.model)
     constants = law.Constants(**scene.foam.constants(scene.model))
-    _kernel(law)(constants, flat, history, torn, stress)
+    kernel, table = _kernel(law)
+    if table is not None:
+        table.from_numpy(scene.foam.table[None])
+    kernel(constants, flat, history, torn, stress)
     return stress.reshape(np.shape(strain))

@@ -22,6 +22,7 @@ from taichi_foam.engine.state import (
     State,
     initial_state,
 )
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
@@ -33,6 +34,7 @@ Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 vec2 = ti.types.vector(2, ti.f64)
+vec3 = ti.types.vector(3, ti.f64)
 
 # Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
@@ -63,6 +65,8 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
     _put_numbers(lattice, b, model.numbers, model.surface)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
+    if model.table is not None:
+        _put_table(lattice, b, model.table)
 
 
 @ti.kernel
@@ -100,6 +104,13 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
             for axis in ti.static(range(2)):
                 strength = ti.cast(strengths[i, j, axis], ti.f32)
                 lattice.model.strengths[axis][b, i, k][lane] = strength
+
+
+@ti.kernel
+def _put_table(lattice: ti.template(), b: ti.i32, table: Table):
+    lattice.model.parameters[b].bond.place = b
+    for row in range(TABLE_ROWS):
+        lattice.model.table[b, row] = vec3(table[row, 0], table[row, 1], table[row, 2])
 
 
 def put(lattice: Lattice, b: int, state: State) -> None:

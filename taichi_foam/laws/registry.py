@@ -57,11 +57,20 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         """As metadata of a field: a union of all classes, told apart by their tag."""
         return core_schema.tagged_union_schema(
             {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
-            discriminator=self._tag_of,
+            discriminator=self.tag_of,
         )
 
-    def _tag_of(self, value: Any) -> Any:
+    @staticmethod
+    def _implies(kind: type[Part], value: Mapping[str, Any]) -> bool:
+        """Whether a table has the key that only this class has."""
+        return getattr(kind, "implied_by", None) in value
+
+    def tag_of(self, value: Any) -> Any:
+        """The tag of a table, or of an instance; a table without one has that of its keys."""
         if not isinstance(value, Mapping):
             return getattr(value, self.tag, None)
-        tag = value.get(self.tag, self.default)
+        tag = value.get(self.tag)
+        if tag is None:
+            implied = (name for name, kind in self._kinds.items() if self._implies(kind, value))
+            tag = next(implied, self.default)
         return tag if tag is None or isinstance(tag, str) else ""  # which no class has

@@ -8,7 +8,8 @@ from typing import Any
 import tomli_w
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Scene, sources
+from taichi_foam.scene.messages import titled
 from taichi_foam.scene.toml import MOST_BYTES, decoded, parsed
 
 
@@ -19,7 +20,18 @@ def scene_to_toml(scene: Scene) -> str:
 
 def scene_from_toml(path: Path) -> Scene:
     """The scene of a TOML file. Raises UserError: unreadable, or a scene that cannot be."""
-    return Scene.checked(read_toml(path), str(path))
+    return Scene.checked(read_scene(path), str(path))
+
+
+def read_scene(path: Path) -> dict[str, Any]:
+    """The data of a scene's TOML file, with the foam and the curve that it names, not yet checked.
+
+    Relative names are those of files beside it. Raises UserError: unreadable, or files that are.
+    """
+    try:
+        return sources.completed(read_toml(path), path.parent)
+    except ValueError as error:
+        raise UserError(titled(str(path), str(error))) from None
 
 
 def scene_from_text(text: str, source: str) -> Scene:

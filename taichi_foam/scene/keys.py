@@ -119,7 +119,8 @@ def _key(key: str, field: FieldInfo) -> Key:
     return Key(
         key,
         unit=(hints["unit"] or "-") if "unit" in hints else "",
-        default=REQUIRED if field.is_required() else written(field.default),
+        default=hints.get("unless")
+        or (REQUIRED if field.is_required() else written(field.default)),
         allowed=_allowed(field.annotation, hints.get("allowed", "")),
         meaning=field.description or "",
     )

@@ -19,10 +19,7 @@ _CLOSE = 0.8
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
 
 _TURNING = "an impactor moves straight down and does not turn"
-_CURVE = (
-    "the foam's curve is that of its law: foam.youngs_modulus, foam.yield_strain, "
-    "foam.densification_strain and foam.locking_strain"
-)
+_CURVE = "foam.curve is the file of a compression test; it makes foam.law tabulated"
 _CONCEPTS = {
     "fall_height": "impactor.drop_height is the height of a fall",
     "falling_height": "impactor.drop_height is the height of a fall",
@@ -37,7 +34,6 @@ _CONCEPTS = {
     "tilt": _TURNING,
     "curve": _CURVE,
     "stress_strain": _CURVE,
-    "plateau_stress": "the plateau's stress is foam.youngs_modulus times foam.yield_strain",
 }
 """What a key is called here, or why there is none, by other words that people use for it."""
 

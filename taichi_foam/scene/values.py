@@ -11,7 +11,7 @@ import numpy as np
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
-from taichi_foam.scene import fall
+from taichi_foam.scene import assumed, fall
 from taichi_foam.scene.messages import key_shown, shown
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
@@ -43,8 +43,8 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
 
     Whole parts come first and the impactor's shape next, in whatever order they are given: a new
     shape drops what the old one had and it lacks. A velocity and a drop height stand for each other
-    (`fall.settle`). Raises UserError for a key that is malformed, or
-    below one that has no keys of its own.
+    (`fall.settle`), and some of a foam's values for others (`assumed.settle`). Raises UserError for
+    a key that is malformed, or below one that has no keys of its own.
     """
     found = copy.deepcopy(dict(data))
     for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
@@ -52,6 +52,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
     fall.settle(found, values)
+    assumed.settle(found, values)
     return found
 
 
@@ -80,6 +81,8 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
         # Keys of the old shape that the new one lacks would be refused as unknown.
         for old in table.keys() - SHAPES[value].model_fields.keys():
             del table[old]
+    if key == "foam" and isinstance(value, str):
+        value = {"like": value}
     table[last] = _plain(value)
 
 

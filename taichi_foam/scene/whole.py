@@ -8,14 +8,15 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import fall
+from taichi_foam.scene import assumed, fall, sources
+from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Block
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
@@ -89,10 +90,21 @@ class Scene(Part):
     start: Start = Field(default=Start(), description="deformation and motion at the start")
     output: Output = Field(default=Output(), description="what a run keeps")
 
+    assumed: tuple[Assumed, ...] | None = Field(
+        default=None,
+        description="keys of a foam of one's own that nobody gave; the program writes them",
+        json_schema_extra={"allowed": "none, or a list of tables with key and why"},
+    )
+
     @model_validator(mode="before")
     @classmethod
-    def _complete_fall(cls, data: Any) -> Any:
-        return fall.completed(data)
+    def _complete(cls, data: Any) -> Any:
+        return assumed.completed(fall.completed(sources.completed(data)))
+
+    @field_validator("assumed", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:

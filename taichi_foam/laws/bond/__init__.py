@@ -1,12 +1,14 @@
 """Bond laws: what the foam of a scene can be. docs/extending.md tells how to add one."""
 
-from taichi_foam.laws.bond import crushable
+from taichi_foam.laws.bond import crushable, tabulated
 from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks, Limit
+from taichi_foam.laws.bond.curve import Curve
 from taichi_foam.laws.registry import Registry
 
-__all__ = ["FOAMS", "BondFoam", "BondLaw", "Landmarks", "Limit"]
+__all__ = ["FOAMS", "BondFoam", "BondLaw", "Curve", "Landmarks", "Limit"]
 
 FOAMS: Registry[BondFoam] = Registry("law", "how the foam's bonds behave", default="crushable")
 """Foams by their `law`."""
 
 FOAMS.register(crushable.Foam)
+FOAMS.register(tabulated.TabulatedFoam)

@@ -5,8 +5,11 @@ A law is one module. It has two classes: a `BondFoam`, the values of a scene's `
 knows nothing else of either.
 """
 
+import copy
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -15,6 +18,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from taichi_foam.parts import Part, quantity
+
+TABLE_ROWS = 1001
+"""Rows of the table that a law may have: for strains of 0, -0.001 and so on, to -1."""
 
 OPENING, SLIDING = 4.0, 2.0
 """What a crack through brittle bonds costs over what they hold, as it opens and as its faces slide.
@@ -81,6 +87,18 @@ class BondFoam(Part):
     """Parameters that the foam of every law has. A law's own class adds `law` and its constants."""
 
     law: str
+    implied_by: ClassVar[str | None] = None
+    """A key that only this law has: a table with it, and without a `law`, is of this law."""
+    unless_given: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What describes the foam itself, by key, and in words what stands for it where nobody gave it.
+
+    A foam of one's own, of which some of these were given, says of the others what they are.
+    """
+    source: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
+        default=None,
+        description="where its values are from: a foam's name, a test, a publication",
+        json_schema_extra={"allowed": "none, or 1 to 1,000 characters", "fix": "shorten it"},
+    )
 
     youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1000, at_most=1e11)
     shear_modulus: float = quantity(
@@ -131,6 +149,16 @@ class BondFoam(Part):
         """Strain (<= 0) at which foam that has met the strain `worst` is without stress."""
         raise NotImplementedError
 
+    @property
+    def table(self) -> NDArray[np.float64] | None:
+        """(TABLE_ROWS, 3) what a law that is `tabulated` looks up."""
+        return None
+
+    @property
+    def tested_strain(self) -> float | None:
+        """The most compressive strain (< 0) that the foam was tested to; None: it is not known."""
+        return None
+
     def law_for(self, model: Any) -> "BondLaw":
         """The law's functions, with the options of this foam and of a scene's `model` built in."""
         raise NotImplementedError
@@ -155,12 +183,22 @@ class BondLaw:
     Constants: ClassVar[Any]
     """Taichi dataclass of the law's constants, SI units."""
 
+    tabulated: bool = False
+    """Whether its functions look something up in `table`, at [c.place, row]."""
+    table: Any = None
+    """Field (foams, TABLE_ROWS) of three numbers, of a law that was given one by `with_table`."""
     heeds_rate: bool = False
     """Whether the worst strain is frozen in a step; `flowed` brings it up to date before it."""
     stiffens: bool = False
     """Whether `stiffening` is to be asked below `stiffens_below`."""
     weakens_across: bool = False
     """Whether crush across a bond takes from its tensile strength (`strength_left`)."""
+
+    def with_table(self, table: Any) -> "BondLaw":
+        """This law, to be called where `table` is on the device."""
+        law = copy.copy(self)
+        object.__setattr__(law, "table", table)
+        return law
 
     @ti.func
     def stress_fraction(self, c: ti.template(), e, worst, broken):

@@ -17,7 +17,7 @@ from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import scene_from_text
 from taichi_foam.scene.keys import REQUIRED, keys
-from taichi_foam.scene.reference import COMMAND, keys_of, page
+from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.scene.values import settings
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"

@@ -1,0 +1,261 @@
+"""A measured curve of compressive stress over strain, and what is read off it.
+
+Strains and stresses are engineering ones, compression positive here as in the test. Between its
+points the curve is straight. Beyond its last one it goes on as a power of the distance to
+locking, with the slope of its end, so that whatever a run reaches has a stress; a run says so.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+from scipy.integrate import cumulative_trapezoid, trapezoid
+from scipy.optimize import isotonic_regression
+
+from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.parts import Part
+
+Array = NDArray[np.float64]
+
+STRESS, ENERGY, IN_CELLS = range(3)
+"""Columns of the table that kernels read."""
+
+MOST_POINTS = 2000
+"""Of a curve; the table has half as many rows."""
+
+LEAST_STRESS, LARGEST_STRESS = 500.0, 1e9
+"""What a curve's largest stress [Pa] may be: less is stress in kPa or MPa."""
+
+PLATEAU = (0.2, 0.4)
+"""Strains between which the mean stress is that of the plateau (ISO 13314)."""
+
+LOCKS = 0.75
+"""Without a locking strain: the share of what is left beyond the last point that crush closes."""
+
+GUARD = 0.05
+"""Within this part of the way from locking back to the last point the curve is its tangent."""
+
+
+class Curve(Part):
+    """Stress over strain of a compression test (any sampling, from rest).
+
+    Every strain above the last one; stresses never fall. A first point at rest is added where there
+    is none, at no stress. Stresses that fall, as by noise or after a first peak, are replaced
+    by the rising curve next to them (isotonic regression, least squares); `smoothing` keeps
+    the largest change.
+    """
+
+    strain: tuple[float, ...] = Field(
+        description="engineering strains in compression, fractions, each above the one before",
+        json_schema_extra={
+            "allowed": f"2 to {MOST_POINTS:,} rising numbers",
+            "fix": "strains are fractions (80 % is 0.80)",
+        },
+    )
+    stress: tuple[float, ...] = Field(
+        description="engineering stresses in compression there [Pa]",
+        json_schema_extra={
+            "allowed": "as many numbers as strains",
+            "fix": "stresses are in pascals (0.12 MPa is 0.12e6)",
+            "unit": "Pa",
+        },
+    )
+    smoothing: float = Field(
+        default=0.0,
+        ge=0,
+        description="by how much a stress was changed at most, so that none falls [Pa]",
+        json_schema_extra={"allowed": "at least 0 Pa", "unit": "Pa"},
+    )
+
+    @field_validator("strain", "stress", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        if isinstance(value, list):
+            value = tuple(value)
+        if isinstance(value, tuple):
+            return tuple(float(each) if type(each) is int else each for each in value)
+        return value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _upright(cls, data: Any) -> Any:
+        """Positive in compression, from rest on, and rising."""
+        numbers = _numbers(data)
+        if numbers is None:
+            return data  # what is wrong with it is said below
+        strain, stress = numbers
+        if strain.max() <= 0.0 and strain.min() < 0.0:
+            strain = -strain
+        if stress.max() <= 0.0 and stress.min() < 0.0:
+            stress = -stress
+        smoothing = data.get("smoothing", 0.0)
+        if not (np.diff(strain) > 0.0).all() or strain[0] < 0.0:
+            return {**data, "strain": tuple(strain.tolist()), "stress": tuple(stress.tolist())}
+        if strain[0] > 0.0:
+            strain, stress = np.append(0.0, strain), np.append(0.0, stress)
+        if (np.diff(stress) < 0.0).any() or stress[0] != 0.0:
+            # rest is rest: it weighs so much that the regression leaves it where it is
+            weights = np.ones(stress.size)
+            weights[0] = 1e12
+            wanted = np.append(0.0, np.maximum(stress[1:], 0.0))
+            rising = np.maximum(isotonic_regression(wanted, weights=weights).x, 0.0)
+            rising[0] = 0.0
+            change = float(np.abs(rising - stress).max())
+            if isinstance(smoothing, int | float):
+                smoothing = max(float(smoothing), change)
+            stress = rising
+        return {
+            **data,
+            "strain": tuple(strain.tolist()),
+            "stress": tuple(stress.tolist()),
+            "smoothing": smoothing,
+        }
+
+    @model_validator(mode="after")
+    def _check(self) -> Curve:
+        problem = self._problem()
+        if problem:
+            raise ValueError(f"foam.curve{problem}")
+        return self
+
+    def _problem(self) -> str | None:
+        strain, stress = self.strain, self.stress
+        if len(strain) != len(stress):
+            return (
+                f": {len(strain)} strains and {len(stress)} stresses; each point needs both; "
+                "add what is missing"
+            )
+        if not 2 <= len(strain) <= MOST_POINTS:
+            return (
+                f".strain: {len(strain):,} points; must be 2 to {MOST_POINTS:,}; `taichi-foam foam "
+                "import` thins a test"
+            )
+        steps = np.diff(strain)
+        if not (steps > 0.0).all():
+            at = int(np.argmax(steps <= 0.0)) + 1
+            word = "repeats" if strain[at] == strain[at - 1] else "is below"
+            return (
+                f".strain[{at}] = {strain[at]:g}: {word} the one before, {strain[at - 1]:g}; "
+                "strains must rise from point to point; sort them, or cut the unloading off"
+            )
+        if strain[0] < 0.0:
+            return (
+                f".strain[0] = {strain[0]:g}: strains of both signs; must be from 0 up, all in "
+                "compression; cut off what is before contact"
+            )
+        if strain[-1] >= 1.0:
+            return (
+                f".strain[{len(strain) - 1}] = {strain[-1]:g}: must be below 1; strains are "
+                "fractions (80 % is 0.80)"
+            )
+        if strain[-1] < 0.05:
+            return (
+                f".strain[{len(strain) - 1}] = {strain[-1]:g}: the test ends before the foam is "
+                "crushed; must reach at least 0.05"
+            )
+        if not LEAST_STRESS <= stress[-1] <= LARGEST_STRESS:
+            return (
+                f".stress: at most {stress[-1]:g} Pa; must reach {LEAST_STRESS:g} to "
+                f"{LARGEST_STRESS:g} Pa; stresses are in pascals (0.12 MPa is 0.12e6)"
+            )
+        return None
+
+    @property
+    def points(self) -> tuple[Array, Array]:
+        """Strains and stresses [Pa], compression positive."""
+        return np.array(self.strain), np.array(self.stress)
+
+    def stress_at(self, strain: Array) -> Array:
+        """Stress [Pa] at strains within the test, compression positive."""
+        return np.interp(strain, *self.points)
+
+    @property
+    def tested(self) -> float:
+        """The largest strain of the test."""
+        return self.strain[-1]
+
+    @property
+    def energy(self) -> Array:
+        """Energy per volume [J/m3] that the foam has taken up to each point."""
+        strain, stress = self.points
+        return cumulative_trapezoid(stress, strain, initial=0.0)
+
+    @property
+    def efficiency(self) -> Array:
+        """Energy taken over stress at each point: the length of an ideal stop, in strain."""
+        _, stress = self.points
+        return np.divide(self.energy, stress, out=np.zeros_like(stress), where=stress > 0.0)
+
+    @property
+    def densification(self) -> float:
+        """Strain at which densification begins: where the energy efficiency is largest."""
+        return self.strain[int(np.argmax(self.efficiency))]
+
+    @property
+    def plateau_stress(self) -> float:
+        """Mean stress [Pa] between the strains of PLATEAU, or of what of them was tested."""
+        last = min(PLATEAU[1], self.densification)
+        first = min(PLATEAU[0], 0.5 * last)
+        strain = np.union1d(self.points[0], [first, last])
+        strain = strain[(strain >= first) & (strain <= last)]
+        return float(trapezoid(self.stress_at(strain), strain) / (last - first))
+
+    def steepest(self, until: float) -> float:
+        """The steepest slope [Pa] up to a strain."""
+        strain, stress = self.points
+        slopes = np.diff(stress) / np.diff(strain)
+        return float(slopes[strain[:-1] < until].max())
+
+    def table(self, densification: float, locking: float, steepest: float) -> Array:
+        """(TABLE_ROWS, 3) stress [Pa], energy [J/m3], stress in cells [Pa], at 0, 0.001, ..., 1.
+
+        The energy counts from densification, and its sum follows the table's own straight lines.
+        The stress in cells rises as the stress does, but at most with a slope of `steepest` [Pa].
+        """
+        strain = np.linspace(0.0, 1.0, TABLE_ROWS)
+        stress = np.where(
+            strain <= self.tested, self.stress_at(strain), self._beyond(strain, locking)
+        )
+        energy = cumulative_trapezoid(stress, strain, initial=0.0)
+        at = densification * (TABLE_ROWS - 1)
+        k = min(int(at), TABLE_ROWS - 2)
+        part = at - k
+        there = stress[k] + part * (stress[k + 1] - stress[k])
+        energy -= energy[k] + 0.5 * (stress[k] + there) * part / (TABLE_ROWS - 1)
+        rises = np.minimum(np.diff(stress, prepend=0.0), steepest / (TABLE_ROWS - 1))
+        return np.column_stack([stress, energy, np.cumsum(rises)])
+
+    def _beyond(self, strain: Array, locking: float) -> Array:
+        """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""
+        (*_, before, last), (*_, below, top) = self.points
+        slope = (top - below) / (last - before)
+        power = slope * (locking - last) / top
+        guard = locking - GUARD * (locking - last)
+        inside = np.clip(strain, last, guard)
+        stress = top * ((locking - last) / (locking - inside)) ** power
+        return stress * (1.0 + power * (strain - inside) / (locking - inside))
+
+
+def _numbers(data: Any) -> tuple[Array, Array] | None:
+    """The numbers of raw data; None where something else is wrong with it."""
+    if not isinstance(data, dict):
+        return None
+    found = []
+    for key in ("strain", "stress"):
+        values = data.get(key)
+        if isinstance(values, np.ndarray):
+            values = values.tolist()
+        if not isinstance(values, list | tuple) or len(values) < 2:
+            return None
+        if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in values):
+            return None
+        array = np.array(values, dtype=np.float64)
+        if not np.isfinite(array).all():
+            return None
+        found.append(array)
+    return None if found[0].size != found[1].size else (found[0], found[1])

@@ -1,0 +1,311 @@
+"""Foam by its measured curve: what a compression test gives, unloading, weak re-tension, failure.
+
+Loading follows the table. From a strain that a bond has met it unloads with the slope K, as the
+paper's foam does; beyond densification it retraces the curve.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from taichi_foam.laws import elementary
+from taichi_foam.laws.bond.base import TABLE_ROWS, Landmarks
+from taichi_foam.laws.bond.crushing import (
+    PACKED,
+    ROUNDING,
+    UNLESS_GIVEN,
+    Crushing,
+    CrushingFoam,
+)
+from taichi_foam.laws.bond.curve import ENERGY, IN_CELLS, LOCKS, STRESS, Curve
+from taichi_foam.parts import quantity
+
+SHEAR_OVER_YOUNG = 3.0 / 8.0
+"""Shear modulus over Young's modulus of cellular solids (Gibson & Ashby 1997)."""
+
+SHEAR_OVER_PLATEAU = 0.6
+"""Shear strength over plateau stress; the paper's foam: 84 over 139 kPa (Table 1)."""
+
+
+FROM_CURVE = "from the curve"
+
+
+class TabulatedFoam(CrushingFoam):
+    """Parameters of a foam whose compression was measured; what is not given follows from it."""
+
+    law: Literal["tabulated"] = "tabulated"
+    implied_by: ClassVar[str | None] = "curve"
+    unless_given: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "youngs_modulus": "the steepest slope of the curve before densification",
+            "shear_modulus": "3/8 of Young's modulus (Gibson & Ashby 1997)",
+            "densification_strain": "where the energy efficiency of the curve is largest",
+            "locking_strain": "three quarters of the way from the end of the curve to -1",
+            "tensile_strain": "that of the plateau's stress: as strong in tension as there",
+            "shear_strain": "that of 0.6 of the plateau's stress, as of the paper's foam",
+            "crushed_tensile_fraction": "that of the paper's foam",
+        }
+        | UNLESS_GIVEN
+    )
+
+    curve: Curve = Field(
+        description="stress over strain of its compression test: a CSV file, with `strain_unit` "
+        "and `stress_unit` where its header has none and `strain` and `stress` for its columns; "
+        "or lists",
+        json_schema_extra={
+            "allowed": 'a file name, { file = "...", strain_unit = "%", ... }, or '
+            "{ strain = [...], stress = [...] } in Pa",
+            "fix": "give the test of the foam",
+        },
+    )
+    youngs_modulus: float = quantity(
+        ...,
+        "Pa",
+        "Young's modulus K, with which the foam unloads",
+        at_least=1000,
+        at_most=1e11,
+        unless=FROM_CURVE,
+    )
+    shear_modulus: float = quantity(
+        ..., "Pa", "shear modulus G", at_least=1000, at_most=1e11, unless=FROM_CURVE
+    )
+    tensile_strain: float = quantity(
+        ..., "tension", "tensile strain at which a bond breaks", above=0, at_most=2,
+        unless=FROM_CURVE,
+    )  # fmt: skip
+    shear_strain: float = quantity(
+        ..., "tension", "shear strain at which a bond breaks, either way", above=0, at_most=2,
+        unless=FROM_CURVE,
+    )  # fmt: skip
+    densification_strain: float = quantity(
+        ...,
+        "compression",
+        "strain at which densification begins",
+        unless=FROM_CURVE,
+        above=-1,
+        below=0,
+        fix="strains are fractions (80 % is 0.80), negative in compression: -0.80",
+    )
+    locking_strain: float = quantity(
+        ...,
+        "compression",
+        "strain at which the stress would become infinite",
+        unless=FROM_CURVE,
+        above=-1,
+        below=0,
+        fix="strains are fractions (95 % is 0.95), negative in compression: -0.95",
+    )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _complete(cls, data: Any, handler: Any) -> "TabulatedFoam":
+        """With what was not given taken from the curve; what was given is told apart."""
+        if not isinstance(data, dict):
+            return handler(data)
+        given = {key: value for key, value in data.items() if value is not None}
+        foam = handler({**derived(given), **given})
+        object.__setattr__(foam, "__pydantic_fields_set__", set(given))
+        return foam
+
+    @model_validator(mode="after")
+    def _check_curve(self) -> "TabulatedFoam":
+        problems = []
+        steepest = self.curve.steepest(-self.densification_strain)
+        if self.youngs_modulus < steepest * (1.0 - 1e-9):
+            problems.append(
+                f"foam.youngs_modulus = {self.youngs_modulus:g}: must be at least {steepest:g} Pa, "
+                "the steepest slope of foam.curve before densification, as foam unloads with it; "
+                "leave it out to take that"
+            )
+        if not -self.curve.tested <= self.densification_strain:
+            problems.append(
+                f"foam.densification_strain = {self.densification_strain:g}: must be at least "
+                f"{-self.curve.tested:g}, where foam.curve ends; leave it out to take the strain "
+                "of its largest energy efficiency"
+            )
+        if not self.locking_strain < -self.curve.tested:
+            problems.append(
+                f"foam.locking_strain = {self.locking_strain:g}: must be below "
+                f"{-self.curve.tested:g}, where foam.curve ends (more compressive, nearer to -1)"
+            )
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    @property
+    def landmarks(self) -> Landmarks:
+        plateau = self.curve.plateau_stress
+        return Landmarks(
+            crush_start=-plateau / self.youngs_modulus,
+            crush_end=self.densification_strain,
+            limit=self.locking_strain,
+            tensile=self.tensile_strain,
+            crushed_tensile=self.crushed_tension[0],
+            shear=self.shear_strain,
+            plateau_stress=plateau,
+        )
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        steepest = PACKED * self.youngs_modulus
+        return self.curve.table(-self.densification_strain, -self.locking_strain, steepest)
+
+    @property
+    def tested_strain(self) -> float:
+        return -self.curve.tested
+
+    def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unloading has the slope K; densification retraces itself."""
+        turn = np.clip(worst, self.densification_strain, 0.0)
+        stress = np.interp(-turn, np.linspace(0.0, 1.0, TABLE_ROWS), self.table[:, 0])
+        return turn + stress / self.youngs_modulus
+
+    def law_for(self, model: Any) -> "Tabulated":
+        return Tabulated(
+            weakens_across=self.crushed_strength < 1.0,
+            broken_contact=model.broken_contact,
+            shear_failure=model.shear_failure,
+        )
+
+    def constants(self, model: Any) -> dict[str, float]:
+        permanent = self.permanent_strain(np.array(self.densification_strain))
+        return super().constants(model) | {
+            "elastic_limit": self.densification_strain - float(permanent),
+            "place": 0,
+        }
+
+
+def derived(data: dict[str, Any]) -> dict[str, float]:
+    """What the curve in raw data of such a foam gives, by key; given keys go before."""
+    curve = data.get("curve")
+    if isinstance(curve, dict):
+        try:
+            curve = Curve.model_validate(curve)
+        except ValueError:
+            curve = None
+    if not isinstance(curve, Curve):  # what is wrong with it is said where it is checked
+        return {"densification_strain": -0.8, "locking_strain": -0.95}
+    given = {key: value for key, value in data.items() if _is_number(value)}
+    densification = given.get("densification_strain", -curve.densification)
+    young = given.get("youngs_modulus", curve.steepest(-densification))
+    shear = given.get("shear_modulus", SHEAR_OVER_YOUNG * young)
+    plateau = curve.plateau_stress
+    return {
+        "youngs_modulus": young,
+        "shear_modulus": shear,
+        "densification_strain": densification,
+        "locking_strain": -(curve.tested + LOCKS * (1.0 - curve.tested)),
+        "tensile_strain": plateau / young,
+        "shear_strain": SHEAR_OVER_PLATEAU * plateau / shear,
+    }
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+@ti.dataclass
+class Constants:
+    """Constants of one foam: strains without unit, stresses in Pa."""
+
+    youngs_modulus: ti.f64
+    shear_modulus: ti.f64
+    yield_strain: ti.f64
+    tensile_strain: ti.f64
+    shear_strain: ti.f64
+    densification_strain: ti.f64
+    elastic_limit: ti.f64  # elastic strain at the densification strain
+    crushed_tensile_strain: ti.f64
+    crushed_tensile_stress: ti.f64
+    crushed_strength: ti.f64  # in tension when crushed across, over that of whole foam
+    shear_pressure_coefficient: ti.f64
+    place: ti.i32  # of the foam in the table
+
+
+@dataclass(frozen=True)
+class Tabulated(Crushing):
+    """The law's functions, for one set of options; see `Crushing`."""
+
+    weakens_across: bool = False
+    broken_contact: str = "reload"
+    shear_failure: str = "always"
+
+    Constants = Constants
+    tabulated = True
+
+    @ti.func
+    def _looked_up(self, c: ti.template(), e, column: ti.template()):
+        """What a column of the table has for strain `e`, and its slope over -e.
+
+        Below 0 and beyond the last row the first and the last line go on.
+        """
+        last = ti.static(TABLE_ROWS - 2)
+        along = -e * (TABLE_ROWS - 1.0)
+        row = ti.cast(elementary.smaller(elementary.larger(along, 0.0), 1.0 * last), ti.i32)
+        here, following = 0.0 * e, 0.0 * e
+        width = ti.static(_width(e))
+        if ti.static(width > 0):
+            for lane in ti.static(range(width)):
+                here[lane] = self.table[c.place, row[lane]][column]
+                following[lane] = self.table[c.place, row[lane] + 1][column]
+        else:
+            here = self.table[c.place, row][column]
+            following = self.table[c.place, row + 1][column]
+        rise = following - here
+        return here + (along - ti.cast(row, ti.f64)) * rise, rise * (TABLE_ROWS - 1.0)
+
+    @ti.func
+    def met(self, e, e_min):
+        return elementary.smaller(e, e_min)
+
+    @ti.func
+    def permanent_strain(self, c: ti.template(), e_min):
+        turn = elementary.smaller(elementary.larger(e_min, c.densification_strain), 0.0)
+        stress, _ = self._looked_up(c, turn, STRESS)
+        return turn + stress * (1.0 / c.youngs_modulus)
+
+    @ti.func
+    def room_stress(self, c: ti.template(), area, room):
+        """What the curve rises by from what a cell's bonds have met to what its area has lost.
+
+        Bonds that fold sideways get no shorter by it: the cell then has the rest of the stress. A
+        level plateau rises by nothing, so that foam gives way at it in whatever direction. Whole
+        foam folds; nothing springs up at once as it yields.
+        """
+        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
+        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
+        now, _ = self._looked_up(c, elementary.smaller(area, room - ROUNDING) - 1.0, IN_CELLS)
+        met, _ = self._looked_up(c, room - ROUNDING - 1.0, IN_CELLS)
+        return yielded * (now - met)
+
+    @ti.func
+    def elastic_strain(self, c: ti.template(), e, e_min):
+        return elementary.larger(e - self.permanent_strain(c, e_min), c.elastic_limit)
+
+    @ti.func
+    def stress_at_densification(self, c: ti.template()):
+        return c.youngs_modulus * c.elastic_limit
+
+    @ti.func
+    def densified(self, c: ti.template(), e):
+        stress, slope = self._looked_up(c, e, STRESS)
+        return -stress, slope
+
+    @ti.func
+    def densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
+        along = -e * (TABLE_ROWS - 1.0)
+        row = ti.cast(ti.max(ti.min(along, TABLE_ROWS - 2.0), 0.0), ti.i32)
+        stress, _ = self._looked_up(c, e, STRESS)
+        mean = 0.5 * (self.table[c.place, row][STRESS] + stress)
+        return self.table[c.place, row][ENERGY] + mean * (along - row) / (TABLE_ROWS - 1.0)
+
+
+def _width(value: Any) -> int:
+    """How many lanes a value of the kernels has; 0: it is a number."""
+    return value.n if value.is_tensor() else 0

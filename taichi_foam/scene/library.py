@@ -1,0 +1,177 @@
+"""Foams with a name or in a file of their own: what was measured, what is assumed, and by whom.
+
+A foam file is TOML: what is known of the foam, and its constants in a table `[foam]`, which has the
+keys of a scene's. `taichi-foam foam import` writes one from a test. The library's own are in
+`foams/`; rigid polyurethane of any density follows from a scaling.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, ValidationError, field_validator
+
+from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.parts import Part, quantity
+from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.toml import MOST_BYTES, decoded, parsed
+
+CELL_WALLS = 127e6
+"""Yield stress of solid polyurethane [Pa] (Gibson & Ashby 1997)."""
+
+SOLID = 1200.0
+"""Density of solid polyurethane [kg/m3] (Gibson & Ashby 1997)."""
+
+SCALED = (20, 100)
+"""Densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
+
+_SCALED_NAME = re.compile(r"rigid-pu-(\d+(?:\.\d+)?)")
+
+_RESILIENT = ("epe", "eva", "epp", "pe-foam", "sponge", "latex", "memory", "neoprene", "flexible")
+
+
+class FoamFile(Part):
+    """A foam as its file tells of it."""
+
+    title: str = Field(description="what foam it is", min_length=1, max_length=200)
+    source: str = Field(description="who measured it, where", min_length=1, max_length=1000)
+    licence: str = Field(
+        default="not stated", description="licence of the data", min_length=1, max_length=200
+    )
+    density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
+    rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+        None, "1/s", "strain rate of the test", allowed="none, or above 0 and at most 1e6 1/s"
+    )
+    direction: str | None = Field(
+        default=None, description="direction of the test: rise, across, ...", max_length=100
+    )
+    measured: tuple[str, ...] = Field(
+        default=(), description="what was measured, in words", max_length=50
+    )
+    assumed: tuple[Assumed, ...] = Field(
+        default=(), description="what is assumed, key by key of a scene", max_length=100
+    )
+    foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
+
+    @field_validator("measured", "assumed", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
+
+    @property
+    def foam_given(self) -> dict[str, Any]:
+        """The constants that the file gives, as raw data."""
+        given = self.foam.model_dump(exclude_unset=True, exclude_none=True)
+        return {FOAMS.tag: self.foam.law, **given}
+
+    def to_toml(self) -> str:
+        """The file's text; `read_foam` gives an equal one back."""
+        data = self.model_dump(exclude_none=True, exclude={"foam"}, exclude_defaults=True)
+        return tomli_w.dumps({**data, "foam": self.foam_given})
+
+
+def names() -> list[str]:
+    """The names of the library, those of a scaling with their densities."""
+    files = resources.files("taichi_foam.scene").joinpath("foams").iterdir()
+    stems = sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith("toml"))
+    return [*stems, f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
+
+
+def foam_of(name: str, folder: Path = Path()) -> FoamFile:
+    """The foam of a name, or of a file whose name ends with .toml.
+
+    Raises UserError: no such name or file, a foam file that cannot be, resilient foam.
+    """
+    if name.endswith(".toml"):
+        return read_foam(folder / name)
+    if scaled := _SCALED_NAME.fullmatch(name):
+        return _rigid_pu(name, float(scaled[1]))
+    packaged = resources.files("taichi_foam.scene").joinpath("foams", f"{name}.toml")
+    if re.fullmatch(r"[\w.-]+", name) and packaged.is_file():
+        return _foam_from(packaged.read_text(encoding="utf-8"), name)
+    if any(word in name.lower() for word in _RESILIENT):
+        raise UserError(
+            f"foam = {shown(name)}: not in the library; resilient foam springs back by the gas in "
+            "its cells, which the model leaves out (docs/limits.md)"
+        )
+    near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
+    meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
+    raise UserError(
+        f"foam = {shown(name)}: not in the library; {meant} A file's name ends with .toml; "
+        "`taichi-foam foam import` makes one of a test"
+    )
+
+
+def read_foam(path: Path) -> FoamFile:
+    """The foam of a file. Raises UserError: unreadable, not TOML, or a foam that cannot be."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+    return _foam_from(decoded(data, str(path)), str(path))
+
+
+def _foam_from(text: str, source: str) -> FoamFile:
+    try:
+        return FoamFile.model_validate(parsed(text, source))
+    except ValidationError as error:
+        listed = "\n".join(f"  {line}" for line in explain(error, FoamFile).splitlines())
+        raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
+
+
+def _rigid_pu(name: str, density: float) -> FoamFile:
+    """Rigid polyurethane of a density [kg/m3]: the plateau scales, the rest is assumed."""
+    if not SCALED[0] <= density <= SCALED[1]:
+        raise UserError(
+            f"foam = {shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
+            f"{SCALED[1]} kg/m3 only; take the test of a foam of that density (foam.curve)"
+        )
+    plateau = 0.3 * CELL_WALLS * (density / SOLID) ** 1.5
+    paper = Foam()
+    young = plateau / -paper.yield_strain
+    shear = paper.shear_modulus / paper.youngs_modulus * young
+    missed = (
+        "that of the paper's foam, {}: the scaling misses it there ({}), and is not used for it"
+    )
+    why = {
+        "youngs_modulus": "plateau over the paper's yield strain of 0.05: the scaling for open "
+        "cells misses the paper's modulus (0.73 against 2.78 MPa), and is not used for it",
+        "shear_modulus": "as much of Young's modulus as in the paper's foam, 0.30",
+        "densification_strain": missed.format("-0.80", "-0.97"),
+        **dict.fromkeys(
+            ("yield_strain", "tensile_strain", "shear_strain", "locking_strain",
+             "densification_a", "densification_b", "crushed_tensile_fraction"),
+            "that of the paper's foam",
+        ),
+    }  # fmt: skip
+    return FoamFile(
+        title=f"Rigid polyurethane foam of {density:g} kg/m3, scaled",
+        source="plateau 0.3 x 127 MPa x (density / 1200 kg/m3)^1.5 (Gibson & Ashby 1997): 0.119 "
+        "MPa at 25.6 kg/m3, where 0.12 MPa was measured (Shim, Tu & Lim 2000)",
+        licence="formula and figures as published",
+        density=density,
+        measured=(f"nothing at this density; plateau {plateau / 1e3:.1f} kPa by the scaling",),
+        assumed=tuple(Assumed(key=f"foam.{key}", why=words) for key, words in why.items()),
+        foam=Foam(
+            youngs_modulus=young,
+            shear_modulus=shear,
+            **{key: getattr(paper, key) for key in why if not key.endswith("modulus")},
+        ),
+    )
+
+
+def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
+    """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
+    table = {**foam.foam_given, **more}
+    table.setdefault("source", f"{foam.title}: {foam.source}"[:1000])
+    return table, [each for each in foam.assumed if each.key.partition(".")[2] not in more]
