@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.cli.reference import described, keys_of, page
 from taichi_foam.errors import UserError
 from taichi_foam.scene.keys import Key
-from taichi_foam.cli.reference import described, keys_of, page
 
 
 def keys_command(

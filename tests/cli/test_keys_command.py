@@ -7,9 +7,9 @@ from collections.abc import Callable
 import pytest
 from command_line import assert_refused
 
+from taichi_foam.cli.reference import page
 from taichi_foam.scene import Scene
 from taichi_foam.scene.keys import keys
-from taichi_foam.cli.reference import page
 
 PARTS = "scene, block, foam, impactor, base, model, numerics, start, output"
 

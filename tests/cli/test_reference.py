@@ -10,6 +10,7 @@ from typing import Literal
 
 import pytest
 
+from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES
@@ -17,7 +18,6 @@ from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import scene_from_text
 from taichi_foam.scene.keys import REQUIRED, keys
-from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.scene.values import settings
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
