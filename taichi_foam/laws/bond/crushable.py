@@ -294,11 +294,14 @@ class Crushable(Crushing):
         room = c.densification_strain - c.locking_strain
         ratio = ti.max(e - c.locking_strain, GUARD * room) / room
         half = -0.5 * elementary.log(ratio)
-        points = ti.Vector(ti.static(GAUSS_POINTS))
-        weights = ti.Vector(ti.static(GAUSS_WEIGHTS))
         area = 0.0
         for k in range(ti.static(len(GAUSS_POINTS))):
-            here = room * elementary.exp(-half * (1.0 + points[k]))
+            # chosen one by one: SPIR-V, and so Vulkan, takes no constant list by a number
+            point, weight = 0.0, 0.0
+            for n in ti.static(range(len(GAUSS_POINTS))):
+                if k == n:
+                    point, weight = GAUSS_POINTS[n], GAUSS_WEIGHTS[n]
+            here = room * elementary.exp(-half * (1.0 + point))
             stress, _ = self.densified(c, c.locking_strain + here)
-            area += weights[k] * here * stress
+            area += weight * here * stress
         return -half * area
