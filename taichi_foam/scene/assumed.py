@@ -45,13 +45,20 @@ def completed(data: Any) -> Any:
     if kind is None:
         return data
     given = _given(data.get("foam"))
-    if "plateau_stress" in given:
-        given |= {"yield_strain"}
+    own = (kind.unless_given.keys() - _READINGS) | _implied(kind)
     earlier = data.get("assumed")
-    if earlier is None and not given & _own_keys(kind):
+    if (
+        earlier is None
+        and not any(
+            _value(data["foam"], key) != kind.model_fields[key].default for key in given & own
+        )
+        and "plateau_stress" not in given
+    ):
         return data
     if not isinstance(earlier, list | tuple | None):
         return data  # what is wrong with it is said where it is checked
+    if "plateau_stress" in given:
+        given |= {"yield_strain"}
     found = [
         Assumed(key=f"foam.{key}", why=why)
         for key, why in kind.unless_given.items()
@@ -76,6 +83,7 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
     foam = data.get("foam")
     if "foam" in values or not isinstance(foam, dict):
         data.pop("assumed", None)
+        _forget_elsewhere(data, values)
         return
     if "foam.plateau_stress" in values and "foam.yield_strain" not in values:
         foam.pop("yield_strain", None)
@@ -131,11 +139,6 @@ def _is_default(foam: Mapping[str, Any], kind: type[BondFoam], changed: set[str]
     )
 
 
-def _own_keys(kind: type[BondFoam]) -> set[str]:
-    """Keys of which one alone makes a foam of one's own."""
-    return (kind.unless_given.keys() - _READINGS) | _implied(kind)
-
-
 def _key(entry: Any) -> Any:
     """The key of an entry, or of its raw data."""
     return entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
@@ -152,6 +155,11 @@ def _kind(foam: Any) -> type[BondFoam] | None:
 
 def _implied(kind: type[BondFoam]) -> set[str]:
     return {kind.implied_by} if kind.implied_by else set()
+
+
+def _value(part: Any, key: str) -> Any:
+    """The value of a part, or in its raw data."""
+    return part[key] if isinstance(part, Mapping) else getattr(part, key)
 
 
 def _given(part: Any) -> frozenset[str]:

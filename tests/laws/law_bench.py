@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_foam.engine import runtime
 from taichi_foam.laws.bond import BondFoam, BondLaw
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.scene import Foam, Model
 
 Array = ti.types.ndarray(dtype=ti.f64, ndim=1)
@@ -24,18 +26,32 @@ class Bound:
 
     law: BondLaw
     constants: Any
+    table: Any = None
+
+    @property
+    def kernels(self) -> SimpleNamespace:
+        """The law's functions, with the foam's table where they look something up."""
+        kernels = _kernels(self.law)
+        if self.table is not None:
+            kernels.table.from_numpy(self.table[None])
+        return kernels
 
 
 def constants(foam: BondFoam | None = None, model: Model | None = None) -> Bound:
     """The law of a scene's foam and model choices, with its constants."""
     foam, model = foam or Foam(), model or Model()
     law = foam.law_for(model)
-    return Bound(law, law.Constants(**foam.constants(model)))
+    return Bound(law, law.Constants(**foam.constants(model)), foam.table)
 
 
 @cache
 def _kernels(law: BondLaw) -> SimpleNamespace:
     """Each function of a law behind a kernel; a kernel compiles when it is called."""
+    table = None
+    if law.tabulated:
+        table = ti.Vector.field(3, ti.f64)
+        runtime.set_aside((1, TABLE_ROWS), table, _kernels.cache_clear)
+        law = law.with_table(table)
 
     @ti.kernel
     def normal(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
@@ -89,47 +105,47 @@ def loading(foam: Bound, e: np.ndarray) -> np.ndarray:
 def normal(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stress [Pa] at strains `e` with a history."""
     e, out = _arrays(e)
-    _kernels(foam.law).normal(foam.constants, e, e_min, int(broken), out)
+    foam.kernels.normal(foam.constants, e, e_min, int(broken), out)
     return out
 
 
 def stored(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stored energy [J/m3] at strains `e` with a history."""
     e, out = _arrays(e)
-    _kernels(foam.law).stored(foam.constants, e, e_min, int(broken), out)
+    foam.kernels.stored(foam.constants, e, e_min, int(broken), out)
     return out
 
 
 def flowed(foam: Bound, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
     """What `e_min` becomes at strains `e` in a time [s]."""
     e, out = _arrays(e)
-    _kernels(foam.law).flowed(foam.constants, e, e_min, time, out)
+    foam.kernels.flowed(foam.constants, e, e_min, time, out)
     return out
 
 
 def densified(foam: Bound, e: np.ndarray) -> np.ndarray:
     """Slope [Pa] of the densification branch at strains `e`, all beyond densification."""
     e, out = _arrays(e)
-    _kernels(foam.law).densified(foam.constants, e, out)
+    foam.kernels.densified(foam.constants, e, out)
     return out
 
 
 def elastic(foam: Bound) -> float:
     """Steepest slope [Pa] before densification."""
-    return _kernels(foam.law).elastic(foam.constants)
+    return foam.kernels.elastic(foam.constants)
 
 
 def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
     """Stress [Pa] between pieces at distances `gap` [m] that touch at `touch` [m]."""
     gap, out = _arrays(gap)
-    _kernels(foam.law).piece(foam.constants, gap, touch, length, out)
+    foam.kernels.piece(foam.constants, gap, touch, length, out)
     return out
 
 
 def shear(foam: Bound, gamma: np.ndarray) -> np.ndarray:
     """Shear stress [Pa] at shear strains `gamma`."""
     gamma, out = _arrays(gamma)
-    _kernels(foam.law).shear(foam.constants, gamma, out)
+    foam.kernels.shear(foam.constants, gamma, out)
     return out
 
 
@@ -143,7 +159,7 @@ def fails(
     strength: float = 1.0,
 ) -> bool:
     """Whether an intact bond breaks."""
-    return bool(_kernels(foam.law).fails(foam.constants, e, sigma_e, tau, e_min, size, strength))
+    return bool(foam.kernels.fails(foam.constants, e, sigma_e, tau, e_min, size, strength))
 
 
 def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

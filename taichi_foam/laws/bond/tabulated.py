@@ -181,6 +181,16 @@ class TabulatedFoam(CrushingFoam):
         }
 
 
+_STANDINS = {
+    "youngs_modulus": 1e6,
+    "shear_modulus": 1e6,
+    "densification_strain": -0.8,
+    "locking_strain": -0.95,
+    "tensile_strain": 0.05,
+    "shear_strain": 0.1,
+}
+
+
 def derived(data: dict[str, Any]) -> dict[str, float]:
     """What the curve in raw data of such a foam gives, by key; given keys go before."""
     curve = data.get("curve")
@@ -189,8 +199,8 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
             curve = Curve.model_validate(curve)
         except ValueError:
             curve = None
-    if not isinstance(curve, Curve):  # what is wrong with it is said where it is checked
-        return {"densification_strain": -0.8, "locking_strain": -0.95}
+    if not isinstance(curve, Curve):  # what is wrong with it, and only that, is said elsewhere
+        return _STANDINS
     given = {key: value for key, value in data.items() if _is_number(value)}
     densification = given.get("densification_strain", -curve.densification)
     young = given.get("youngs_modulus", curve.steepest(-densification))
