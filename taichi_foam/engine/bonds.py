@@ -119,6 +119,10 @@ def _bond_forces(
     column_x, column_y = across_x * per_spacing, across_y * per_spacing
     gamma = kinematics.shear_strain(reach_x, reach_y, column_x, column_y) * (1.0 / p.cell[axis])
     tau = lattice.law.shear_stress(p.bond, gamma)
+    if ti.static(lattice.law.shears_stiffer):
+        # as much on both sides of a cell's corner, or shear would turn it
+        crushed = elementary.smaller(bonds[b, i, k].worst, _crush_across(lattice, axis, b, i, k))
+        tau = lattice.law.shear_modulus(p.bond, crushed) * gamma
     shear = p.area[axis] * tau
     dashpot = ti.select(whole, p.cross_dashpot[axis], 0.0)
     excess = dashpot

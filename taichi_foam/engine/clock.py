@@ -36,7 +36,7 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 def take_stock(lattice: ti.template(), b, p: ti.template()):
     """Of an accepted state: size of the next step, or end."""
     clock = lattice.state.clock[b]
-    rate = fastest_rate(lattice, clock.stiffest, p)
+    rate = fastest_rate(lattice, clock.stiffest, clock.crush, p)
     step = p.step
     if step == 0.0:
         speed = clock.speed
@@ -100,7 +100,10 @@ def close_step(
     lattice.state.clock[b].broken = clock.broken + breaks
     lattice.state.clock[b].drift = clock.drift + ti.sqrt(moved)
     lattice.state.clock[b].stiffest = stiffest
-    lattice.state.clock[b].crush = crush
+    if ti.static(lattice.law.shears_stiffer):
+        lattice.state.clock[b].crush = ti.max(crush, clock.crush)  # what was met counts
+    else:
+        lattice.state.clock[b].crush = crush
     lattice.state.clock[b].speed = ti.sqrt(moved) / clock.step
     if breaks > 0 or 2.0 * lattice.state.clock[b].drift > p.skin:
         lattice.state.clock[b].stale = 1

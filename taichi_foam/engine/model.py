@@ -18,7 +18,7 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondLaw
-from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
 from taichi_foam.scene import Scene
 
@@ -105,7 +105,7 @@ class Model:
     numbers    (n,) every member of `parameters_type`, in its order
     surface    (SURFACE_ROWS, 3) of the impactor, zeros beyond its rows
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
-    table      (TABLE_ROWS, 3) of its bond law, if that looks things up
+    table      (TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
     """
 
     numbers: NDArray[np.float64]
@@ -149,7 +149,7 @@ class ModelFields:
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2]
     strengths   of A and of B (batch, I, packs), if they are scattered
-    table       (batch, TABLE_ROWS) three numbers each, of a bond law that looks things up
+    table       (batch, TABLE_ROWS) TABLE_COLUMNS numbers each, of a law that looks things up
     law         the bond law, which knows that table
     """
 
@@ -166,7 +166,7 @@ class ModelFields:
             layout.of_nodes(*self.strengths)
         self.law = features.law
         if features.law.tabulated:
-            self.table = vec3.field()
+            self.table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
             layout.listed(TABLE_ROWS, self.table)
             self.law = features.law.with_table(self.table)
         self.members = list(_members(self.parameters))
@@ -288,8 +288,12 @@ def _viscosities(scene: Scene) -> tuple[float, float]:
 
 
 @ti.func
-def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) -> ti.f64:
+def fastest_rate(
+    lattice: ti.template(), stiffened: ti.f64, crush: ti.f64, p: ti.template()
+) -> ti.f64:
     """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
+
+    No foam is crushed beyond the strain `-crush`.
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
     of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 r k_r of its
@@ -300,7 +304,10 @@ def fastest_rate(lattice: ti.template(), stiffened: ti.f64, p: ti.template()) ->
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(p.bond) * per_length.max()
     shares = ti.static(20.0 if lattice.features.variational else 8.0)
-    sheared = shares * lattice.law.shear_stress(p.bond, 1.0) * per_length.max()
+    modulus = lattice.law.shear_stress(p.bond, 1.0)
+    if ti.static(lattice.law.shears_stiffer):
+        modulus = lattice.law.shear_modulus(p.bond, -crush)
+    sheared = shares * modulus * per_length.max()
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
         stiffest = elastic + stiffened  # the overstress comes on top
@@ -353,8 +360,8 @@ def _stays_stable(
     """Whether a step is stable to its end, with a bond that closes from `crush` on [1/s]."""
     strain = -crush - closing * step
     stable = 1
-    if strain < lattice.law.stiffens_below(p.bond):
+    if strain < lattice.law.stiffens_below(p.bond) or ti.static(lattice.law.shears_stiffer):
         _, slope = lattice.law.stiffening(p.bond, strain, strain, 0)
-        rate = fastest_rate(lattice, slope * (p.area / p.cell).max(), p)
+        rate = fastest_rate(lattice, slope * (p.area / p.cell).max(), -strain, p)
         stable = ti.i32(step * rate <= RK4_RADIUS)
     return stable

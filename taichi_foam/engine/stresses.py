@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.engine import runtime
 from taichi_foam.laws.bond import BondLaw
-from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ def _kernel(law: BondLaw) -> tuple[Any, Any]:
     """The law's normal stress, mapped over arrays, and the table that it looks up."""
     table = None
     if law.tabulated:
-        table = ti.Vector.field(3, ti.f64)
+        table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
         runtime.set_aside((1, TABLE_ROWS), table, _kernel.cache_clear)
         law = law.with_table(table)
 

@@ -22,7 +22,7 @@ from taichi_foam.engine.state import (
     State,
     initial_state,
 )
-from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
@@ -34,7 +34,6 @@ Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 vec2 = ti.types.vector(2, ti.f64)
-vec3 = ti.types.vector(3, ti.f64)
 
 # Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
@@ -110,7 +109,8 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
 def _put_table(lattice: ti.template(), b: ti.i32, table: Table):
     lattice.model.parameters[b].bond.place = b
     for row in range(TABLE_ROWS):
-        lattice.model.table[b, row] = vec3(table[row, 0], table[row, 1], table[row, 2])
+        for column in ti.static(range(TABLE_COLUMNS)):
+            lattice.model.table[b, row][column] = table[row, column]
 
 
 def put(lattice: Lattice, b: int, state: State) -> None:

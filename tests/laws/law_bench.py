@@ -14,7 +14,7 @@ import taichi as ti
 
 from taichi_foam.engine import runtime
 from taichi_foam.laws.bond import BondFoam, BondLaw
-from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.scene import Foam, Model
 
 Array = ti.types.ndarray(dtype=ti.f64, ndim=1)
@@ -49,7 +49,7 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
     """Each function of a law behind a kernel; a kernel compiles when it is called."""
     table = None
     if law.tabulated:
-        table = ti.Vector.field(3, ti.f64)
+        table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
         runtime.set_aside((1, TABLE_ROWS), table, _kernels.cache_clear)
         law = law.with_table(table)
 
@@ -86,6 +86,11 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
     def shear(c: law.Constants, gamma: Array, out: Array):
         for k in range(gamma.shape[0]):
             out[k] = law.shear_stress(c, gamma[k])
+
+    @ti.kernel
+    def crushed_shear(c: law.Constants, worst: Array, out: Array):
+        for k in range(worst.shape[0]):
+            out[k] = law.shear_modulus(c, worst[k])
 
     @ti.kernel
     def fails(
@@ -146,6 +151,13 @@ def shear(foam: Bound, gamma: np.ndarray) -> np.ndarray:
     """Shear stress [Pa] at shear strains `gamma`."""
     gamma, out = _arrays(gamma)
     foam.kernels.shear(foam.constants, gamma, out)
+    return out
+
+
+def shear_modulus(foam: Bound, worst: np.ndarray) -> np.ndarray:
+    """Shear modulus [Pa] of foam that has met strains `worst`."""
+    worst, out = _arrays(worst)
+    foam.kernels.crushed_shear(foam.constants, worst, out)
     return out
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from law_bench import constants, densified, fails, normal, stored
+from law_bench import constants, densified, fails, normal, shear_modulus, stored
 from scipy.integrate import quad
 
 from taichi_foam.laws.bond import Curve
@@ -157,3 +157,12 @@ def test_jumping_contact_drops_the_stress_of_broken_bonds() -> None:
     foam = constants(FOAM, Model(broken_contact="jump"))
     e = np.array([-0.3, -0.29, -0.1])
     assert list(normal(foam, e, -0.3, broken=True) != 0.0) == [True, False, False]
+
+
+def test_shear_gives_back_twice_what_bonds_lose_by_turning() -> None:
+    """Under the stress s a bond of the length 1 - e turns as if it had lost s / (1 - e) of G."""
+    e = -np.array([0.0, 0.2, 0.55, 0.75, 0.88])
+    turning = -curve_at(e) / (1 + e)
+    expected = np.maximum(FOAM.shear_modulus, 2 * turning)
+    np.testing.assert_allclose(shear_modulus(constants(FOAM), e), expected, rtol=1e-12)
+    assert expected[-1] > 10 * expected[0]

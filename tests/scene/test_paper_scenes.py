@@ -195,7 +195,7 @@ def test_every_key_of_a_scene_has_been_decided():
     assert free == {
         "block": {"columns", "rows"},
         "foam": {
-            "law", "locking_strain", "densification_a", "densification_b",
+            "law", "source", "locking_strain", "densification_a", "densification_b",
             "crushed_tensile_fraction", "crushed_tensile_stress", "crushed_strength", "rate",
             "rate_exponent", "crush_band", "fracture_energy", "shear_fracture_energy",
             "softening", "strength_scatter", "strength_seed",

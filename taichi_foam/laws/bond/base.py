@@ -19,8 +19,8 @@ from pydantic import Field
 
 from taichi_foam.parts import Part, quantity
 
-TABLE_ROWS = 1001
-"""Rows of the table that a law may have: for strains of 0, -0.001 and so on, to -1."""
+TABLE_ROWS, TABLE_COLUMNS = 1001, 4
+"""Of the table that a law may have: a row for strains of 0, -0.001 and so on, to -1."""
 
 OPENING, SLIDING = 4.0, 2.0
 """What a crack through brittle bonds costs over what they hold, as it opens and as its faces slide.
@@ -151,7 +151,7 @@ class BondFoam(Part):
 
     @property
     def table(self) -> NDArray[np.float64] | None:
-        """(TABLE_ROWS, 3) what a law that is `tabulated` looks up."""
+        """(TABLE_ROWS, TABLE_COLUMNS) what a law that is `tabulated` looks up."""
         return None
 
     @property
@@ -186,9 +186,11 @@ class BondLaw:
     tabulated: bool = False
     """Whether its functions look something up in `table`, at [c.place, row]."""
     table: Any = None
-    """Field (foams, TABLE_ROWS) of three numbers, of a law that was given one by `with_table`."""
+    """Field (foams, TABLE_ROWS) of TABLE_COLUMNS numbers; a law is given one by `with_table`."""
     heeds_rate: bool = False
     """Whether the worst strain is frozen in a step; `flowed` brings it up to date before it."""
+    shears_stiffer: bool = False
+    """Whether `shear_modulus` takes the place of `shear_stress` at a bond."""
     stiffens: bool = False
     """Whether `stiffening` is to be asked below `stiffens_below`."""
     weakens_across: bool = False
@@ -246,6 +248,14 @@ class BondLaw:
     @ti.func
     def shear_stress(self, c: ti.template(), gamma):
         """Shear stress [Pa] at shear strain `gamma`."""
+        raise NotImplementedError
+
+    @ti.func
+    def shear_modulus(self, c: ti.template(), worst):
+        """Shear modulus [Pa] of foam that has met the strain `worst` (`shears_stiffer` only).
+
+        It never falls as foam is crushed further.
+        """
         raise NotImplementedError
 
     @ti.func

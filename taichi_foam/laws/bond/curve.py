@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from taichi_foam.laws.bond.base import TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.parts import Part
 
 Array = NDArray[np.float64]
 
-STRESS, ENERGY, IN_CELLS = range(3)
+STRESS, ENERGY, IN_CELLS, SHEAR = range(TABLE_COLUMNS)
 """Columns of the table that kernels read."""
 
 MOST_POINTS = 2000
@@ -32,6 +32,9 @@ PLATEAU = (0.2, 0.4)
 
 LOCKS = 0.75
 """Without a locking strain: the share of what is left beyond the last point that crush closes."""
+
+FLATTEST = 0.02
+"""What of a bond's length is always left, as far as its turning goes."""
 
 GUARD = 0.05
 """Within this part of the way from locking back to the last point the curve is its tangent."""
@@ -211,11 +214,15 @@ class Curve(Part):
         slopes = np.diff(stress) / np.diff(strain)
         return float(slopes[strain[:-1] < until].max())
 
-    def table(self, densification: float, locking: float, steepest: float) -> Array:
-        """(TABLE_ROWS, 3) stress [Pa], energy [J/m3], stress in cells [Pa], at 0, 0.001, ..., 1.
+    def table(self, densification: float, locking: float, steepest: float, shear: float) -> Array:
+        """(TABLE_ROWS, TABLE_COLUMNS) what kernels look up, at strains of 0, 0.001 and so on to 1.
 
-        The energy counts from densification, and its sum follows the table's own straight lines.
-        The stress in cells rises as the stress does, but at most with a slope of `steepest` [Pa].
+        STRESS    [Pa]
+        ENERGY    [J/m3] counts from densification, and follows the table's own straight lines
+        IN_CELLS  stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
+        SHEAR     shear modulus [Pa], `shear` of whole foam. Under the stress s bonds of the length
+                  1 - e lose s / (1 - e) of it by turning, and rows would fold sideways once that
+                  is all: it is never less than twice as much.
         """
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress = np.where(
@@ -228,7 +235,9 @@ class Curve(Part):
         there = stress[k] + part * (stress[k + 1] - stress[k])
         energy -= energy[k] + 0.5 * (stress[k] + there) * part / (TABLE_ROWS - 1)
         rises = np.minimum(np.diff(stress, prepend=0.0), steepest / (TABLE_ROWS - 1))
-        return np.column_stack([stress, energy, np.cumsum(rises)])
+        turning = stress / np.maximum(1.0 - strain, FLATTEST)
+        modulus = np.maximum.accumulate(np.maximum(shear, 2.0 * turning))
+        return np.column_stack([stress, energy, np.cumsum(rises), modulus])
 
     def _beyond(self, strain: Array, locking: float) -> Array:
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""

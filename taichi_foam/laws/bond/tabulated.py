@@ -23,7 +23,7 @@ from taichi_foam.laws.bond.crushing import (
     Crushing,
     CrushingFoam,
 )
-from taichi_foam.laws.bond.curve import ENERGY, IN_CELLS, LOCKS, STRESS, Curve
+from taichi_foam.laws.bond.curve import ENERGY, IN_CELLS, LOCKS, SHEAR, STRESS, Curve
 from taichi_foam.parts import quantity
 
 SHEAR_OVER_YOUNG = 3.0 / 8.0
@@ -154,7 +154,8 @@ class TabulatedFoam(CrushingFoam):
     @property
     def table(self) -> NDArray[np.float64]:
         steepest = PACKED * self.youngs_modulus
-        return self.curve.table(-self.densification_strain, -self.locking_strain, steepest)
+        densified, locked = -self.densification_strain, -self.locking_strain
+        return self.curve.table(densified, locked, steepest, self.shear_modulus)
 
     @property
     def tested_strain(self) -> float:
@@ -248,6 +249,7 @@ class Tabulated(Crushing):
 
     Constants = Constants
     tabulated = True
+    shears_stiffer = True
 
     @ti.func
     def _looked_up(self, c: ti.template(), e, column: ti.template()):
@@ -297,6 +299,11 @@ class Tabulated(Crushing):
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min):
         return elementary.larger(e - self.permanent_strain(c, e_min), c.elastic_limit)
+
+    @ti.func
+    def shear_modulus(self, c: ti.template(), worst):
+        modulus, _ = self._looked_up(c, worst, SHEAR)
+        return modulus
 
     @ti.func
     def stress_at_densification(self, c: ti.template()):
