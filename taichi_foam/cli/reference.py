@@ -63,6 +63,23 @@ A default of `none` means that nothing is given. `--set foam.rate=none`, and `No
 `with_values`, go back to that; in TOML one leaves the key out. A new `impactor.shape` drops the
 keys that it lacks.
 
+## Foams by name, in files, by their test
+
+`foam = "NAME"` stands for a foam of the library, `foam = "FILE.toml"` for a foam file beside the
+scene; both bring their density. Values of one's own go before theirs:
+
+```toml
+[foam]
+like = "shim2000-pu"
+shear_modulus = 1.0e6
+```
+
+`curve = "test.csv"` is a compression test beside the scene, with the law `tabulated`. Units stand
+in the header (`strain [%],stress [MPa]`) or in keys,
+`curve = {{ file = "test.csv", strain_unit = "%", stress_unit = "MPa" }}`; in Python
+`TabulatedFoam(curve=Curve(strain=..., stress=...))`, both from `taichi_foam.scene`. Of a foam of
+which some constants were given, the others are derived or assumed, and a run says so (`assumed`).
+
 ## Choice sets
 
 The paper leaves some things open. Two named sets of choices settle them: `--choices NAME`, or

@@ -6,6 +6,8 @@ into text for people.
 """
 
 from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.curve import Curve
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.laws.shape.base import Impactor
 from taichi_foam.laws.shape.cylinder import Cylinder
 from taichi_foam.laws.shape.flat import FlatBlock
@@ -19,6 +21,7 @@ __all__ = [
     "CHOICE_SETS",
     "Base",
     "Block",
+    "Curve",
     "Cylinder",
     "FlatBlock",
     "Foam",
@@ -29,5 +32,6 @@ __all__ = [
     "Polygon",
     "Scene",
     "Start",
+    "TabulatedFoam",
     "Wedge",
 ]

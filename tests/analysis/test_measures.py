@@ -410,7 +410,7 @@ def test_summary_without_impactor_and_of_nothing(make_result, make_snapshot) -> 
     )
     found = measures.summary(without)
     assert found["pieces"] == 1
-    known = {"scene", "pieces", "broken_bonds", "interrupted", "warnings"}
+    known = {"scene", "pieces", "broken_bonds", "interrupted", "warnings", "assumed"}
     assert {key for key, value in found.items() if value is not None} == known
 
     empty = make_result(time=[], run={"ended_by": Ending.INTERRUPTED})

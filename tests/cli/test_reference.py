@@ -13,6 +13,7 @@ import pytest
 from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.tabulated import FROM_CURVE
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
@@ -50,7 +51,7 @@ def test_every_field_is_there_once_with_its_default(part: str, tag: str, kind: t
             assert tag in key.allowed.split(", ")
             assert key.default == (CHOSEN[part].default or REQUIRED)
         elif field.is_required():
-            assert key.default == REQUIRED
+            assert key.default in (REQUIRED, FROM_CURVE)
         else:
             # what the table says is what one would write
             told = settings([f"{key.key}={key.default}"])[key.key]
@@ -67,7 +68,7 @@ def test_every_field_is_there_once_with_its_default(part: str, tag: str, kind: t
 
 def test_there_is_nothing_else() -> None:
     fields = {f"{part}.{name}" for part, _, kind in KINDS for name in kind.model_fields}
-    assert {key.key for key in KEYS} == fields | {"name"}
+    assert {key.key for key in KEYS} == fields | {"name", "assumed"}
     # one of a name is for other shapes or laws than the next
     for key, count in Counter(key.key for key in KEYS).items():
         tags = [tag for each in KEYS if each.key == key for tag in each.only]
@@ -76,7 +77,8 @@ def test_there_is_nothing_else() -> None:
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.key)
 def test_a_number_has_a_unit_or_says_that_it_is_a_plain_one(key) -> None:
-    words = key.key == "name" or key.default in ("true", "false")
+    texts = ("name", "assumed", "foam.source", "foam.curve")
+    words = key.key in texts or key.default in ("true", "false")
     choice = re.fullmatch(r"[\w-]+(, [\w-]+)*", key.allowed) is not None
     assert (key.unit == "") == (words or choice)
 
@@ -103,14 +105,14 @@ def stubborn() -> Iterator[None]:
 @pytest.mark.usefixtures("stubborn")
 def test_a_law_that_comes_later_is_in_it() -> None:
     (law,), (will,) = keys_of("foam.law"), keys_of("foam.will")
-    assert law.allowed == "crushable, stubborn"
+    assert law.allowed == "crushable, tabulated, stubborn"
     assert (will.unit, will.default, will.allowed) == ("Pa", "3e7", "above 0 and at most 1e6 Pa")
     assert will.about == "how much it resists (law stubborn only)"
-    assert [key.only for key in keys_of("foam.yield_strain")] == [()]
+    assert [key.only for key in keys_of("foam.yield_strain")] == [("crushable", "stubborn")]
 
 
 def test_numbers_are_as_one_would_write_them() -> None:
-    told = {key.key: key.default for key in KEYS}
+    told = {key.key: key.default for key in KEYS if key.only != ("tabulated",)}
     assert told["foam.youngs_modulus"] == "2.78e6"
     assert told["output.snapshot_interval"] == "0.001"
     assert told["foam.rate"] == "none"

@@ -16,14 +16,15 @@ from taichi_foam.analysis.impact import impact
 from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Scene
+from taichi_foam.scene import FlatBlock, Scene, TabulatedFoam
 from taichi_foam.simulation.simulate import run
+from taichi_foam.units import STANDARD_GRAVITY
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
 DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
 BIG = ("fine_wedge",)
-TABLES = ("flat_tall_block",)
+TABLES = ("flat_tall_block", "own_foam")
 
 # Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
 VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s
@@ -229,3 +230,27 @@ def test_the_fine_wedge_is_the_wedge_with_smaller_cells() -> None:
     result = run(fine.model_copy(update=end))
     assert 0.049 / result.run["dt_max_s"] == pytest.approx(150_000, rel=0.1)
     assert result.run["max_overlap_m"] < 0.02 * fine.block.dx
+
+
+def test_own_foam_meets_the_energy_balance() -> None:
+    """Depth and raw peak within 1 % of T W(e) = sigma_st (h + e T) and G = s(e) / sigma_st - 1.
+
+    The scene's dashpots are the paper's; they take what the balance does not know.
+    """
+    scene = load_scene(SCENES / "own_foam.toml")
+    assert isinstance(scene.foam, TabulatedFoam)
+    assert isinstance(scene.impactor, FlatBlock)
+    thickness = scene.block.height - scene.block.dy
+    height, mass = scene.impactor.drop_height, scene.impactor.mass
+    assert height is not None
+    static = mass * STANDARD_GRAVITY / (scene.block.width * scene.block.thickness)
+    curve = scene.foam.curve
+    strain = np.linspace(0.0, curve.tested, 100_001)
+    stress = curve.stress_at(strain)
+    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
+    end = int(np.argmax(thickness * taken >= static * (height + strain * thickness)))
+    figures = run(scene).summary
+    assert figures["max_displacement_m"] == pytest.approx(strain[end] * thickness, rel=0.01)
+    assert figures["peak_deceleration_g"] == pytest.approx(stress[end] / static - 1, rel=0.015)
+    assert "foam.shear_modulus" in figures["assumed"]
+    assert not figures["warnings"]

@@ -178,7 +178,7 @@ class TabulatedFoam(CrushingFoam):
         permanent = self.permanent_strain(np.array(self.densification_strain))
         return super().constants(model) | {
             "elastic_limit": self.densification_strain - float(permanent),
-            "place": 0,
+            "place": 0.0,
         }
 
 
@@ -236,7 +236,7 @@ class Constants:
     crushed_tensile_stress: ti.f64
     crushed_strength: ti.f64  # in tension when crushed across, over that of whole foam
     shear_pressure_coefficient: ti.f64
-    place: ti.i32  # of the foam in the table
+    place: ti.f64  # of the foam in the table; whole, but a record of one kind of numbers is safe
 
 
 @dataclass(frozen=True)
@@ -257,6 +257,7 @@ class Tabulated(Crushing):
 
         Below 0 and beyond the last row the first and the last line go on.
         """
+        place = ti.cast(c.place, ti.i32)
         last = ti.static(TABLE_ROWS - 2)
         along = -e * (TABLE_ROWS - 1.0)
         row = ti.cast(elementary.smaller(elementary.larger(along, 0.0), 1.0 * last), ti.i32)
@@ -264,11 +265,11 @@ class Tabulated(Crushing):
         width = ti.static(_width(e))
         if ti.static(width > 0):
             for lane in ti.static(range(width)):
-                here[lane] = self.table[c.place, row[lane]][column]
-                following[lane] = self.table[c.place, row[lane] + 1][column]
+                here[lane] = self.table[place, row[lane]][column]
+                following[lane] = self.table[place, row[lane] + 1][column]
         else:
-            here = self.table[c.place, row][column]
-            following = self.table[c.place, row + 1][column]
+            here = self.table[place, row][column]
+            following = self.table[place, row + 1][column]
         rise = following - here
         return here + (along - ti.cast(row, ti.f64)) * rise, rise * (TABLE_ROWS - 1.0)
 
@@ -316,11 +317,12 @@ class Tabulated(Crushing):
 
     @ti.func
     def densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
+        place = ti.cast(c.place, ti.i32)
         along = -e * (TABLE_ROWS - 1.0)
         row = ti.cast(ti.max(ti.min(along, TABLE_ROWS - 2.0), 0.0), ti.i32)
         stress, _ = self._looked_up(c, e, STRESS)
-        mean = 0.5 * (self.table[c.place, row][STRESS] + stress)
-        return self.table[c.place, row][ENERGY] + mean * (along - row) / (TABLE_ROWS - 1.0)
+        mean = 0.5 * (self.table[place, row][STRESS] + stress)
+        return self.table[place, row][ENERGY] + mean * (along - row) / (TABLE_ROWS - 1.0)
 
 
 def _width(value: Any) -> int:
