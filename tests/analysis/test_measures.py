@@ -420,4 +420,5 @@ def test_summary_without_impactor_and_of_nothing(make_result, make_snapshot) -> 
         "scene",
         "interrupted",
         "warnings",
+        "assumed",
     }
