@@ -37,6 +37,9 @@ _CONCEPTS = {
 }
 """What a key is called here, or why there is none, by other words that people use for it."""
 
+_NO_TABLE = ("union_tag_not_found", "model_type", "model_attributes_type", "dict_type")
+"""Kinds of pydantic's errors about something that is no table."""
+
 _MOST_PROBLEMS = 20
 _LONGEST_LINE = 400
 _LONGEST_KEY = 60
@@ -151,7 +154,7 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
     elif kind == "union_tag_invalid":
         given = value.get(tag) if isinstance(value, Mapping) else context["tag"]
         yield f"{path}.{tag} = {shown(given)}: must be one of {tags}"
-    elif kind in ("union_tag_not_found", "model_type", "model_attributes_type", "dict_type"):
+    elif kind in _NO_TABLE and "allowed" not in (hints_of(field) if field else {}):
         known = ", ".join(owner.model_fields)
         yield f"{path} = {shown(value)}: must be a table with keys such as {known}"
     elif kind == "bool_type":

@@ -92,7 +92,8 @@ def test_a_plateau_stress_stands_for_the_yield_strain() -> None:
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"plateau_stress": -1e5}, "above 0"),
+        ({"plateau_stress": -1e5}, "at least 500 Pa"),
+        ({"plateau_stress": 0.12}, "stresses are in pascals"),
         ({"plateau_stress": 2e6}, "at most half"),
         ({"plateau_stress": "high"}, "must be a number"),
         ({"plateau_stress": 1e5, "yield_strain": -0.1}, "give one of the two"),

@@ -138,7 +138,8 @@ def test_a_table_names_columns_and_units(csv) -> None:
         ({"file": "x.csv", "columns": 3}, "foam.curve.columns: unknown key"),
         ({"file": 3}, "foam.curve.file = 3"),
         ({"strain": [0, 0.5]}, "foam.curve: missing"),
-        ([0, 1], "foam.curve"),
+        (3, "foam.curve = 3: must be a file name"),
+        ([0, 1], "foam.curve = [0, 1]: must be a file name"),
         ({"strain": [0, 0.5, 0.4], "stress": [0, 1e5, 1e5]}, "foam.curve.strain[2] = 0.4"),
     ],
 )

@@ -26,6 +26,9 @@ from taichi_foam.parts import quantity
 # that a run reaches.
 GUARD = 0.05
 
+# Less than this [Pa] is a plateau in kPa or MPa.
+LEAST_PLATEAU = 500.0
+
 # Of the rule for the energy that densification stores, on [-1, 1].
 GAUSS_POINTS, GAUSS_WEIGHTS = (each.tolist() for each in np.polynomial.legendre.leggauss(8))
 
@@ -103,10 +106,11 @@ class Foam(CrushingFoam):
                 f"foam.plateau_stress = {stress!r}: must be a number; stresses are in pascals "
                 "(0.12 MPa is 0.12e6)"
             )
-        if not 0.0 < stress <= 0.5 * young:
+        if not LEAST_PLATEAU <= stress <= 0.5 * young:
             raise ValueError(
-                f"foam.plateau_stress = {stress:g}: must be above 0 and at most half of "
-                f"foam.youngs_modulus = {young:g} Pa; stresses are in pascals (0.12 MPa is 0.12e6)"
+                f"foam.plateau_stress = {stress:g}: must be at least {LEAST_PLATEAU:g} Pa and at "
+                f"most half of foam.youngs_modulus = {young:g} Pa; stresses are in pascals "
+                "(0.12 MPa is 0.12e6)"
             )
         strain = -stress / young
         given = data.get("yield_strain")

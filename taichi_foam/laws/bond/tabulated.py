@@ -33,6 +33,9 @@ SHEAR_OVER_PLATEAU = 0.6
 """Shear strength over plateau stress; the paper's foam: 84 over 139 kPa (Table 1)."""
 
 
+LARGEST_LIMIT = 2.0
+"""What a limit in strain may be at most."""
+
 FROM_CURVE = "from the curve"
 
 
@@ -76,12 +79,12 @@ class TabulatedFoam(CrushingFoam):
         ..., "Pa", "shear modulus G", at_least=1000, at_most=1e11, unless=FROM_CURVE
     )
     tensile_strain: float = quantity(
-        ..., "tension", "tensile strain at which a bond breaks", above=0, at_most=2,
+        ..., "tension", "tensile strain at which a bond breaks", above=0, at_most=LARGEST_LIMIT,
         unless=FROM_CURVE,
     )  # fmt: skip
     shear_strain: float = quantity(
-        ..., "tension", "shear strain at which a bond breaks, either way", above=0, at_most=2,
-        unless=FROM_CURVE,
+        ..., "tension", "shear strain at which a bond breaks, either way", above=0,
+        at_most=LARGEST_LIMIT, unless=FROM_CURVE,
     )  # fmt: skip
     densification_strain: float = quantity(
         ...,
@@ -212,8 +215,9 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
         "shear_modulus": shear,
         "densification_strain": densification,
         "locking_strain": -(curve.tested + LOCKS * (1.0 - curve.tested)),
-        "tensile_strain": plateau / young,
-        "shear_strain": SHEAR_OVER_PLATEAU * plateau / shear,
+        # what is wrong with a modulus is said of it, not of what follows
+        "tensile_strain": min(plateau / young, LARGEST_LIMIT),
+        "shear_strain": min(SHEAR_OVER_PLATEAU * plateau / shear, LARGEST_LIMIT),
     }
 
 
