@@ -12,7 +12,7 @@ from rich.console import Console
 
 from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
-from taichi_foam.cli import keys, replay, serve, sweep
+from taichi_foam.cli import foam, keys, replay, serve, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -163,6 +163,7 @@ _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
 _app.command("serve")(serve.serve_command)
 _app.add_typer(sweep.app, name="sweep")
+_app.add_typer(foam.app, name="foam")
 
 
 @_app.command("reproduce")

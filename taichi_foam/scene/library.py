@@ -39,21 +39,28 @@ _SCALED_NAME = re.compile(r"rigid-pu-(\d+(?:\.\d+)?)")
 _RESILIENT = ("epe", "eva", "epp", "pe-foam", "sponge", "latex", "memory", "neoprene", "flexible")
 
 
+def _words(default: Any, meaning: str, most: int) -> Any:
+    """A field for words, from one letter up to so many."""
+    return Field(
+        default=default,
+        description=meaning,
+        min_length=1,
+        max_length=most,
+        json_schema_extra={"allowed": f"1 to {most:,} characters"},
+    )
+
+
 class FoamFile(Part):
     """A foam as its file tells of it."""
 
-    title: str = Field(description="what foam it is", min_length=1, max_length=200)
-    source: str = Field(description="who measured it, where", min_length=1, max_length=1000)
-    licence: str = Field(
-        default="not stated", description="licence of the data", min_length=1, max_length=200
-    )
+    title: str = _words(..., "what foam it is", 200)
+    source: str = _words(..., "who measured it, where", 1000)
+    licence: str = _words("not stated", "licence of the data", 200)
     density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
     rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None, "1/s", "strain rate of the test", allowed="none, or above 0 and at most 1e6 1/s"
     )
-    direction: str | None = Field(
-        default=None, description="direction of the test: rise, across, ...", max_length=100
-    )
+    direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
     measured: tuple[str, ...] = Field(
         default=(), description="what was measured, in words", max_length=50
     )
@@ -79,11 +86,15 @@ class FoamFile(Part):
         return tomli_w.dumps({**data, "foam": self.foam_given})
 
 
+def packaged() -> list[str]:
+    """The names of the foams that the library has files of."""
+    files = resources.files("taichi_foam.scene").joinpath("foams").iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+
+
 def names() -> list[str]:
     """The names of the library, those of a scaling with their densities."""
-    files = resources.files("taichi_foam.scene").joinpath("foams").iterdir()
-    stems = sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith("toml"))
-    return [*stems, f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
+    return [*packaged(), f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
 
 
 def foam_of(name: str, folder: Path = Path()) -> FoamFile:

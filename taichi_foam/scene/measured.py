@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,11 +49,32 @@ class Columns:
     stress_unit: str | None = None
 
 
-def read_curve(path: Path, columns: Columns | None = None) -> Curve:
-    """The curve of a compression test in a CSV file (comma, semicolon, tab or spaces between).
+@dataclass(frozen=True)
+class CompressionTest:
+    """A test as its file has it, and the curve that is made of it.
 
-    Lines that begin with `#` are left out. Raises UserError with file, line and value: unreadable,
-    text or NaN where a number should be, unknown units, and whatever a `Curve` refuses.
+    strain, stress  every point, compression positive, as fractions and in Pa (n,)
+    units           as the file or `Columns` say them, by strain and stress; None: neither does
+    curve           what a foam takes: thinned where there are many points, and never falling
+    """
+
+    strain: Array
+    stress: Array
+    units: Mapping[str, str | None]
+    curve: Curve
+
+
+def read_curve(path: Path, columns: Columns | None = None) -> Curve:
+    """The curve of a compression test; arguments and errors as of `read_test`."""
+    return read_test(path, columns).curve
+
+
+def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) -> CompressionTest:
+    """A compression test in a CSV file (comma, semicolon, tab or spaces between).
+
+    Lines that begin with `#` are left out. A test of more than `finest` points is read as means of
+    so many equal parts of its strain. Raises UserError with file, line and value: unreadable, text
+    or NaN where a number should be, unknown units, and whatever a `Curve` refuses.
     """
     columns = columns or Columns()
     rows = _rows(path)
@@ -69,7 +90,7 @@ def read_curve(path: Path, columns: Columns | None = None) -> Curve:
             f"{path}: strain and stress are both column {at['strain'] + 1}; name two columns"
         )
     units = {"strain": STRAIN_UNITS, "stress": STRESS_UNITS}
-    values = {}
+    values, said = {}, {}
     for key, known in units.items():
         given = getattr(columns, f"{key}_unit")
         unit = given if given is not None else _unit(heads, at[key])
@@ -78,15 +99,18 @@ def read_curve(path: Path, columns: Columns | None = None) -> Curve:
             raise UserError(
                 f"{path}: {where}: unit {shown(unit)}; must be one of {', '.join(known)}"
             )
+        said[key] = unit
         factor = 1.0 if unit is None else known[unit.lower().replace("²", "2")]
         values[key] = factor * np.array([_value(path, line, row, at[key]) for line, row in body])
     _check_order(path, body, values["strain"])
-    strain, stress = _thinned(values["strain"], values["stress"])
+    strain, stress = _thinned(values["strain"], values["stress"], finest)
     try:
-        return Curve(strain=tuple(strain.tolist()), stress=tuple(stress.tolist()))
+        curve = Curve(strain=tuple(strain.tolist()), stress=tuple(stress.tolist()))
     except ValidationError as error:
         told = str(error.errors()[0].get("ctx", {}).get("error", error))
         raise UserError(f"{path}: {told.removeprefix('foam.curve').lstrip(':. ')}") from None
+    upright = {key: -all_ if all_.max() <= 0.0 else all_ for key, all_ in values.items()}
+    return CompressionTest(upright["strain"], upright["stress"], said, curve)
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
@@ -197,17 +221,17 @@ def _check_order(path: Path, body: Sequence[tuple[int, list[str]]], strain: Arra
     )
 
 
-def _thinned(strain: Array, stress: Array) -> tuple[Array, Array]:
+def _thinned(strain: Array, stress: Array, finest: int) -> tuple[Array, Array]:
     """A test of many points as means over equal parts of its strain, first and last point kept."""
-    if strain.size <= FINEST:
+    if strain.size <= finest:
         return strain, stress
     part = np.clip(
-        ((strain - strain[0]) / (strain[-1] - strain[0]) * FINEST).astype(int), 0, FINEST - 1
+        ((strain - strain[0]) / (strain[-1] - strain[0]) * finest).astype(int), 0, finest - 1
     )
-    count = np.bincount(part, minlength=FINEST)
+    count = np.bincount(part, minlength=finest)
     there = count > 0
     means = [
-        np.bincount(part, weights=values, minlength=FINEST)[there] / count[there]
+        np.bincount(part, weights=values, minlength=finest)[there] / count[there]
         for values in (strain, stress)
     ]
     ends = strain[[0, -1]], stress[[0, -1]]

@@ -36,6 +36,9 @@ LOCKS = 0.75
 FLATTEST = 0.02
 """What of a bond's length is always left, as far as its turning goes."""
 
+STEEPEST = 20.0
+"""Largest power with which a curve goes on: a jump at its end is not to become infinite."""
+
 GUARD = 0.05
 """Within this part of the way from locking back to the last point the curve is its tangent."""
 
@@ -100,12 +103,12 @@ class Curve(Part):
         if strain[0] > 0.0:
             strain, stress = np.append(0.0, strain), np.append(0.0, stress)
         if (np.diff(stress) < 0.0).any() or stress[0] != 0.0:
+            from scipy.optimize import isotonic_regression  # takes long to load; few need it
+
             # rest is rest: it weighs so much that the regression leaves it where it is
             weights = np.ones(stress.size)
             weights[0] = 1e12
             wanted = np.append(0.0, np.maximum(stress[1:], 0.0))
-            from scipy.optimize import isotonic_regression  # here: it takes a while to load
-
             rising = np.maximum(isotonic_regression(wanted, weights=weights).x, 0.0)
             rising[0] = 0.0
             change = float(np.abs(rising - stress).max())
@@ -243,7 +246,7 @@ class Curve(Part):
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""
         (*_, before, last), (*_, below, top) = self.points
         slope = (top - below) / (last - before)
-        power = slope * (locking - last) / top
+        power = min(slope * (locking - last) / top, STEEPEST)
         guard = locking - GUARD * (locking - last)
         inside = np.clip(strain, last, guard)
         stress = top * ((locking - last) / (locking - inside)) ** power

@@ -1,0 +1,190 @@
+"""The paper's law (Eq. 26) fitted to a measured curve: an elastic line, a plateau, densification.
+
+The fit tells how far the paper's foam, with constants of its own, is from a test. A level plateau
+cannot follow one that hardens; for that there is the law by the curve itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_foam.laws.bond.crushable import GUARD, Foam
+from taichi_foam.laws.bond.curve import LOCKS, Curve
+from taichi_foam.laws.bond.tabulated import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
+
+Array = NDArray[np.float64]
+
+PAPER = Foam()
+
+_LEAST_YOUNG, _LARGEST_YOUNG = 1000.0 / SHEAR_OVER_YOUNG, 1e11
+"""Moduli [Pa] between which a foam's shear modulus is within its range, too."""
+
+_FLOOR = 0.1
+"""Of the plateau's stress: residuals are relative to the stress, and to so much near rest."""
+
+_FAR = 0.1
+"""Relative residuals beyond this weigh less: what the law cannot follow is not to bend the rest."""
+
+
+_EARLIEST = 0.75
+"""Of the strain of the largest energy efficiency: densification does not begin before.
+
+Without this the branch would follow a plateau that hardens, and foam that is crushed to the middle
+of its plateau would spring back, as densified foam does.
+"""
+
+
+@dataclass(frozen=True)
+class CrushableFit:
+    """Eq. 26 fitted to a curve.
+
+    foam       its constants; strengths follow from the plateau, as for foam by its curve
+    error      median over strain of |fit - test| / test, from where crush begins
+    densifies  whether the test went beyond densification; if not, it says nothing of that branch,
+               whose constants are then the paper's, further out if the test is
+    """
+
+    foam: Foam
+    error: float
+    densifies: bool
+
+
+def loading(foam: Foam, strain: ArrayLike) -> Array:
+    """Stress [Pa] of Eq. 26 on first loading; strain and stress are positive in compression.
+
+    The law of `Crushable.densified`, with its tangent within the guard of locking, for arrays.
+    """
+    return _loading(
+        np.asarray(strain, dtype=np.float64),
+        foam.youngs_modulus,
+        -foam.yield_strain,
+        -foam.densification_strain,
+        -foam.locking_strain,
+        foam.densification_a,
+        foam.densification_b,
+    )
+
+
+def crushable_fit(curve: Curve) -> CrushableFit:
+    """Fit Eq. 26 to a curve by bounded least squares of relative residuals.
+
+    Each point weighs as much as the strain it stands for, so that the sampling of a test does not
+    decide. Beyond the end of the test the fit's locking strain is free, up to 1.
+    """
+    strain, stress = _spread_out(curve)
+    spacing = np.gradient(strain)
+    plateau = curve.plateau_stress
+    weights = np.sqrt(spacing / spacing.sum()) / (stress + _FLOOR * plateau)
+
+    def residuals(x: Array) -> Array:
+        return weights * (_loading(strain, *_constants(x, curve)) - stress)
+
+    densifies = curve.densification < curve.tested
+    with np.errstate(
+        over="ignore", divide="ignore"
+    ):  # in SciPy's trust region, which goes on without it
+        best = _solved(residuals, curve, densifies)
+    young, yields, densification, locking, a, b = (float(c) for c in _constants(best, curve))
+    if not densifies:  # the paper's, or what is left for it beyond the test
+        densification = max(-PAPER.densification_strain, 0.5 * (1.0 + curve.tested))
+        locking = densification + LOCKS * (1.0 - densification)
+        a, b = PAPER.densification_a, PAPER.densification_b
+    shear = SHEAR_OVER_YOUNG * young
+    foam = Foam(
+        youngs_modulus=young,
+        shear_modulus=shear,
+        yield_strain=-yields,
+        tensile_strain=yields,
+        shear_strain=SHEAR_OVER_PLATEAU * young * yields / shear,
+        densification_strain=-densification,
+        locking_strain=-locking,
+        densification_a=a,
+        densification_b=b,
+    )
+    return CrushableFit(foam, _median_error(foam, curve), densifies)
+
+
+def _solved(residuals: Callable[[Array], Array], curve: Curve, densifies: bool) -> Array:
+    """The best of the solutions from several starts: the constants of densification trade off."""
+    from scipy.optimize import least_squares
+
+    plateau = curve.plateau_stress
+    half = float(np.interp(0.5 * plateau, curve.stress, curve.strain))
+    young = np.clip(0.5 * plateau / max(half, 1e-9), 1.01 * _LEAST_YOUNG, 0.99 * _LARGEST_YOUNG)
+    low = np.array([np.log(_LEAST_YOUNG), np.log(0.05 * plateau), 0.01, 0.001, -7.0, np.log(0.1)])
+    high = np.array(
+        [np.log(_LARGEST_YOUNG), np.log(20 * plateau), 0.99, 0.999, np.log(10), np.log(5)]
+    )
+    elastic = [np.log(young), np.log(plateau)]
+    accuracy: dict[str, Any] = {
+        "loss": "soft_l1", "f_scale": _FAR, "max_nfev": 300,
+        "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12,
+    }  # fmt: skip
+    if not densifies:
+        # the branch begins where the test ends; past that there is nothing to fit it to
+        fixed = np.array([0.99, 0.999, np.log(0.5), 0.0])
+        bounds = (low[:2], high[:2])
+        found = least_squares(
+            lambda x: residuals(np.append(x, fixed)), elastic, bounds=bounds, **accuracy
+        )
+        return np.append(found.x, fixed)
+    solutions = []
+    for later, room, b in itertools.product((0.05, 0.3, 0.6), (0.2, 0.7), (0.5, 1.0, 2.0)):
+        start = [*elastic, later, room, np.log(0.5), np.log(b)]
+        solutions.append(
+            least_squares(residuals, start, bounds=(low, high), x_scale="jac", **accuracy)
+        )
+    return min(solutions, key=lambda solution: solution.cost).x
+
+
+def _constants(x: Array, curve: Curve) -> tuple[float, ...]:
+    """K, e_y, e_d, e_l, a and b of the fit's variables, always in the order that the law needs."""
+    young = np.exp(x[0])
+    yields = np.clip(np.exp(x[1] - x[0]), 1e-5, 0.5)
+    locking = max(curve.tested, yields) + x[3] * (1.0 - max(curve.tested, yields))
+    earliest = max(yields, _EARLIEST * curve.densification)
+    densification = earliest + x[2] * (locking - earliest)
+    return young, yields, densification, locking, np.exp(x[4]), np.exp(x[5])
+
+
+def _loading(
+    strain: Array,
+    young: float,
+    yields: float,
+    densification: float,
+    locking: float,
+    a: float,
+    b: float,
+) -> Array:
+    """Eq. 26; everything is positive in compression."""
+    guard = locking - GUARD * (locking - densification)
+    inside = np.clip(strain, densification, guard)
+    room = locking - inside
+    exponent = a * (inside - densification) / room**b
+    stress = young * yields * np.exp(np.minimum(exponent, 300.0))
+    slope = stress * (a / room**b + b * exponent / room)
+    dense = stress + slope * np.maximum(strain - guard, 0.0)
+    return np.where(strain <= densification, young * np.clip(strain, 0.0, yields), dense)
+
+
+def _spread_out(curve: Curve) -> tuple[Array, Array]:
+    """The points of a curve; with more between them where there are few."""
+    strain, stress = curve.points
+    if strain.size < 100:
+        strain = np.union1d(strain, np.linspace(0.0, curve.tested, 200))
+        stress = curve.stress_at(strain)
+    return strain, stress
+
+
+def _median_error(foam: Foam, curve: Curve) -> float:
+    """Median of |fit - test| / test at even strains from where crush begins."""
+    strain = np.linspace(min(-foam.yield_strain, 0.5 * curve.tested), curve.tested, 500)
+    # a test may begin without stress for a while
+    test = np.maximum(curve.stress_at(strain), 1e-3 * curve.plateau_stress)
+    return float(np.median(np.abs(loading(foam, strain) / test - 1.0)))

@@ -1,0 +1,260 @@
+"""`taichi-foam foam`: what there is, what is known of it, and foam files out of tests."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import assert_refused, tree
+from matplotlib.figure import Figure
+
+from taichi_foam.catalogue import load_scene
+from taichi_foam.engine.stresses import normal_stresses
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.scene.library import packaged, read_foam
+from taichi_foam.scene.measured import read_curve
+
+STRAIN = np.round(np.arange(0.0, 0.881, 0.02), 3)
+# elastic to 4 %, a plateau of 150 kPa that hardens, densification from 0.64
+STRESS = np.where(STRAIN < 0.04, 150e3 * STRAIN / 0.04, 150e3 * (1.0 + 0.3 * (STRAIN - 0.04)))
+STRESS *= np.exp(0.9 * np.maximum(STRAIN - 0.64, 0.0) / (0.97 - STRAIN))
+
+
+def write(
+    path: Path,
+    strain: np.ndarray = STRAIN,
+    stress: np.ndarray = STRESS,
+    head: str = "strain,stress",
+) -> None:
+    lines = [head, *(f"{e!r},{s!r}" for e, s in zip(strain.tolist(), stress.tolist(), strict=True))]
+    path.write_text("\n".join(line for line in lines if line) + "\n", encoding="utf-8")
+
+
+@pytest.fixture
+def test_file(tmp_path: Path) -> Path:
+    """A test in percent and MPa, as its header says."""
+    path = tmp_path / "pu.csv"
+    write(path, 100.0 * STRAIN, 1e-6 * STRESS, "Strain (%),Stress [MPa]")
+    return path
+
+
+def test_list_has_every_foam(invoke: Callable) -> None:
+    done = invoke("foam", "list")
+    assert (done.exit_code, done.stderr) == (0, "")
+    for name in packaged():
+        assert any(line.startswith(f"{name} ") for line in done.stdout.splitlines())
+    assert "139 kPa" in done.stdout
+    assert "rigid-pu-NN: rigid polyurethane of NN kg/m3, 20 to 100" in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_show_says_all_that_the_file_says(invoke: Callable) -> None:
+    done = invoke("foam", "show", "shim2000-pu")
+    assert (done.exit_code, done.stderr) == (0, "")
+    words = " ".join(done.stdout.split())
+    for fragment in (
+        "the paper's", "Shim, Tu & Lim 2000", "figures as published", "25.6 kg/m3", "rise",
+        "nine impacts", "youngs_modulus 2.78e6 Pa given", "yield_strain -0.05 given",
+        "crush_band 0.0075 m assumed", "densification -80 %", "plateau 139 kPa",
+        "foam.crush_band 0.0075 m calibrated on the paper's impacts",
+    ):  # fmt: skip
+        assert fragment in words, fragment
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_show_of_a_scaled_foam_and_of_none(invoke: Callable) -> None:
+    assert "by the scaling" in invoke("foam", "show", "rigid-pu-40").stdout
+    assert_refused(invoke("foam", "show", "shim200-pu"), "did you mean shim2000-pu?")
+    assert_refused(invoke("foam", "show", "nowhere.toml"), "nowhere.toml: cannot be read")
+
+
+def test_import_writes_a_foam_and_a_picture(
+    invoke: Callable, test_file: Path, tmp_path: Path
+) -> None:
+    done = invoke(
+        "foam", "import", "pu.csv", "--density", "30", "--name", "PU [30]", "--source", "A. Tester",
+        "--licence", "CC0", "--rate", "0.001", "--direction", "rise",
+    )  # fmt: skip
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert set(tree(tmp_path)) == {"pu.csv", "pu.toml", "pu.png"}
+    assert (tmp_path / "pu.png").read_bytes().startswith(b"\x89PNG")
+    file = read_foam(tmp_path / "pu.toml")
+    assert (file.title, file.source, file.licence) == ("PU [30]", "A. Tester", "CC0")
+    assert (file.density, file.rate, file.direction) == (30.0, 0.001, "rise")
+    assert file.measured == ("stress to 0.88 of strain, 45 points",)
+    assert {each.key: each.why for each in file.assumed} == {
+        f"foam.{key}": why for key, why in TabulatedFoam.unless_given.items()
+    }
+    assert isinstance(file.foam, TabulatedFoam)
+    assert file.foam.curve == read_curve(test_file)
+    words = " ".join(done.stdout.split())
+    for fragment in (
+        "45 points, to a strain of 0.88", "strain in %; stress in MPa",
+        "Young's modulus K 3.75 MPa", "Eq. 26 fitted", "median error",
+        "foam.shear_modulus 1.4062e6 Pa 3/8 of Young's modulus", "pu.toml, pu.png",
+        'foam = "pu.toml"',
+    ):  # fmt: skip
+        assert fragment in words, fragment
+    shown = " ".join(invoke("foam", "show", "pu.toml").stdout.split())
+    assert "PU [30]" in shown
+    assert "curve 45 points given" in shown
+
+
+def test_a_scene_with_the_file_has_the_stresses_of_the_test(
+    invoke: Callable, test_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "foams"
+    folder.mkdir()
+    done = invoke("foam", "import", "pu.csv", "--density", "30", "--out", "foams/mine.toml")
+    assert done.exit_code == 0, done.output
+    assert 'foam = "mine.toml"' in done.stdout
+    scene_file = folder / "drop.toml"
+    scene_file.write_text('foam = "mine.toml"\n[impactor]\nshape = "flat"\n', encoding="utf-8")
+    scene = load_scene(str(scene_file))
+    assert scene.block.density == 30.0
+    found = normal_stresses(scene, -STRAIN, -STRAIN)
+    np.testing.assert_allclose(-found, STRESS, rtol=1e-9, atol=1e-6)
+
+
+def test_noise_is_smoothed_and_said(invoke: Callable, tmp_path: Path) -> None:
+    strain = np.linspace(0.0, 0.85, 600)
+    noise = 1.0 + 0.03 * np.random.default_rng(2).standard_normal(strain.size)
+    write(tmp_path / "noisy.csv", strain, np.interp(strain, STRAIN, STRESS) * noise)
+    done = invoke("foam", "import", "noisy.csv", "--density", "30")
+    assert done.exit_code == 0, done.output
+    assert "smoothed by at most" in done.stdout
+    assert "thinned to" in done.stdout
+    assert "fewer --points" in done.stderr
+    measured = read_foam(tmp_path / "noisy.toml").measured
+    assert measured[0] == "stress to 0.85 of strain, 600 points"
+    assert "smoothed by at most" in measured[-1]
+    again = invoke(
+        "foam", "import", "noisy.csv", "--density", "30", "--points", "60", "--overwrite"
+    )
+    assert (again.exit_code, again.stderr) == (0, "")
+    assert len(read_foam(tmp_path / "noisy.toml").foam.curve.strain) <= 61
+
+
+def test_columns_by_number_and_name(invoke: Callable, tmp_path: Path) -> None:
+    lines = [f"0,{s!r},{e!r}" for e, s in zip(STRAIN.tolist(), STRESS.tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,load,squash", *lines]), encoding="utf-8")
+    given = ["--density", "30"]
+    by_number = invoke("foam", "import", "a.csv", *given, "--strain", "3", "--stress", "2")
+    assert by_number.exit_code == 0, by_number.output
+    assert "strain as fractions, as no unit is given; stress in Pa, as no unit" in by_number.stdout
+    first = read_foam(tmp_path / "a.toml")
+    by_name = invoke(
+        "foam", "import", "a.csv", *given, "--strain", "squash", "--stress", "load", "--overwrite"
+    )
+    assert by_name.exit_code == 0, by_name.output
+    assert read_foam(tmp_path / "a.toml") == first
+
+
+def changed(place: int, strain: float) -> np.ndarray:
+    return np.where(np.arange(STRAIN.size) == place, strain, STRAIN)
+
+
+BAD_TESTS = {
+    "text": ("strain,stress\n0,0\n0.1,broken\n0.2,2e5\n", ("line 3: 'broken' in column 2",)),
+    "nan": ("strain,stress\n0,0\n0.1,nan\n0.2,2e5\n", ("line 3: nan in column 2: must be finite",)),
+    "unsorted": ((changed(9, 0.5), STRESS), ("line 12: a smaller strain than", "sort them")),
+    "repeated": ((changed(9, STRAIN[8]), STRESS), ("line 11: the same strain as",)),
+    "percent without a unit": ((100 * STRAIN, STRESS), ("must be below 1", "80 % is 0.80")),
+    "MPa without a unit": ((STRAIN, 1e-6 * STRESS), ("stresses are in pascals",)),
+    "empty": ("", ("empty; needs lines",)),
+    "header only": ("strain,stress\n", ("no numbers",)),
+    "unknown unit": ("strain,stress (ksi)\n0,0\n0.5,1\n", ("unit 'ksi'",)),
+    "not UTF-8": (b"strain,stress (N/mm\xb2)\n0,0\n0.5,1\n", ("not UTF-8",)),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TESTS)
+def test_a_bad_test_is_refused(case: str, invoke: Callable, tmp_path: Path) -> None:
+    content, fragments = BAD_TESTS[case]
+    path = tmp_path / "pu.csv"
+    if isinstance(content, str):
+        path.write_text(content, encoding="utf-8")
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        write(path, *content)
+    before = tree(tmp_path)
+    assert_refused(invoke("foam", "import", "pu.csv", "--density", "30"), "pu.csv", *fragments)
+    assert tree(tmp_path) == before
+
+
+BAD_OPTIONS = {
+    "no density": ([], ("--density: missing; must be", "kg/m3", "0.0256 g/cm3 is 25.6")),
+    "density in g/cm3": (["--density", "0.03"], ("--density = 0.03: must be", "at least 1")),
+    "density nan": (["--density", "nan"], ("--density = nan: must be",)),
+    "density a word": (
+        ["--density", "thirty"],
+        ("--density = 'thirty': must be a number, at least 1",),
+    ),
+    "rate": (["--density", "30", "--rate", "-1"], ("--rate = -1.0: must be", "1/s")),
+    "no title": (["--density", "30", "--name", ""], ("--name = '': must be", "1 to 200")),
+    "points": (["--density", "30", "--points", "3"], ("--points = 3: must be at least 20",)),
+    "no such column": (["--density", "30", "--strain", "9"], ("no such column",)),
+    "no such unit": (["--density", "30", "--stress-unit", "ksi"], ("stress_unit", "'ksi'")),
+    "no .toml": (["--density", "30", "--out", "pu.csv"], ("must end in .toml",)),
+    "no path": (["--density", "30", "--out", ""], ("not the name of a file",)),
+    "no folder": (["--density", "30", "--out", "none/pu.toml"], ("cannot be written", "--out")),
+    "under a file": (["--density", "30", "--out", "pu.csv/pu.toml"], ("cannot be written",)),
+    "/proc": (["--density", "30", "--out", "/proc/pu.toml"], ("/proc/pu.toml: cannot be",)),
+}
+
+
+@pytest.mark.parametrize("case", BAD_OPTIONS)
+@pytest.mark.usefixtures("test_file")
+def test_bad_options_are_refused(case: str, invoke: Callable, tmp_path: Path) -> None:
+    options, fragments = BAD_OPTIONS[case]
+    before = tree(tmp_path)
+    assert_refused(invoke("foam", "import", "pu.csv", *options), *fragments)
+    assert tree(tmp_path) == before
+
+
+def test_a_test_that_is_not_there(invoke: Callable, tmp_path: Path) -> None:
+    assert_refused(invoke("foam", "import", "no.csv", "--density", "30"), "no.csv: cannot be read")
+    assert tree(tmp_path) == {}
+
+
+@pytest.mark.usefixtures("test_file")
+@pytest.mark.parametrize("taken", ["pu.toml", "pu.png"])
+def test_files_that_are_there_are_kept(taken: str, invoke: Callable, tmp_path: Path) -> None:
+    (tmp_path / taken).write_text("old", encoding="utf-8")
+    before = tree(tmp_path)
+    command = ["foam", "import", "pu.csv", "--density", "30"]
+    assert_refused(invoke(*command), f"{taken}: it is there already", "--overwrite")
+    assert tree(tmp_path) == before
+    assert invoke(*command, "--overwrite").exit_code == 0
+    assert set(tree(tmp_path)) == {"pu.csv", "pu.toml", "pu.png"}
+    assert (tmp_path / taken).read_bytes() != b"old"
+
+
+def test_the_test_itself_is_never_replaced(invoke: Callable, tmp_path: Path) -> None:
+    write(tmp_path / "pu.toml")
+    before = tree(tmp_path)
+    done = invoke("foam", "import", "pu.toml", "--density", "30", "--overwrite")
+    assert_refused(done, "that is the test itself")
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.usefixtures("test_file")
+def test_a_full_disk_leaves_what_there_was(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pu.toml").write_text("old", encoding="utf-8")
+    before = tree(tmp_path)
+
+    def full(self: Figure, path: Path, **options: object) -> None:
+        Path(path).write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    done = invoke("foam", "import", "pu.csv", "--density", "30", "--overwrite")
+    assert_refused(done, "figure pu.png: it could not be written")
+    assert tree(tmp_path) == before
