@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from taichi_foam.cli import tables
-from taichi_foam.cli.outcome import say_warnings, say_where
+from taichi_foam.cli.outcome import say_assumed, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.live import window
 from taichi_foam.live.controller import Controller, Outcome
@@ -109,6 +109,7 @@ def run_live(
     if kept:
         last = Result.load(kept[-1])
         console.print(tables.key_figures(last.scene, last.summary))
+        say_assumed(console, last)
         for path in kept:
             say_where(console, str(path))
         if not controller.failures:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from taichi_foam.analysis import quantities as q
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import Controller, offered_shapes
 from taichi_foam.live.heading import renamed
@@ -57,6 +58,17 @@ class Screen:
         return pace_words(self.controller.pace) if state == "running" else _WORDS.get(state, state)
 
     @property
+    def peak(self) -> str:
+        """The peak deceleration of a drop at its end, in words; empty if it never touched."""
+        result = self.controller.result
+        if result is None or self.controller.state != "ended":
+            return ""
+        value, in_g = result.summary[q.CREST.key], result.summary[q.CREST_G.key]
+        if value is None:
+            return ""
+        return f"peak {q.CREST.text(value)} m/s², {q.CREST_G.text(in_g)} g (CFC 180)"
+
+    @property
     def message(self) -> str:
         """What went wrong, in a sentence or two; empty if nothing did."""
         controller = self.controller
@@ -70,7 +82,7 @@ class Screen:
     def picture(self, size: tuple[int, int], hint: str = "") -> Image8:
         """The picture of this moment, uint8 (height, width, 3), `hint` at its upper right."""
         snapshot, scene = self.controller.snapshot, self.controller.scene
-        note = " · ".join(part for part in (self.state, hint) if part)
+        note = " · ".join(part for part in (self.state, self.peak, hint) if part)
         curve = None
         if self.curve and scene.impactor is not None:
             history = self.controller.so_far.history
