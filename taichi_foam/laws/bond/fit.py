@@ -86,9 +86,8 @@ def crushable_fit(curve: Curve) -> CrushableFit:
         return weights * (_loading(strain, *_constants(x, curve)) - stress)
 
     densifies = curve.densification < curve.tested
-    with np.errstate(
-        over="ignore", divide="ignore"
-    ):  # in SciPy's trust region, which goes on without it
+    # in SciPy's trust region, which goes on without it
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         best = _solved(residuals, curve, densifies)
     young, yields, densification, locking, a, b = (float(c) for c in _constants(best, curve))
     if not densifies:  # the paper's, or what is left for it beyond the test
