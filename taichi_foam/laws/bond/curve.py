@@ -33,6 +33,9 @@ PLATEAU = (0.2, 0.4)
 LOCKS = 0.75
 """Without a locking strain: the share of what is left beyond the last point that crush closes."""
 
+SECANT = 0.005
+"""Strain over which a slope of the curve is taken."""
+
 FLATTEST = 0.02
 """What of a bond's length is always left, as far as its turning goes."""
 
@@ -212,10 +215,11 @@ class Curve(Part):
         return float(_areas(strain, self.stress_at(strain))[-1] / (last - first))
 
     def steepest(self, until: float) -> float:
-        """The steepest slope [Pa] up to a strain."""
+        """The steepest slope [Pa] up to a strain, of secants over SECANT: noise is no stiffness."""
         strain, stress = self.points
-        slopes = np.diff(stress) / np.diff(strain)
-        return float(slopes[strain[:-1] < until].max())
+        starts = strain < min(until, self.tested - SECANT)
+        ends = strain[starts] + SECANT
+        return float(((self.stress_at(ends) - stress[starts]) / SECANT).max())
 
     def table(self, densification: float, locking: float, steepest: float, shear: float) -> Array:
         """(TABLE_ROWS, TABLE_COLUMNS) what kernels look up, at strains of 0, 0.001 and so on to 1.
