@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import FOAMS
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import read_scene
 from taichi_foam.scene.messages import explain, shown, titled
@@ -48,14 +49,20 @@ def load_scene(
     if isinstance(data, Scene):
         if choices is None and not values:
             return data
-        data = data.model_dump(exclude_none=True)
+        data = data.given_data()
     # The paper's own tests have taken the set in already, the cylinder's radius included.
     if choices is not None and str(source) not in tests.NAMES:
         has_impactor = data.get("impactor") is not None
-        chosen = CHOICE_SETS[choices].items()
-        data = changed(
-            data, {k: v for k, v in chosen if has_impactor or not k.startswith("impactor.")}
-        )
+        tag = FOAMS.tag_of(data.get("foam") or {})
+        law = FOAMS.get(tag) if isinstance(tag, str) else None
+        chosen = {
+            key: value
+            for key, value in CHOICE_SETS[choices].items()
+            if (has_impactor or not key.startswith("impactor."))
+            # another law may lack what the paper's has
+            and (law is None or key.partition("foam.")[2] in ("", *law.model_fields))
+        }
+        data = changed(data, chosen)
     title = source.name if isinstance(source, Scene) else str(source)
     return Scene.checked(changed(data, values), title)
 
@@ -76,7 +83,9 @@ def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
     if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
         raise UserError(_missing(name, path, gallery))
     if path.suffix == ".toml":
-        return read_scene(path)
+        data = read_scene(path)
+        # a scene that a run wrote holds what was assumed as well
+        return Scene.checked(data, name).given_data() if "assumed" in data else data
     if path.suffix == ".py":
         return _run_script(path)
     raise UserError(

@@ -29,6 +29,7 @@ from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
+from taichi_foam.scene.keys import written
 from taichi_foam.units import STANDARD_GRAVITY
 
 FLAT_RISE_S = 3e-3
@@ -313,14 +314,14 @@ def summary(record: Record) -> dict[str, Any]:
         **figures,
         "statement": words,
         "warnings": warnings_of(record),
-        "assumed": assumed_values(scene),
+        "assumed": assumed_of(scene),
     }
 
 
-def assumed_values(scene: Scene) -> dict[str, dict[str, Any]]:
-    """What a scene says of a foam of one's own that nobody gave: value and source, by key."""
-    found = {}
+def assumed_of(scene: Scene) -> list[str]:
+    """What a scene says of a foam of one's own that nobody gave: key, value, and its source."""
+    found = []
     for each in scene.assumed or ():
         part, _, key = each.key.partition(".")
-        found[each.key] = {"value": getattr(getattr(scene, part), key), "why": each.why}
+        found.append(f"{each.key} = {written(getattr(getattr(scene, part), key))}: {each.why}")
     return found

@@ -351,7 +351,7 @@ def _known(file: FoamFile) -> Iterator[RenderableType]:
         "source": file.source,
         "licence": file.licence,
         "density": f"{plain(file.density)} kg/m3",
-        "rate": _number(rate),
+        "rate": rate,
         "direction": file.direction or "not stated",
         "measured": "\n".join(file.measured) or "not stated",
     }

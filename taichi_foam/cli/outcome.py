@@ -93,12 +93,10 @@ def say_warnings(errors: Console, result: Result) -> None:
 
 def say_assumed(console: Console, result: Result) -> None:
     """Say what of a foam of one's own nobody gave, each with what stands for it."""
-    found = result.summary["assumed"]
-    if found:
+    if result.summary["assumed"]:
         console.print("assumed of the foam, as nobody gave it:", soft_wrap=True)
-    for key, entry in found.items():
-        value = "none" if entry["value"] is None else f"{entry['value']:.4g}"
-        console.print(f"  {key} = {value}: {entry['why']}", soft_wrap=True, markup=False)
+    for text in result.summary["assumed"]:
+        console.print(f"  {text}", soft_wrap=True, markup=False)
 
 
 def _with_options(error: UserError) -> str:

@@ -109,7 +109,7 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     table = _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
     said = [summary["statement"] or "", *(f"warning: {text}" for text in summary["warnings"])]
     if summary["assumed"]:
-        said.append(f"assumed of the foam, as nobody gave it: {', '.join(summary['assumed'])}")
+        said.append(f"assumed of the foam, as nobody gave it: {'; '.join(summary['assumed'])}")
     return table + "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
 
 

@@ -84,7 +84,7 @@ def _differences(
     scenes: Sequence[Scene], said: frozenset[str] = frozenset()
 ) -> tuple[str, ...] | None:
     """All that differs but keys `said` otherwise, in words for each; None for more than a few."""
-    flat = [by_key(scene.model_dump(exclude={"name", "output"})) for scene in scenes]
+    flat = [by_key(scene.model_dump(exclude={"name", "output", "assumed"})) for scene in scenes]
     every = dict.fromkeys(key for one in flat for key in one)
     keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
     for kind, base in _KINDS.items():
@@ -94,7 +94,7 @@ def _differences(
             keys = [key for key in keys if key in common or not key.startswith(f"{part}.")]
     if not any(one.get("foam.strength_scatter") for one in flat):
         said |= {"foam.strength_seed"}
-    keys = [key for key in keys if key not in said]
+    keys = [key for key in keys if key not in {*said, "foam.source"}]
     parts: list[list[str]] = [[] for _ in scenes]
     sets = [_choice_set(one) for one in flat]
     if None not in sets and len(set(sets)) > 1:

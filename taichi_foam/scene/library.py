@@ -129,6 +129,8 @@ def read_foam(path: Path) -> FoamFile:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise UserError(f"{shown(str(path))}: no file can have this name") from None
     return _foam_from(decoded(data, str(path)), str(path))
 
 
@@ -184,5 +186,13 @@ def _rigid_pu(name: str, density: float) -> FoamFile:
 def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
     """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
     table = {**foam.foam_given, **more}
+    if "curve" in more and foam.foam.implied_by != "curve":
+        table = dict(more)  # a curve says all that the file's law does
+    elif isinstance(foam.foam, Foam) and "yield_strain" not in more:
+        if "plateau_stress" in more:
+            del table["yield_strain"]
+        elif "youngs_modulus" in more:  # a stiffer foam has the same plateau
+            del table["yield_strain"]
+            table["plateau_stress"] = foam.foam.plateau_stress
     table.setdefault("source", f"{foam.title}: {foam.source}"[:1000])
     return table, [each for each in foam.assumed if each.key.partition(".")[2] not in more]

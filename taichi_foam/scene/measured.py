@@ -109,7 +109,7 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
     except ValidationError as error:
         told = str(error.errors()[0].get("ctx", {}).get("error", error))
         raise UserError(f"{path}: {told.removeprefix('foam.curve').lstrip(':. ')}") from None
-    upright = {key: -all_ if all_.max() <= 0.0 else all_ for key, all_ in values.items()}
+    upright = {key: -all_ if -all_.min() > all_.max() else all_ for key, all_ in values.items()}
     return CompressionTest(upright["strain"], upright["stress"], said, curve)
 
 
@@ -121,7 +121,9 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
+    except ValueError as error:
+        if not isinstance(error, UnicodeDecodeError):
+            raise UserError(f"{shown(str(path))}: no file can have this name") from None
         raise UserError(
             f"{path}: not UTF-8 text (byte {error.start}); save it as CSV in UTF-8"
         ) from None
@@ -135,11 +137,16 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     between = _separator([line for _, line in lines[:20]])
     if between is None:
         return [(number, line.split()) for number, line in lines]
-    read = csv.reader((line for _, line in lines), delimiter=between, skipinitialspace=True)
-    return [
-        (number, [cell.strip() for cell in cells])
-        for (number, _), cells in zip(lines, read, strict=True)
-    ]
+    return [(number, _cells(path, number, line, between)) for number, line in lines]
+
+
+def _cells(path: Path, number: int, line: str, between: str) -> list[str]:
+    """The cells of a line. A quote that is not closed ends with it."""
+    try:
+        (cells,) = csv.reader([line], delimiter=between, skipinitialspace=True)
+    except csv.Error as error:
+        raise UserError(f"{path}, line {number}: not CSV ({error}); remove the line") from None
+    return [cell.strip() for cell in cells]
 
 
 def _separator(lines: Sequence[str]) -> str | None:
@@ -167,7 +174,9 @@ def _column(path: Path, heads: Sequence[str] | None, key: str, given: str | int 
             )
         return list(_WORDS).index(key)
     if given is not None:
-        found = [n for n, head in enumerate(heads) if given.lower() in head.lower()]
+        plain = [_IN_BRACKETS.sub("", head).strip().lower() for head in heads]
+        found = [n for n, head in enumerate(plain) if given.lower() == head]
+        found = found or [n for n, head in enumerate(heads) if given.lower() in head.lower()]
     else:
         words = _WORDS[key]
         found = [n for n, head in enumerate(heads) if any(w in head.lower() for w in words)]

@@ -12,6 +12,7 @@ from typing import Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
+from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.library import foam_of, used
 from taichi_foam.scene.measured import Columns, read_curve
 from taichi_foam.scene.messages import shown
@@ -48,10 +49,18 @@ def _with_foam(data: Mapping[str, Any], foam: Mapping[str, Any], folder: Path) -
     table, assumed = used(file, {key: value for key, value in foam.items() if key != "like"})
     block = data.get("block")
     if block is None or isinstance(block, Mapping):
+        if "density" not in (block or {}):
+            assumed.append(Assumed(key="block.density", why=f"that of the foam: {file.title}"))
         block = {"density": file.density, **(block or {})}
     elif isinstance(block, Part) and "density" not in block.model_fields_set:
+        assumed.append(Assumed(key="block.density", why=f"that of the foam: {file.title}"))
         block = block.model_copy(update={"density": file.density})
-    return {**data, "foam": table, "block": block, "assumed": (*data.get("assumed", ()), *assumed)}
+    earlier = data.get("assumed") or ()
+    if not isinstance(earlier, list | tuple):
+        return {**data, "foam": table}  # what is wrong with it is said where it is checked
+    known = {each.key for each in assumed}
+    assumed = [*(each for each in earlier if getattr(each, "key", None) not in known), *assumed]
+    return {**data, "foam": table, "block": block, "assumed": tuple(assumed)}
 
 
 def _curve(curve: Any, folder: Path) -> Any:

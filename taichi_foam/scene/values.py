@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, fall
@@ -47,6 +48,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     a key that is malformed, or below one that has no keys of its own.
     """
     found = copy.deepcopy(dict(data))
+    assumed.make_way(found, values)
     for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
         if not all(key.split(".")) or key.count(".") > DEEPEST:
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
@@ -89,7 +91,11 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
 def _plain(value: Any) -> Any:
     """A part as its data, and a NumPy number as Python's: scenes take no other types."""
     if isinstance(value, Part):
-        return value.model_dump(exclude_none=True)
+        dumped = value.model_dump(exclude_none=True)
+        if not isinstance(value, BondFoam):
+            return dumped
+        # what was not given is to be told from what was
+        return {key: dumped[key] for key in dumped if key in {*value.model_fields_set, FOAMS.tag}}
     return value.item() if isinstance(value, np.generic) else value
 
 

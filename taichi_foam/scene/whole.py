@@ -110,6 +110,7 @@ class Scene(Part):
     def _check_parts_agree(self) -> Scene:
         problems = [
             *_problems_of_foam(self),
+            *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
             *(_problems_of_fall(self) or _problems_of_contact(self)),
@@ -141,7 +142,11 @@ class Scene(Part):
         wanted = {**(values or {}), **{key.replace("__", "."): more[key] for key in more}}
         if not wanted:
             return self
-        return self.checked(changed(self.model_dump(exclude_none=True), wanted), self.name)
+        return self.checked(changed(self.given_data(), wanted), self.name)
+
+    def given_data(self) -> dict[str, Any]:
+        """Its nested data without what follows from the rest; `values.changed` takes it."""
+        return assumed.given_data(self)
 
     @property
     def contact_height(self) -> float:

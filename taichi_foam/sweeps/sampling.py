@@ -57,7 +57,7 @@ class Design:
         """Raises UserError: a range of what is no number, or too few whole numbers in it."""
         self.plan = plan
         self._base = plan.base
-        self._data = self._base.model_dump(exclude_none=True)
+        self._data = self._base.given_data()
         known = by_key(self._base.model_dump())
         ranges = [axis for axis in plan.axes if axis.is_range]
         for axis in ranges:

@@ -99,6 +99,8 @@ class Foam(CrushingFoam):
         if not isinstance(data, dict) or "plateau_stress" not in data:
             return data
         rest = {key: value for key, value in data.items() if key != "plateau_stress"}
+        if data["plateau_stress"] is None:
+            return rest
         stress, young = data["plateau_stress"], data.get("youngs_modulus")
         young = cls.model_fields["youngs_modulus"].default if young is None else young
         if not all(isinstance(x, int | float) and type(x) is not bool for x in (stress, young)):

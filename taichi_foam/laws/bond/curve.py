@@ -39,6 +39,12 @@ SECANT = 0.005
 FLATTEST = 0.02
 """What of a bond's length is always left, as far as its turning goes."""
 
+END = 0.02
+"""Strain before the last point over which the slope of a curve's end is taken."""
+
+LEAST_POWER = 0.5
+"""With which a curve goes on at least: one that ends on its plateau is to lock, too."""
+
 STEEPEST = 20.0
 """Largest power with which a curve goes on: a jump at its end is not to become infinite."""
 
@@ -98,7 +104,7 @@ class Curve(Part):
         strain, stress = numbers
         if strain.max() <= 0.0 and strain.min() < 0.0:
             strain = -strain
-        if stress.max() <= 0.0 and stress.min() < 0.0:
+        if -stress.min() > stress.max():  # noise may have the other sign
             stress = -stress
         smoothing = data.get("smoothing", 0.0)
         if not (np.diff(strain) > 0.0).all() or strain[0] < 0.0:
@@ -248,9 +254,10 @@ class Curve(Part):
 
     def _beyond(self, strain: Array, locking: float) -> Array:
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""
-        (*_, before, last), (*_, below, top) = self.points
-        slope = (top - below) / (last - before)
-        power = min(slope * (locking - last) / top, STEEPEST)
+        last, top = self.tested, self.stress[-1]
+        before = last - min(END, last)
+        slope = (top - float(self.stress_at(np.array(before)))) / (last - before)
+        power = min(max(slope * (locking - last) / top, LEAST_POWER), STEEPEST)
         guard = locking - GUARD * (locking - last)
         inside = np.clip(strain, last, guard)
         stress = top * ((locking - last) / (locking - inside)) ** power

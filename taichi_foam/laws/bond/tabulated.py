@@ -132,6 +132,11 @@ class TabulatedFoam(CrushingFoam):
                 f"{-self.curve.tested:g}, where foam.curve ends; leave it out to take the strain "
                 "of its largest energy efficiency"
             )
+        if self.landmarks.crush_start <= self.densification_strain:
+            problems.append(
+                f"foam.densification_strain = {self.densification_strain:g}: must be below "
+                f"{self.landmarks.crush_start:.4g}, where the foam of foam.curve begins to crush"
+            )
         if not self.locking_strain < -self.curve.tested:
             problems.append(
                 f"foam.locking_strain = {self.locking_strain:g}: must be below "
@@ -206,14 +211,16 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
     if not isinstance(curve, Curve):  # what is wrong with it, and only that, is said elsewhere
         return _STANDINS
     given = {key: value for key, value in data.items() if _is_number(value)}
-    densification = given.get("densification_strain", -curve.densification)
+    densification = given.get("densification_strain", 0.0)
+    if not -curve.tested <= densification < 0.0:  # not given, or wrong, which is said of it
+        densification = -curve.densification
     young = given.get("youngs_modulus", curve.steepest(-densification))
     shear = given.get("shear_modulus", SHEAR_OVER_YOUNG * young)
     plateau = curve.plateau_stress
     return {
         "youngs_modulus": young,
         "shear_modulus": shear,
-        "densification_strain": densification,
+        "densification_strain": -curve.densification,
         "locking_strain": -(curve.tested + LOCKS * (1.0 - curve.tested)),
         # what is wrong with a modulus is said of it, not of what follows
         "tensile_strain": min(plateau / young, LARGEST_LIMIT),
