@@ -187,8 +187,8 @@ def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[
     """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
     table = {**foam.foam_given, **more}
     if "curve" in more and foam.foam.implied_by != "curve":
-        table = dict(more)  # a curve says all that the file's law does
-    elif isinstance(foam.foam, Foam) and "yield_strain" not in more:
+        return dict(more), []  # a curve says all that the file's law does
+    if isinstance(foam.foam, Foam) and "yield_strain" not in more:
         if "plateau_stress" in more:
             del table["yield_strain"]
         elif "youngs_modulus" in more:  # a stiffer foam has the same plateau

@@ -2,7 +2,9 @@
 
 import pytest
 
-from taichi_foam.scene import Block, Foam, Model, Numerics, Scene
+from taichi_foam.catalogue import load_scene
+from taichi_foam.errors import UserError
+from taichi_foam.scene import CHOICE_SETS, Block, Foam, Model, Numerics, Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 
 AT_REST = {"numerics": {"end": 0.01}}
@@ -102,3 +104,42 @@ def test_a_plateau_stress_stands_for_the_yield_strain() -> None:
 def test_a_plateau_stress_that_cannot_be_is_refused(values: dict, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         Foam(**values)
+
+
+def test_a_foam_put_in_as_a_whole_keeps_what_was_not_given_apart() -> None:
+    scene = Scene(**AT_REST).with_values({"foam": Foam(youngs_modulus=3e6)})
+    assert of_foam(scene) >= MATERIAL - {"youngs_modulus"}
+
+
+def test_a_curve_may_be_changed_in_part() -> None:
+    scene = Scene.checked({"foam": {"curve": CURVE, "source": "a test"}, **AT_REST}, "scene")
+    doubled = scene.with_values({"foam.curve.stress": [2 * s for s in CURVE["stress"]]})
+    assert doubled.foam.youngs_modulus == pytest.approx(2 * scene.foam.youngs_modulus)
+    assert doubled.foam.source is None
+
+
+@pytest.mark.parametrize("choices", CHOICE_SETS)
+def test_choice_sets_leave_out_what_another_law_lacks(choices: str) -> None:
+    scene = load_scene(Scene.checked({"foam": {"curve": CURVE}, **AT_REST}, "scene"), choices)
+    assert scene.foam.law == "tabulated"
+
+
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        (3, "assumed = 3: must be none, or a list"),
+        ({"key": "foam.law"}, "must be none, or a list"),
+        ([{"key": "foo.bar", "why": "x"}], "'foo.bar': must be the key of a value"),
+        ([{"key": "foam.will", "why": "x"}], "'foam.will': must be the key of a value"),
+    ],
+)
+def test_entries_that_cannot_be_are_refused(entries: object, told: str) -> None:
+    for foam in ("rigid-pu-60", {"youngs_modulus": 3e6}):
+        with pytest.raises(UserError) as caught:
+            Scene.checked({"foam": foam, "assumed": entries, **AT_REST}, "scene")
+        assert told in str(caught.value)
+
+
+def test_only_the_program_says_what_is_assumed() -> None:
+    with pytest.raises(UserError, match="written by the program"):
+        Scene(**AT_REST).with_values({"assumed": None})

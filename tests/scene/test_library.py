@@ -6,6 +6,7 @@ import pytest
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Foam, Scene
+from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.library import foam_of, names, read_foam
 
 AT_REST = {"numerics": {"end": 0.01}}
@@ -74,3 +75,31 @@ def test_a_foam_file_that_cannot_be_is_told_by_its_key(tmp_path: Path) -> None:
     told = str(caught.value)
     assert "density = -3" in told
     assert "foam.youngs_modulus = 'soft'" in told
+
+
+def test_another_foam_brings_its_own_density() -> None:
+    """What a foam brought goes with it; what was given stays."""
+    scene = Scene.checked({"foam": "rigid-pu-40", **AT_REST}, "scene")
+    written = scene_from_text(scene_to_toml(scene), "copy")
+    for base in (scene, written):
+        assert base.with_values({"foam": "rigid-pu-80"}).block.density == 80.0
+        assert base.with_values({"foam.like": "shim2000-pu"}).foam.youngs_modulus == 2.78e6
+    given = Scene.checked({"foam": "rigid-pu-60", "block": {"density": 25.6}, **AT_REST}, "scene")
+    assert given.block.density == 25.6
+
+
+def test_a_stiffer_foam_of_the_library_keeps_its_plateau() -> None:
+    plateau = foam_of("rigid-pu-60").foam.landmarks.plateau_stress
+    stiffer = {"like": "rigid-pu-60", "youngs_modulus": 3e6}
+    scene = Scene.checked({"foam": stiffer, **AT_REST}, "scene")
+    assert scene.foam.landmarks.plateau_stress == pytest.approx(plateau)
+    other = {"like": "shim2000-pu", "plateau_stress": 1.5e5}
+    scene = Scene.checked({"foam": other, **AT_REST}, "scene")
+    assert scene.foam.landmarks.plateau_stress == pytest.approx(1.5e5)
+
+
+def test_a_curve_takes_the_place_of_a_library_foams_law() -> None:
+    curve = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
+    scene = Scene.checked({"foam": {"like": "shim2000-pu", "curve": curve}, **AT_REST}, "scene")
+    assert scene.foam.law == "tabulated"
+    assert scene.foam.youngs_modulus == pytest.approx(2e6)

@@ -43,6 +43,7 @@ def lines(factor: float = 1.0, scale: float = 1.0, between: str = ",") -> str:
         "strain stress\n- kPa\n" + lines(1, 1e-3, " "),
         "Strain [%];Stress [kPa]\n" + lines(100, 1e-3, ";").replace(".", ","),
         "strain,stress\n" + lines(-1, -1),
+        'strain,"stress\n' + lines(),  # a quote that is not closed ends with its line
         "\ufeffstrain,stress\r\n" + lines().replace("\n", "\r\n"),
     ],
 )
@@ -91,6 +92,7 @@ def test_a_long_test_is_read_as_means_of_parts(csv) -> None:
         ("strain,stress\n0,0\n0.1,nan\n0.5,3e5", "line 3: nan in column 2: must be finite"),
         ("strain,stress\n0,0\n0.3,2e5\n0.2,2e5\n0.5,3e5", "line 4: a smaller strain"),
         ("strain,stress\n0,0\n0.3,2e5\n0.3,2e5\n0.5,3e5", "line 4: the same strain"),
+        ("strain,stress\n0,0\n0.5," + 200_000 * "1", "line 3: not CSV"),
         (lines(100), "strains are fractions"),
         (lines(1, 1e-6), "stresses are in pascals"),
         ("strain [ft],stress\n" + lines(), "unit 'ft'"),
@@ -147,3 +149,9 @@ def test_a_curve_that_cannot_be_is_told_by_its_key(curve: object, told: str) -> 
     with pytest.raises(UserError) as caught:
         Scene.checked({"foam": {"curve": curve}, "numerics": {"end": 0.01}}, "scene")
     assert told in str(caught.value)
+
+
+def test_an_exact_name_of_a_column_goes_before_parts_of_names(csv) -> None:
+    rows = "\n".join(f"{e / 10:g},{e:g},{s:g}" for e, s in zip(STRAIN, STRESS, strict=True))
+    path = csv("strain rate [1/s],strain [-],stress [Pa]\n" + rows)
+    assert read_curve(path, Columns(strain="strain")).strain[-1] == 0.8
