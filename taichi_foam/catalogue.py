@@ -53,8 +53,7 @@ def load_scene(
     # The paper's own tests have taken the set in already, the cylinder's radius included.
     if choices is not None and str(source) not in tests.NAMES:
         has_impactor = data.get("impactor") is not None
-        tag = FOAMS.tag_of(data.get("foam") or {})
-        law = FOAMS.get(tag) if isinstance(tag, str) else None
+        law = FOAMS.kind_of(data.get("foam") or {})
         chosen = {
             key: value
             for key, value in CHOICE_SETS[choices].items()

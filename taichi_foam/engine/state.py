@@ -81,7 +81,7 @@ class Clock:
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
     drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
     stiffest: ti.f64  # stiffened bond at the end of the last step [N/m]; < 0: not known yet
-    crush: ti.f64  # largest of any bond there, as a fraction
+    crush: ti.f64  # largest of any bond there, or so far (BondLaw.shears_stiffer), as a fraction
     speed: ti.f64  # of the fastest node in the last step [m/s]
     pause: ti.f64  # time at which a call hands the lattice back
     steps: ti.i32

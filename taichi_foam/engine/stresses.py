@@ -1,5 +1,6 @@
 """Stresses of bonds outside a run: of a stored instant, or along a curve."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -17,14 +18,22 @@ Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
 WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
+def with_own_table(law: BondLaw, forget: Callable[[], None]) -> tuple[BondLaw, Any]:
+    """A law to be called outside a lattice, and the field (1, TABLE_ROWS) that it looks up.
+
+    The field is None for a law without one. `forget` is called before it is lost.
+    """
+    if not law.tabulated:
+        return law, None
+    table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
+    runtime.set_aside((1, TABLE_ROWS), table, forget)
+    return law.with_table(table), table
+
+
 @cache
 def _kernel(law: BondLaw) -> tuple[Any, Any]:
     """The law's normal stress, mapped over arrays, and the table that it looks up."""
-    table = None
-    if law.tabulated:
-        table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
-        runtime.set_aside((1, TABLE_ROWS), table, _kernel.cache_clear)
-        law = law.with_table(table)
+    law, table = with_own_table(law, _kernel.cache_clear)
 
     @ti.kernel
     def normal_stresses(

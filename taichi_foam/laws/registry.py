@@ -65,6 +65,11 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         """Whether a table has the key that only this class has."""
         return getattr(kind, "implied_by", None) in value
 
+    def kind_of(self, value: Any) -> type[Kind] | None:
+        """The class of a table, or of an instance; None if it has none."""
+        tag = self.tag_of(value)
+        return self.get(tag) if isinstance(tag, str) else None
+
     def tag_of(self, value: Any) -> Any:
         """The tag of a table, or of an instance; a table without one has that of its keys."""
         if not isinstance(value, Mapping):

@@ -45,7 +45,7 @@ def completed(data: Any) -> Any:
     """Raw data of a scene with what it assumes of a foam of one's own."""
     if not isinstance(data, Mapping):
         return data
-    kind, earlier = _kind(data.get("foam")), data.get("assumed")
+    kind, earlier = FOAMS.kind_of(data.get("foam")), data.get("assumed")
     if kind is None or not isinstance(earlier, list | tuple | None):
         return data  # what is wrong with it is said where it is checked
     given = _given(data.get("foam"))
@@ -108,7 +108,7 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         raise UserError("assumed: written by the program; give the keys that it names instead")
     foam = data.get("foam")
     named = {"foam", "foam.like"} & values.keys()
-    kind = _kind(foam)
+    kind = FOAMS.kind_of(foam)
     curved = "foam.curve" in values and kind is not None and not _implied(kind)
     if not (named or curved):
         return
@@ -128,9 +128,7 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         return
     if values.get("foam.plateau_stress") is not None and "foam.yield_strain" not in values:
         foam.pop("yield_strain", None)
-    elif "foam.plateau_stress" in values and values["foam.plateau_stress"] is None:
-        foam.pop("plateau_stress", None)
-    kind = _kind(foam)
+    kind = FOAMS.kind_of(foam)
     own = (
         {f"foam.{key}" for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
     )
@@ -176,15 +174,6 @@ def _entries(value: Any) -> Iterable[Any]:
 def _key(entry: Any) -> Any:
     """The key of an entry, or of its raw data."""
     return entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
-
-
-def _kind(foam: Any) -> type[BondFoam] | None:
-    if isinstance(foam, BondFoam):
-        return type(foam)
-    if not isinstance(foam, Mapping):
-        return None
-    tag = FOAMS.tag_of(foam)
-    return FOAMS.get(tag) if isinstance(tag, str) else None
 
 
 def _own(kind: type[BondFoam]) -> set[str]:

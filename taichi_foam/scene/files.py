@@ -10,7 +10,7 @@ import tomli_w
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene, sources
 from taichi_foam.scene.messages import titled
-from taichi_foam.scene.toml import MOST_BYTES, decoded, parsed
+from taichi_foam.scene.toml import parsed, read_toml
 
 
 def scene_to_toml(scene: Scene) -> str:
@@ -37,16 +37,3 @@ def read_scene(path: Path) -> dict[str, Any]:
 def scene_from_text(text: str, source: str) -> Scene:
     """The scene of TOML text from `source`. Raises UserError: not TOML, or no scene."""
     return Scene.checked(parsed(text, source), source)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return the data of a TOML file, not yet validated.
-
-    Raises UserError: unreadable, or not TOML within the bounds of `scene.toml`.
-    """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    return parsed(decoded(data, str(path)), str(path))

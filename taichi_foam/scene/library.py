@@ -23,7 +23,7 @@ from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.messages import explain, shown
-from taichi_foam.scene.toml import MOST_BYTES, decoded, parsed
+from taichi_foam.scene.toml import parsed, read_toml
 
 CELL_WALLS = 127e6
 """Yield stress of solid polyurethane [Pa] (Gibson & Ashby 1997)."""
@@ -108,7 +108,7 @@ def foam_of(name: str, folder: Path = Path()) -> FoamFile:
         return _rigid_pu(name, float(scaled[1]))
     packaged = resources.files("taichi_foam.scene").joinpath("foams", f"{name}.toml")
     if re.fullmatch(r"[\w.-]+", name) and packaged.is_file():
-        return _foam_from(packaged.read_text(encoding="utf-8"), name)
+        return _checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
     if any(word in name.lower() for word in _RESILIENT):
         raise UserError(
             f"foam = {shown(name)}: not in the library; resilient foam springs back by the gas in "
@@ -124,19 +124,12 @@ def foam_of(name: str, folder: Path = Path()) -> FoamFile:
 
 def read_foam(path: Path) -> FoamFile:
     """The foam of a file. Raises UserError: unreadable, not TOML, or a foam that cannot be."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise UserError(f"{shown(str(path))}: no file can have this name") from None
-    return _foam_from(decoded(data, str(path)), str(path))
+    return _checked(read_toml(path), str(path))
 
 
-def _foam_from(text: str, source: str) -> FoamFile:
+def _checked(data: dict[str, Any], source: str) -> FoamFile:
     try:
-        return FoamFile.model_validate(parsed(text, source))
+        return FoamFile.model_validate(data)
     except ValidationError as error:
         listed = "\n".join(f"  {line}" for line in explain(error, FoamFile).splitlines())
         raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
@@ -185,9 +178,9 @@ def _rigid_pu(name: str, density: float) -> FoamFile:
 
 def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
     """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
-    table = {**foam.foam_given, **more}
     if "curve" in more and foam.foam.implied_by != "curve":
         return dict(more), []  # a curve says all that the file's law does
+    table = {**foam.foam_given, **more}
     if isinstance(foam.foam, Foam) and "yield_strain" not in more:
         if "plateau_stress" in more:
             del table["yield_strain"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from taichi_foam.errors import UserError
@@ -51,6 +52,21 @@ def decoded(data: bytes, source: str) -> str:
         raise UserError(
             f"{source}: not UTF-8 text (byte {error.start}); save it as UTF-8"
         ) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the data of a TOML file, not yet validated.
+
+    Raises UserError: unreadable, or not TOML within the bounds of this module.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise UserError(f"{str(path)!r}: no file can have this name") from None
+    return parsed(decoded(data, str(path)), str(path))
 
 
 def parsed(text: str, source: str) -> dict[str, Any]:

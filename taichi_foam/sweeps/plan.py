@@ -34,7 +34,7 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
 from taichi_foam.scene import Scene
-from taichi_foam.scene.files import read_toml
+from taichi_foam.scene.toml import read_toml
 from taichi_foam.scene.values import by_key, settings
 
 MOST = 10_000_000

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_foam.engine import runtime
+from taichi_foam.engine.stresses import with_own_table
 from taichi_foam.laws.bond import BondFoam, BondLaw
-from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.scene import Foam, Model
 
 Array = ti.types.ndarray(dtype=ti.f64, ndim=1)
@@ -47,11 +46,7 @@ def constants(foam: BondFoam | None = None, model: Model | None = None) -> Bound
 @cache
 def _kernels(law: BondLaw) -> SimpleNamespace:
     """Each function of a law behind a kernel; a kernel compiles when it is called."""
-    table = None
-    if law.tabulated:
-        table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
-        runtime.set_aside((1, TABLE_ROWS), table, _kernels.cache_clear)
-        law = law.with_table(table)
+    law, table = with_own_table(law, _kernels.cache_clear)
 
     @ti.kernel
     def normal(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):

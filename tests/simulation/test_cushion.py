@@ -53,12 +53,19 @@ CELL, ROWS, WIDTH, THICK = 0.0025, 20, 0.02, 0.05
 GAUGE = (ROWS - 1) * CELL
 
 
-def drop(curve: tuple, static: float, height: float) -> tuple[dict, float, float]:
-    """Figures of a drop of a static stress [Pa], and the balance's strain and G."""
+def energy(curve: tuple) -> tuple[np.ndarray, np.ndarray]:
+    """Fine strains, and the area under a curve up to each [J/m3]."""
     e, s = (np.array(values, dtype=float) for values in curve)
     fine = np.linspace(0.0, e[-1], 100_001)
     stress = np.interp(fine, e, s)
-    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1])) * (fine[1] - fine[0]))
+    parts = 0.5 * (stress[1:] + stress[:-1]) * (fine[1] - fine[0])
+    return fine, np.append(0.0, np.cumsum(parts))
+
+
+def drop(curve: tuple, static: float, height: float) -> tuple[dict, float, float]:
+    """Figures of a drop of a static stress [Pa], and the balance's strain and G."""
+    e, s = (np.array(values, dtype=float) for values in curve)
+    fine, taken = energy(curve)
     lost = static * (height + fine * GAUGE)
     strain = float(fine[np.argmax(GAUGE * taken >= lost)])
     scene = Scene(
@@ -83,10 +90,7 @@ def drop(curve: tuple, static: float, height: float) -> tuple[dict, float, float
 
 def heights(curve: tuple, static: float, strains: list[float]) -> list[float]:
     """Drop heights that crush a cushion to these strains, by the balance."""
-    e, s = (np.array(values, dtype=float) for values in curve)
-    fine = np.linspace(0.0, e[-1], 100_001)
-    stress = np.interp(fine, e, s)
-    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1])) * (fine[1] - fine[0]))
+    fine, taken = energy(curve)
     return [GAUGE * (np.interp(x, fine, taken) / static - x) for x in strains]
 
 

@@ -167,9 +167,7 @@ class Foam(CrushingFoam):
             heeds_rate=self.rate is not None,
             linear_flow=self.rate_exponent == 1.0,
             linear_room=self.densification_b == 1.0,
-            weakens_across=self.crushed_strength < 1.0,
-            broken_contact=model.broken_contact,
-            shear_failure=model.shear_failure,
+            **self.options(model),
         )
 
     def constants(self, model: Any) -> dict[str, float]:
@@ -210,17 +208,13 @@ class Crushable(Crushing):
     heeds_rate      Cowper & Symonds' overstress
     linear_flow     its exponent is 1
     linear_room     the constant b of Eq. 26 is 1: a power costs as much as the exponential
-    weakens_across  foam that is crushed across a bond is weaker in tension
-    broken_contact  how a broken bond takes compression up again (Model.broken_contact)
-    shear_failure   when shear may break a bond (Model.shear_failure)
+
+    The others are those of `Crushing`.
     """
 
     heeds_rate: bool = False
     linear_flow: bool = True
     linear_room: bool = True
-    weakens_across: bool = False
-    broken_contact: str = "reload"
-    shear_failure: str = "always"
 
     Constants = Constants
 

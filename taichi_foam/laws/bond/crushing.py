@@ -5,6 +5,7 @@ in tension; what lies beyond densification retraces itself. A law of this kind s
 rises (`densified`), and where a bond that has met `e_min` is without stress (`permanent_strain`).
 """
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import taichi as ti
@@ -105,6 +106,14 @@ class CrushingFoam(BondFoam):
             Limit.for_crack(sliding / (in_shear * length), SLIDING, self.softening),
         )
 
+    def options(self, model: Any) -> dict[str, Any]:
+        """The options of `Crushing` for this foam and a scene's `model`."""
+        return {
+            "weakens_across": self.crushed_strength < 1.0,
+            "broken_contact": model.broken_contact,
+            "shear_failure": model.shear_failure,
+        }
+
     def constants(self, model: Any) -> dict[str, float]:
         strain, stress = self.crushed_tension
         marks = self.landmarks
@@ -129,18 +138,18 @@ class CrushingFoam(BondFoam):
         return strain, self.youngs_modulus * strain if stress is None else stress
 
 
+@dataclass(frozen=True)
 class Crushing(BondLaw):
     """The functions that laws of this kind share. Their constants have what `CrushingFoam` gives.
-
-    A law's dataclass adds these options:
 
     weakens_across  foam that is crushed across a bond is weaker in tension
     broken_contact  how a broken bond takes compression up again (Model.broken_contact)
     shear_failure   when shear may break a bond (Model.shear_failure)
     """
 
-    broken_contact: str
-    shear_failure: str
+    weakens_across: bool = False
+    broken_contact: str = "reload"
+    shear_failure: str = "always"
 
     stiffens = True
 

@@ -4,6 +4,7 @@ Loading follows the table. From a strain that a bond has met it unloads with the
 paper's foam does; beyond densification it retraces the curve.
 """
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -112,6 +113,10 @@ class TabulatedFoam(CrushingFoam):
         if not isinstance(data, dict):
             return handler(data)
         given = {key: value for key, value in data.items() if value is not None}
+        if isinstance(given.get("curve"), dict):
+            # what is wrong with it, and only that, is said where it is checked
+            with contextlib.suppress(ValueError):
+                given["curve"] = Curve.model_validate(given["curve"])
         foam = handler({**derived(given), **given})
         object.__setattr__(foam, "__pydantic_fields_set__", set(given))
         return foam
@@ -176,11 +181,7 @@ class TabulatedFoam(CrushingFoam):
         return turn + stress / self.youngs_modulus
 
     def law_for(self, model: Any) -> "Tabulated":
-        return Tabulated(
-            weakens_across=self.crushed_strength < 1.0,
-            broken_contact=model.broken_contact,
-            shear_failure=model.shear_failure,
-        )
+        return Tabulated(**self.options(model))
 
     def constants(self, model: Any) -> dict[str, float]:
         permanent = self.permanent_strain(np.array(self.densification_strain))
@@ -203,12 +204,7 @@ _STANDINS = {
 def derived(data: dict[str, Any]) -> dict[str, float]:
     """What the curve in raw data of such a foam gives, by key; given keys go before."""
     curve = data.get("curve")
-    if isinstance(curve, dict):
-        try:
-            curve = Curve.model_validate(curve)
-        except ValueError:
-            curve = None
-    if not isinstance(curve, Curve):  # what is wrong with it, and only that, is said elsewhere
+    if not isinstance(curve, Curve):
         return _STANDINS
     given = {key: value for key, value in data.items() if _is_number(value)}
     densification = given.get("densification_strain", 0.0)
@@ -253,10 +249,6 @@ class Constants:
 @dataclass(frozen=True)
 class Tabulated(Crushing):
     """The law's functions, for one set of options; see `Crushing`."""
-
-    weakens_across: bool = False
-    broken_contact: str = "reload"
-    shear_failure: str = "always"
 
     Constants = Constants
     tabulated = True
