@@ -163,6 +163,8 @@ class Engine:
             scene = updated(scene, {"numerics": {"end": end}})
         loaded = self._loaded(1, scene)
         loaded.start(scene)
+        loaded.run_steps(1)  # an extent that nothing else is timed for compiles here
+        loaded.start(scene)
         total = Measurement(0.0, 0.0, 0.0, 0.0)
         while loaded.is_running:  # calls end with a full history
             total += loaded.run_to(1.0)
