@@ -152,6 +152,11 @@ class Block(Part):
         return self.outline or ((-half, 0.0), (half, 0.0), (half, top), (-half, top))
 
     @property
+    def is_rectangle(self) -> bool:
+        """Whether foam fills the whole lattice."""
+        return not self.outline and not self.holes
+
+    @property
     def positions(self) -> NDArray[Any]:
         """Reference positions of the mass points, (columns, rows, 2) [m]."""
         x = (np.arange(self.columns) - 0.5 * (self.columns - 1)) * self.dx
@@ -185,7 +190,7 @@ class Block(Part):
 
 def _problems_of_outline(block: Block) -> list[str]:
     """Say why the outline and the holes are none, or do not lie on the lattice."""
-    if not block.outline and not block.holes and block.lattice_angle_deg == 0:
+    if block.is_rectangle and block.lattice_angle_deg == 0:
         return []
     found = outlines.problems(block.corners, block.holes)
     if found:

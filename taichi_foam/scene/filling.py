@@ -63,7 +63,7 @@ def filling(block: Block) -> Filling:
 
 @lru_cache(maxsize=64)
 def _kept(block: Block) -> Filling:
-    if not block.outline and not block.holes:
+    if block.is_rectangle:
         return _whole(block)
     return _cut(block, in_cells(block))
 
@@ -251,7 +251,7 @@ def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np
 
 def problems(block: Block) -> list[str]:
     """Say in whole sentences why the lattice cannot hold the block's outline."""
-    if not block.outline and not block.holes:
+    if block.is_rectangle:
         return []
     filled = filling(block)
     more = "take more block.columns and block.rows, or make it wider"

@@ -109,14 +109,14 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
+        unfilled = filling.problems(self.block)
         problems = [
             *_problems_of_foam(self),
             *_problems_of_layers(self),
-            *filling.problems(self.block),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *(_problems_of_fall(self) or _problems_of_contact(self)),
+            *(unfilled or _problems_of_fall(self) or _problems_of_contact(self)),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -153,8 +153,17 @@ class Scene(Part):
 
     @property
     def contact_height(self) -> float:
-        """Height of the impactor's lowest point at first contact [m]: the top row's."""
-        return self.block.height - self.block.dy / 2
+        """Height of the impactor's lowest point at first contact [m].
+
+        The top row's; of a block with an outline that of the highest mass point under it.
+        """
+        if self.block.is_rectangle:
+            return self.block.height - self.block.dy / 2
+        X = self.block.positions[filling.filling(self.block).there]
+        if self.impactor is not None:
+            x = self.impactor.x + self.impactor.outline()[:, 0]
+            X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
+        return float(X[:, 1].max(initial=0.0))
 
 
 def _rebuild() -> None:
@@ -246,8 +255,8 @@ def _problems_of_contact(scene: Scene) -> list[str]:
     impactor = scene.impactor
     if impactor is None:
         return []
-    corners = _starting_corners(scene)
-    left, right = corners[:, 0].min(), corners[:, 0].max()
+    points = _starting_points(scene)
+    left, right = points[:, 0].min(), points[:, 0].max()
     outline = impactor.outline()
     low, high = impactor.x + outline[:, 0].min(), impactor.x + outline[:, 0].max()
     if high <= left or low >= right:
@@ -256,13 +265,14 @@ def _problems_of_contact(scene: Scene) -> list[str]:
             f"{low:.4g} to {high:.4g} m, the block's mass points {left:.4g} to {right:.4g} m; "
             "bring impactor.x nearer to 0"
         ]
-    if scene.start.is_at_rest and not _meets_a_column(scene, low, high):
+    if scene.start.is_at_rest and not _meets_a_column(scene, points[:, 0], low, high):
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; with {high - low:.4g} m of "
             f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; "
             "take more block.columns or a wider impactor"
         ]
-    above = scene.contact_height + impactor.gap - corners[:, 1].max()
+    under = points if scene.block.is_rectangle else points[_between(points[:, 0], low, high)]
+    above = scene.contact_height + impactor.gap - under[:, 1].max(initial=0.0)
     if above < -1e-9 * scene.block.height:
         return [
             f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, which "
@@ -292,18 +302,27 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
     return []
 
 
-def _starting_corners(scene: Scene) -> np.ndarray:
-    """Positions (4, 2) [m] of the lattice's corner mass points at the start."""
+def _starting_points(scene: Scene) -> np.ndarray:
+    """Positions (n, 2) [m] of mass points at the start: of a rectangle's corners, or of all."""
     block = scene.block
-    half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
-    origin = np.array([0.0, low])
-    X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    if block.is_rectangle:
+        half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
+        X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    else:
+        X = block.positions[filling.filling(block).there]
+    origin = np.array([0.0, block.dy / 2])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 
-def _meets_a_column(scene: Scene, low: float, high: float) -> bool:
-    """Whether a column of mass points lies strictly between two positions [m]."""
+def _between(x: np.ndarray, low: float, high: float) -> np.ndarray:
+    return (x > low) & (x < high)
+
+
+def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> bool:
+    """Whether mass points, some of which are at `x`, lie strictly between two positions [m]."""
     block = scene.block
+    if not block.is_rectangle:
+        return bool(_between(x, low, high).any())
     first = math.floor(low / block.dx + (block.columns - 1) / 2) + 1
     position = (max(first, 0) - (block.columns - 1) / 2) * block.dx
     return position < high
