@@ -34,7 +34,9 @@ class Layer(Part):
                              at_least=0, below=5)  # fmt: skip
     top: float = quantity(..., "m", "upper face of the layer", above=0, at_most=5)
     foam: Annotated[BondFoam, FOAMS] | None = Field(
-        default=None, description="its foam, as [foam] takes it; none: that of [foam]"
+        default=None,
+        description="its foam, as [foam] takes it; none: that of [foam]",
+        json_schema_extra={"allowed": "none, a table as [foam], a name of the library, or a file"},
     )
     density: Annotated[float, Field(ge=1, le=5000)] | None = quantity(
         None,
@@ -101,7 +103,7 @@ class Block(Part):
     layers: Annotated[tuple[Layer, ...], Field(strict=False, max_length=MOST_LAYERS)] = Field(
         default=(),
         description="level bands of other foams or densities; elsewhere [foam] and density hold",
-        json_schema_extra={"allowed": f"up to {MOST_LAYERS} tables with bottom and top"},
+        json_schema_extra={"allowed": f"a list of up to {MOST_LAYERS} tables with bottom and top"},
     )
     lattice_angle_deg: float = quantity(
         0.0,
