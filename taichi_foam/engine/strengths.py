@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.laws.bond import BondFoam, Limit
 from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.layers import loose_rows
 
 
 def strengths(scene: Scene) -> NDArray[np.float64]:
@@ -48,10 +49,14 @@ def _snapped(share: float) -> float:
 
 
 def cuts(scene: Scene) -> NDArray[np.bool_]:
-    """Whether each bond is cut through at the start, (columns, rows, 2) as in `strengths`."""
+    """Whether each bond is cut through at the start, (columns, rows, 2) as in `strengths`.
+
+    Saw cuts, and the interfaces of loose layers.
+    """
     found = np.zeros((scene.block.columns, scene.block.rows, 2), dtype=bool)
     for cut in scene.start.cuts:
         found |= _crossed(scene.block, *cut)
+    found[:, loose_rows(scene.block), 1] = True
     return found
 
 

@@ -15,9 +15,10 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall, sources
+from taichi_foam.scene import assumed, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.block import Block
+from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.values import changed
@@ -110,6 +111,8 @@ class Scene(Part):
     def _check_parts_agree(self) -> Scene:
         problems = [
             *_problems_of_foam(self),
+            *_problems_of_layers(self),
+            *filling.problems(self.block),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
@@ -154,8 +157,14 @@ class Scene(Part):
         return self.block.height - self.block.dy / 2
 
 
-for registry in (FOAMS, SHAPES):  # a law or a shape that comes later
-    registry.watchers.append(lambda: Scene.model_rebuild(force=True))
+def _rebuild() -> None:
+    """Let scenes know a law or a shape that came later."""
+    for part in (Layer, Block, Scene):
+        part.model_rebuild(force=True)
+
+
+for registry in (FOAMS, SHAPES):
+    registry.watchers.append(_rebuild)
 
 
 def _problems_of_foam(scene: Scene) -> list[str]:
@@ -169,13 +178,33 @@ def _problems_of_foam(scene: Scene) -> list[str]:
     return []
 
 
+def _problems_of_layers(scene: Scene) -> list[str]:
+    """Say which layers' foams do not go together with the block's."""
+    law = scene.foam.law_for(scene.model)
+    return [
+        f"block.layers[{number}].foam: of another law, or of other options of it "
+        f"({', '.join(_differing(law, other))}); all foams of a block need the same; give "
+        f"block.layers[{number}].foam what [foam] has, or a curve each (foam.curve)"
+        for number, layer in enumerate(scene.block.layers)
+        if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+    ]
+
+
+def _differing(one: object, other: object) -> list[str]:
+    """In what two laws differ, in the words of their options."""
+    if type(one) is not type(other):
+        return [type(other).__name__.lower()]
+    return [key for key, value in vars(other).items() if value != vars(one)[key]]
+
+
 def _problems_of_start(scene: Scene) -> list[str]:
     problems = []
+    limit = max(foam.landmarks.limit for foam in foams_of(scene)[0])
     for axis, strain in zip("xy", scene.start.strains, strict=True):
-        if strain <= scene.foam.landmarks.limit:
+        if strain <= limit:
             problems.append(
                 f"start.deformation_gradient: strain {strain:.3g} along {axis}; must be above "
-                f"the foam's limit of {scene.foam.landmarks.limit:g}; compress it less"
+                f"the foam's limit of {limit:g}; compress it less"
             )
     return problems
 
