@@ -9,7 +9,6 @@ from taichi_foam.laws.bond import BondFoam
 from taichi_foam.scene import Scene
 from taichi_foam.scene.layers import foams_of
 
-
 # A bond runs along its own axis (A along x, B along y); the other axis lies across it.
 A = 0
 B = 1
