@@ -2,9 +2,11 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, lanes
+from taichi_foam.engine import breaking, lanes, makeup
+from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
+from taichi_foam.laws import elementary
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
@@ -19,12 +21,14 @@ vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
-def may_touch_bodies(lattice: ti.template(), b, k, x, y, p: ti.template()) -> ti.i32:
+def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
     """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
 
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
     go slack.
     """
+    if ti.static(lattice.features.shaped):
+        return _may_touch_faces(lattice, b, i, k, x, y, p)
     above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
     may = (above & beside) | (y < 0.5 * p.cell.y + p.skin)
@@ -32,6 +36,16 @@ def may_touch_bodies(lattice: ti.template(), b, k, x, y, p: ti.template()) -> ti
         # the held row is part of the support, which lets the impactor pass
         may[0] = 0
     return lanes.any_of(may)
+
+
+@ti.func
+def _may_touch_faces(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
+    """The same in a shaped block, whose mass points have their own reach."""
+    reach = elementary.larger(lattice.model.filling[b, i, k].reach, 0.0) + p.skin
+    above = y > lattice.state.body[b].trial_y - reach
+    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + reach
+    may = (above & beside) | (y < reach)
+    return lanes.any_of(may & (lattice.model.mobility[b, i, k].y > 0.0))
 
 
 @ti.func
@@ -70,12 +84,17 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     force = vec2(0.0)
     on_impactor = 0.0
     on_floor = 0.0
-    if not (p.hold_y and j == 0):
+    if not makeup.is_held(lattice, b, i, j, p):
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
         point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
-        if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
+        reach = 0.0
+        if ti.static(lattice.features.foam_faces):
+            reach = face_reach(lattice, b, i, j)
+        if point.y > -reach and ti.abs(point.x) < p.impactor_half_width + reach:
             found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
+            if ti.static(lattice.features.foam_faces):
+                found[0] -= reach
             if found[0] < 0.0:
                 normal = found.yz
                 tangent = vec2(-normal.y, normal.x)
@@ -100,11 +119,16 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 force += pressing + rubbing
         # between the node and the floor lies half a cell of foam, or what crushing has left of it
         half = 0.5 * p.cell.y
+        face = p.area.y
+        if ti.static(lattice.features.shaped):
+            half = lattice.model.filling[b, i, k].reach[lane]
+            face *= lattice.model.filling[b, i, k].mass[lane] / p.node_mass
         if now.y < half:
             stand = vec2(0.0)
             radius = half * (1.0 + _least_height(lattice, b, i, j))
             if now.y < radius:
-                stand.y = -p.area.y * lattice.law.contact_stress(p.bond, now.y, radius, half)
+                c = makeup.constants_at(lattice, B, b, j, p)
+                stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
             stand.x = contact_law.tangential_force(
                 p.contact_stiffness,
                 lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
@@ -134,6 +158,16 @@ def _least_height(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def face_reach(lattice: ti.template(), b, i, j) -> ti.f64:
+    """From a mass point to the foam's face [m]; the foam between is crushed like that behind."""
+    bond_a = ti.static(lattice.state.bond_a)
+    worst = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
+    worst = ti.min(worst, _least_height(lattice, b, i, j))
+    reach = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].reach[lanes.lane_of(lattice, j)]
+    return reach * (1.0 + worst)
+
+
+@ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
 
@@ -144,6 +178,8 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     width = p.cell.x * (1.0 + worst_a)
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
+    if ti.static(lattice.features.shaped):
+        radius *= ti.sqrt(ti.min(makeup.mass(lattice, b, i, j, p) / p.node_mass, 1.0))
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         radius = ti.min(radius, room)
@@ -186,15 +222,21 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
 
 @ti.func
 def piece_push(
-    lattice: ti.template(), away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
+    lattice: ti.template(), b, one, two, away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
 ) -> vec2:
-    """Force [N] on a node whose partner is `away` [m] from it, by their law and by friction.
+    """Force [N] on node `one`, by its number, from `two` that is `away` [m] from it.
+
+    By their law, the weaker one of two foams, and by friction.
 
     `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
     [m]. There are no branches: a processor could not predict which candidates touch.
     """
     gap = away.norm()
-    stress = lattice.law.contact_stress(p.bond, gap, touch, p.piece_length)
+    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
+    stress = lattice.law.contact_stress(c, gap, touch, p.piece_length)
+    if ti.static(lattice.features.foams > 1):
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.rows), p)
+        stress = ti.max(stress, lattice.law.contact_stress(other, gap, touch, p.piece_length))
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
     tangent = vec2(-normal.y, normal.x)
@@ -228,7 +270,10 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         two = lattice.state.candidate[b, pair[1]]
         away = vec2(one.x - two.x, one.y - two.y)
         closing = vec2(one.u - two.u, one.v - two.v)
-        push = piece_push(lattice, away, closing, one.radius + two.radius, p)
+        push = piece_push(
+            lattice, b, lattice.state.candidate_node[b, pair[0]],
+            lattice.state.candidate_node[b, pair[1]], away, closing, one.radius + two.radius, p,
+        )  # fmt: skip
         lattice.scratch.candidate_push[b, pair[0]] = (
             lattice.scratch.candidate_push[b, pair[0]] - push
         )
@@ -296,7 +341,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             cell = bin_of(lattice, lanes.position(lattice, lattice.state.motion, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
             lattice.scratch.next_in_bin[b, node] = lattice.scratch.bin_head[b, head]
-            lattice.scratch.bin_head[b, head] = node
+            if makeup.is_there(lattice, b, i, j):
+                lattice.scratch.bin_head[b, head] = node
     found = 0
     for i in range(lattice.columns):
         for j in range(lattice.rows):

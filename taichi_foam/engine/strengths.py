@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.base import Limit
+from taichi_foam.laws.bond import BondFoam, Limit
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.layers import loose_rows
 
@@ -26,19 +26,19 @@ def strengths(scene: Scene) -> NDArray[np.float64]:
     return drawn / math.gamma(1 + 1 / modulus)
 
 
-def limits(scene: Scene) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
+def limits(foam: BondFoam, block: Block) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
     """Those of bonds A and B in tension, and in shear, see `BondFoam.limits`."""
-    a, b = (scene.foam.limits(length) for length in (scene.block.dx, scene.block.dy))
+    a, b = (foam.limits(length) for length in (block.dx, block.dy))
     return (a[0], b[0]), (a[1], b[1])
 
 
-def rate_shares(scene: Scene) -> tuple[float, float]:
+def rate_shares(foam: BondFoam, block: Block) -> tuple[float, float]:
     """What of the strain rate of bonds A and B counts: that over the foam's crush band.
 
     Foam crushes a row of cells at a time, between an impactor and foam that is at rest: in half
     the cell the rate is twice as high, and so would be what heeds it.
     """
-    block, band = scene.block, scene.foam.crush_band
+    band = foam.crush_band
     a, b = (1.0 if band is None else length / band for length in (block.dx, block.dy))
     return _snapped(a), _snapped(b)
 
