@@ -291,7 +291,7 @@ def summary(record: Record) -> dict[str, Any]:
         "crushed_height_m": region and region.height,
         "crushed_layer_m": crushed_layer(last, scene) if last else None,
         "crushed_without_room": without_room(last, scene) if last else None,
-        "pieces": pieces(last) if last else None,
+        "pieces": pieces(last, scene.block) if last else None,
         "crack_lowest_height_m": crack and crack.lowest_height,
         "crack_start_x_m": crack and crack.start_x,
         "crack_start_height_m": crack and crack.start_height,

@@ -306,3 +306,25 @@ def _parts(filled: Filling) -> NDArray[np.int64]:
     count = int(filled.there.sum())
     joined = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     return connected_components(joined, directed=False)[1]
+
+
+def thin_parts(block: Block) -> tuple[float, float] | None:
+    """A place [m] where foam is thinner than two cells; None if there is none.
+
+    Thin is what is gone when the foam is narrowed by a cell's larger side all around, and then
+    widened by as much. Less than a cell of it, as at a tip, does not count.
+    """
+    if block.is_rectangle:
+        return None
+    import shapely
+
+    foam = outlines.polygon(block.corners, block.holes)
+    side = max(block.dx, block.dy) * (1.0 - outlines.TOLERANCE)
+    with_corners = {"join_style": "mitre", "mitre_limit": 5.0}
+    core = foam.buffer(-side, **with_corners).buffer(side * (1.0 + 1e-6), **with_corners)
+    thin = shapely.get_parts(foam.difference(core))
+    areas = shapely.area(thin)
+    if not len(thin) or areas.max() <= block.dx * block.dy:
+        return None
+    middle = thin[areas.argmax()].representative_point()
+    return middle.x, middle.y

@@ -31,6 +31,20 @@ def foams_of(scene: Any) -> tuple[tuple[BondFoam, ...], NDArray[np.int64]]:
     return tuple(foams), np.array(kinds)[layer_of_rows(scene.block) + 1]
 
 
+def foams_of_bonds(
+    scene: Any,
+) -> tuple[tuple[BondFoam, ...], NDArray[np.int64], NDArray[np.int64]]:
+    """The foams of a scene's block, that of bonds A of each row (J,), of bonds B above it (J-1,).
+
+    A bond between two layers is of the one that crushes first: the other, half a cell of it, would
+    hardly be strained.
+    """
+    foams, rows = foams_of(scene)
+    plateau = np.array([foam.landmarks.plateau_stress for foam in foams])
+    between = np.where(plateau[rows[:-1]] <= plateau[rows[1:]], rows[:-1], rows[1:])
+    return foams, rows, between
+
+
 def loose_rows(block: Block) -> NDArray[np.int64]:
     """Rows j whose bonds B(i, j) to row j + 1 a loose interface cuts at the start."""
     layer = layer_of_rows(block)
