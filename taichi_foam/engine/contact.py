@@ -6,12 +6,14 @@ from taichi_foam.engine import breaking, lanes, makeup
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
-from taichi_foam.laws import elementary
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
 AT_SURFACE = 1
 NEW = 2  # at the surface since this listing
+
+# Foam between a mass point and its face that is thinner than this, in cells, has no law of its own.
+THIN = 0.25
 
 UNLISTED = -1  # links of the search grid are not below this
 
@@ -40,11 +42,10 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
 
 @ti.func
 def _may_touch_faces(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
-    """The same in a shaped block, whose mass points have their own reach."""
-    reach = elementary.larger(lattice.model.filling[b, i, k].reach, 0.0) + p.skin
-    above = y > lattice.state.body[b].trial_y - reach
-    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + reach
-    may = (above & beside) | (y < reach)
+    """The same in a shaped block, where any mass point may be held, and each has its own reach."""
+    above = y > lattice.state.body[b].trial_y - p.skin
+    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
+    may = (above & beside) | (y < lattice.model.filling[b, i, k].reach + p.skin)
     return lanes.any_of(may & (lattice.model.mobility[b, i, k].y > 0.0))
 
 
@@ -88,13 +89,8 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
         point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
-        reach = 0.0
-        if ti.static(lattice.features.foam_faces):
-            reach = face_reach(lattice, b, i, j)
-        if point.y > -reach and ti.abs(point.x) < p.impactor_half_width + reach:
+        if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
             found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
-            if ti.static(lattice.features.foam_faces):
-                found[0] -= reach
             if found[0] < 0.0:
                 normal = found.yz
                 tangent = vec2(-normal.y, normal.x)
@@ -126,7 +122,9 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         if now.y < half:
             stand = vec2(0.0)
             radius = half * (1.0 + _least_height(lattice, b, i, j))
-            if now.y < radius:
+            if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
+                stand.y = contact_law.normal_force(p.contact_stiffness, now.y - half)
+            elif now.y < radius:
                 c = makeup.constants_at(lattice, B, b, j, p)
                 stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
             stand.x = contact_law.tangential_force(
@@ -155,16 +153,6 @@ def _least_height(lattice: ti.template(), b, i, j) -> ti.f64:
     """The worst strain of a node's bonds B."""
     bond_b = ti.static(lattice.state.bond_b)
     return ti.min(_worst(bond_b, lattice, b, i, j), _worst(bond_b, lattice, b, i, j - 1))
-
-
-@ti.func
-def face_reach(lattice: ti.template(), b, i, j) -> ti.f64:
-    """From a mass point to the foam's face [m]; the foam between is crushed like that behind."""
-    bond_a = ti.static(lattice.state.bond_a)
-    worst = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
-    worst = ti.min(worst, _least_height(lattice, b, i, j))
-    reach = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].reach[lanes.lane_of(lattice, j)]
-    return reach * (1.0 + worst)
 
 
 @ti.func

@@ -10,7 +10,7 @@ from taichi_foam.engine.grading import grading
 from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape import Impactor
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import Filling, filling
 
 
@@ -29,9 +29,7 @@ class Features:
     drag           a dashpot on each node's own velocity
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
-    shaped         mass points and faces differ from those of a plain block, or the impactor touches
-                   the faces of the foam
-    foam_faces     it does
+    shaped         mass points and faces differ from those of a plain block
     foams          how many foams the bonds are of
     """
 
@@ -46,7 +44,6 @@ class Features:
     self_contact: bool
     crushed_room: bool
     shaped: bool
-    foam_faces: bool
     foams: int
 
 
@@ -66,14 +63,13 @@ def features_of(scene: Scene) -> Features:
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
-        shaped=model.foam_faces or not _is_plain(scene, filling(scene.block)),
-        foam_faces=model.foam_faces,
+        shaped=not _is_plain(scene.block, filling(scene.block)),
         foams=len(foams),
     )
 
 
-def _is_plain(scene: Scene, filled: Filling) -> bool:
+def _is_plain(block: Block, filled: Filling) -> bool:
     """Whether every mass point is like every other, and stands where the rows of a lattice do."""
     whole = all(np.all(face == 1.0) for face in (filled.face_a, filled.face_b))
     level = bool(filled.on_base[:, 0].all()) and not filled.on_base[:, 1:].any()
-    return whole and level and bool(np.all(filled.mass == scene.block.node_mass))
+    return whole and level and bool(np.all(filled.mass == block.node_mass))

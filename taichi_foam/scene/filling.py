@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEAST = 0.5
+LEAST = 0.25
 """Share of a cell from which on it has a mass point."""
 
 NO_FACE = 1e-6

@@ -77,11 +77,6 @@ class Model(Part):
         "the foam between four neighbouring mass points keeps the room that crushing has left it, "
         "however its bonds fold",
     )
-    foam_faces: bool = choice(
-        False,
-        "the impactor touches the faces of the foam, half a cell from the mass points behind them; "
-        "false: it touches mass points",
-    )
     piece_size: float = quantity(
         1.0,
         "-",
