@@ -222,14 +222,15 @@ def _draw(
         ),
         autolim=False,
     )  # fmt: skip
-    faces = shapes[cells.layer_faces(snapshot, block)[there] > 0][:, 2:]
-    axis.add_collection(
-        LineCollection(
-            list(faces), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
-            zorder=3,
-        ),
-        autolim=False,
-    )  # fmt: skip
+    if block.layers:
+        faces = shapes[cells.layer_faces(snapshot, block)[there] > 0][:, 2:]
+        axis.add_collection(
+            LineCollection(
+                list(faces), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
+                zorder=3,
+            ),
+            autolim=False,
+        )  # fmt: skip
     if dense:
         # a loose cell shows as a speck of its colour: lines around it would hide that
         sides = np.where(sides == cells.ALL_SIDES, 0, sides)

@@ -1,7 +1,7 @@
 """What the foam of a block fills: mass of each mass point, share of each bond's face.
 
-Cells are cut by the outline. One that is less than half full has no mass point: what it holds goes
-to a neighbour.
+Cells are cut by the outline. One that is less than a quarter full has no mass point: what it holds
+goes to a neighbour.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NO_FACE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """A block on its lattice of I x J cells, one mass point in each that is half full or more.
+    """A block on its lattice of I x J cells, one mass point in each that is a quarter full.
 
     mass    (I, J) of the mass points [kg]; 0: there is none
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
@@ -256,13 +256,13 @@ def problems(block: Block) -> list[str]:
     filled = filling(block)
     more = "take more block.columns and block.rows, or make it wider"
     if not filled.there.any():
-        return [f"block.outline: fills no cell of the lattice by half; {more}"]
+        return [f"block.outline: fills no cell of the lattice by a quarter; {more}"]
     cell = f"a cell of {block.dx:.3g} x {block.dy:.3g} m"
     where = _without_mass_point(filled)
     if where is not None:
         x, y = block.positions[where]
         return [
-            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than half of "
+            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter of "
             f"{cell}, and would not be there; {more}"
         ]
     part = _parts(filled)
