@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 LEAST = 0.25
 """Share of a cell from which on it has a mass point."""
 
+LONGEST_TIP = 3
+"""Cells of a tip that may have no mass points of their own, or beside them."""
+
 NO_FACE = 1e-6
 """Share of a face below which it is none."""
 
@@ -111,6 +114,8 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     up = np.arange(rows + 1.0)
     inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
+    if outlines.is_mirrored(shape, columns):  # by rounding, the one more and the other less
+        area, inner_a, inner_b = (0.5 * (each + each[::-1]) for each in (area, inner_a, inner_b))
     there = share >= LEAST - outlines.TOLERANCE
     owner = _owners(share, there, inner_a, inner_b)
     mass = np.zeros((columns, rows))
@@ -241,7 +246,8 @@ def _signed_distance(block: Block) -> Array:
 def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
     """See `Filling`; `edge` is the distance from the outline [m]."""
     for half in (0.5 * block.dx, 0.5 * block.dy):
-        edge = np.where(np.abs(edge - half) < outlines.TOLERANCE * half, half, edge)
+        whole = np.round(edge / half) * half
+        edge = np.where(np.abs(edge - whole) < outlines.TOLERANCE * half, whole, edge)
     around = np.pad(there, 1)
     inside = full & np.logical_and.reduce(
         [around[2:, 1:-1], around[:-2, 1:-1], around[1:-1, 2:], around[1:-1, :-2]]
@@ -262,8 +268,8 @@ def problems(block: Block) -> list[str]:
     if where is not None:
         x, y = block.positions[where]
         return [
-            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter of "
-            f"{cell}, and would not be there; {more}"
+            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter "
+            f"of {cell}, and would not be there; {more}"
         ]
     part = _parts(filled)
     sizes = np.bincount(part)
@@ -278,20 +284,18 @@ def problems(block: Block) -> list[str]:
 
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
-    """A cell of a clump of foam, larger than a cell, that no mass point beside it has."""
+    """A cell of foam that no mass point beside it has, in a row of more than LONGEST_TIP of them."""
     from scipy import ndimage
 
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
     label = np.zeros(far.shape, dtype=np.int64)
-    ndimage.label(far, output=label)
-    if label.max() == 0:
-        return None
-    size = ndimage.sum_labels(filled.share, label, np.arange(1, label.max() + 1))
-    if size.max() <= 1.0:
-        return None
-    i, j = np.argwhere(label == size.argmax() + 1)[0]
-    return int(i), int(j)
+    ndimage.label(far, np.ones((3, 3)), output=label)
+    for place in ndimage.find_objects(label):
+        if max(along.stop - along.start for along in place) > LONGEST_TIP:
+            i, j = np.argwhere(far[place])[0] + [along.start for along in place]
+            return int(i), int(j)
+    return None
 
 
 def _parts(filled: Filling) -> NDArray[np.int64]:

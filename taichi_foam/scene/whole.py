@@ -113,6 +113,7 @@ class Scene(Part):
         problems = [
             *_problems_of_foam(self),
             *_problems_of_layers(self),
+            *_problems_of_base(self),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
@@ -196,6 +197,17 @@ def _problems_of_layers(scene: Scene) -> list[str]:
         f"block.layers[{number}].foam what [foam] has, or a curve each (foam.curve)"
         for number, layer in enumerate(scene.block.layers)
         if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+    ]
+
+
+def _problems_of_base(scene: Scene) -> list[str]:
+    """Say why the base has nothing to hold."""
+    kind = scene.base.kind
+    if kind == "floor" or filling.filling(scene.block).on_base.any():
+        return []
+    return [
+        f"block.outline: has no side on the base, y = 0, which base.kind = '{kind}' holds; give it "
+        "a level side there, or set base.kind = 'floor'"
     ]
 
 
