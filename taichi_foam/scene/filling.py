@@ -284,7 +284,7 @@ def problems(block: Block) -> list[str]:
 
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
-    """A cell of foam that no mass point beside it has, in a row of more than LONGEST_TIP of them."""
+    """A cell whose foam no mass point beside it has, one of more than LONGEST_TIP in a row."""
     from scipy import ndimage
 
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
