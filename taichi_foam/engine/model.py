@@ -103,11 +103,12 @@ SHARES = (
 def foam_type(law: type[BondLaw]) -> Any:
     """Taichi record of a foam: its law's constants as `bond`, SHARES of bonds A and B as `a`, `b`.
 
-    `bound_mass` is the least mass [kg] of a mass point with bonds of it, over the share of four
-    whole faces that these have together: that of a whole cell in a plain block.
+    `least_mass` is that of a mass point with bonds of it [kg], and `bond_mass` the same over the
+    mean share of its two faces along an axis. In a plain block both are a whole cell's.
     """
     shares = ti.types.struct(**dict.fromkeys(SHARES, ti.f64))
-    return ti.types.struct(bond=law.Constants, a=shares, b=shares, bound_mass=ti.f64)
+    masses = dict.fromkeys(("least_mass", "bond_mass"), ti.f64)
+    return ti.types.struct(bond=law.Constants, a=shares, b=shares, **masses)
 
 
 @cache
@@ -374,22 +375,26 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
         "bond": foam.constants(scene.model),
         "a": shares[A],
         "b": shares[B],
-        "bound_mass": _bound_mass(block, graded.places == n),
+        **_masses(block, graded.places == n),
     }
 
 
-def _bound_mass(block: Block, here: NDArray[np.bool_]) -> float:
+def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
     """See `foam_type`; `here` tells the rows (2, J) whose bonds A and B are of the foam."""
     filled = filling(block)
-    faces = np.zeros_like(filled.mass)
+    faces = np.zeros((2, *filled.mass.shape))
     met = np.zeros(filled.mass.shape, dtype=bool)
     for axis, shares in enumerate((filled.face_a, filled.face_b)):
         mine = (shares > 0.0) & here[axis, : shares.shape[1]]
         for end in (slice(None, -1), slice(1, None)):
             ends = (end, slice(None)) if axis == A else (slice(None), end)
-            faces[ends] += shares
+            faces[axis][ends] += 0.5 * shares
             met[ends] |= mine
-    return float((filled.mass / np.maximum(0.25 * faces, 1.0))[met].min())
+    mass = filled.mass[met]
+    return {
+        "least_mass": float(mass.min()),
+        "bond_mass": float(min(mass.max(), (mass / faces.max(axis=0)[met]).min())),
+    }
 
 
 def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
@@ -444,7 +449,8 @@ def _fastest_rate(
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
         stiffest = elastic + stiffened  # the overstress comes on top
-    stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
+    of_bonds = 4.0 * stiffest + sheared
+    stiffness = of_bonds + p.contact_stiffness
     if ti.static(lattice.features.self_contact):
         stiffness += 8.0 * lattice.law.contact_stiffness(foam.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
@@ -452,10 +458,15 @@ def _fastest_rate(
         stiffness += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
     dashpots = ti.max(foam.a.cross_dashpot, foam.a.cross_dashpot + foam.a.excess_dashpot)
     dashpots += ti.max(foam.b.cross_dashpot, foam.b.cross_dashpot + foam.b.excess_dashpot)
-    decay = 4.0 * dashpots + p.drag
+    damped = 4.0 * dashpots
+    decay = damped + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
         decay += 8.0 * p.piece_dashpot
-    return ti.max(ti.sqrt(stiffness / foam.bound_mass + p.impactor_rate), decay / foam.bound_mass)
+    squared, decays = stiffness / foam.least_mass, decay / foam.least_mass
+    if ti.static(lattice.features.shaped):  # what has little mass has small faces, too
+        squared = of_bonds / foam.bond_mass + (stiffness - of_bonds) / foam.least_mass
+        decays = damped / foam.bond_mass + (decay - damped) / foam.least_mass
+    return ti.max(ti.sqrt(squared + p.impactor_rate), decays)
 
 
 @ti.func
