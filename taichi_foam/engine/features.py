@@ -25,6 +25,7 @@ class Features:
     drag           a dashpot on each node's own velocity
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
+    turns          the impactor moves and turns in the plane
     """
 
     law: BondLaw
@@ -37,6 +38,7 @@ class Features:
     drag: bool
     self_contact: bool
     crushed_room: bool
+    turns: bool
 
 
 def features_of(scene: Scene) -> Features:
@@ -53,4 +55,5 @@ def features_of(scene: Scene) -> Features:
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
+        turns=scene.turns,
     )
