@@ -58,7 +58,7 @@ def velocity_of(lattice: ti.template(), b, arm: vec2) -> vec2:
 
 @ti.func
 def slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
-    """How far [m] the body's point has moved since friction springs were latched, to first order.
+    """How far [m] the body's point has moved since friction springs were latched.
 
     They are latched at a step's first stage, whose rates still hold the last step's motion.
     """
@@ -67,7 +67,9 @@ def slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
     if stage > 0:
         way = vec2(turn.trial_x - turn.x, body.trial_y - body.y)
         by_turn = turn.trial_angle - turn.angle
-    return vec2(way.x - by_turn * arm.y, way.y + by_turn * arm.x)
+    # the arm halfway between, so that the path is the chord
+    half_x, half_y = arm.x + 0.5 * by_turn * arm.y, arm.y - 0.5 * by_turn * arm.x
+    return vec2(way.x - by_turn * half_y, way.y + by_turn * half_x)
 
 
 @ti.func

@@ -83,8 +83,7 @@ class Column:
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("time_s", "s", "time", "end of the row's interval", ("time",)),
     Column("displacement_m", "m", "displacement",
-           "of the impactor (its centre of mass) from its start, positive downwards", ("y",),
-           shown=("cm", 1e2)),
+           "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2)),
     Column("velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",)),
     Column("deceleration_m_s2", "m/s²", "deceleration, raw",
            "of the impactor, positive upwards, mean over the row's interval", ("time", "v")),

@@ -51,10 +51,8 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
     """The snapshot of its numbers and arrays by name."""
-    given: dict[str, Any] = {
-        n: each if np.ndim(each) else float(each) for n, each in values.items()
-    }
-    return Snapshot(**given)
+    given: dict[str, Any] = {**values}
+    return Snapshot(**{n: each if np.ndim(each) else float(each) for n, each in given.items()})
 
 
 class _Records:

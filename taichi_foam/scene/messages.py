@@ -33,7 +33,6 @@ _CONCEPTS = {
     "inertia": _INERTIA,
     "moment_of_inertia": _INERTIA,
     "rotation": _TILT,
-    "angle": _TILT,
     "tilt": _TILT,
     "curve": _CURVE,
     "stress_strain": _CURVE,

@@ -53,9 +53,10 @@ def distance_inside(hull: np.ndarray, point: np.ndarray) -> float:
 
 def rotated(points: np.ndarray, degrees: float) -> np.ndarray:
     """Return the points turned counter-clockwise about the origin; quarter turns are exact."""
-    quarter, rest = divmod(degrees, 90.0)
+    quarter = round(degrees / 90.0)  # the rest, -45 to 45: the other way round to the last bit
+    rest = degrees - 90.0 * quarter
     cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
-    for _ in range(int(quarter) % 4):
+    for _ in range(quarter % 4):
         cosine, sine = -sine, cosine
     x, y = points[:, 0], points[:, 1]
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
