@@ -86,7 +86,7 @@ def test_a_body_that_rocks_on_foam_is_followed_to_the_order_of_the_integrator(
     )  # fmt: skip
     soft = numerics(damping_time=1e-6, contact_stiffness=0.5)
     scene = small_scene(model=LOOSE, numerics=soft, impactor=body)
-    position = reference_positions(scene) + [0.0, 5e-6]
+    position = reference_positions(scene) + np.array([0.0, 5e-6])
 
     def state(steps: int) -> np.ndarray:
         given = scene.numerics.model_copy(update={"dt": time / steps})
@@ -99,9 +99,11 @@ def test_a_body_that_rocks_on_foam_is_followed_to_the_order_of_the_integrator(
             assert found.overlap.max() > 4e-6
             assert found.clock["broken"] == 0
             return np.array(
-                [found.body["y"], found.body["v"] * time]
-                + [found.turn["x"], found.turn["u"] * time]
-                + [found.turn["angle"] * 0.03, found.turn["spin"] * 0.03 * time]
+                [
+                    *(found.body["y"], found.body["v"] * time),
+                    *(found.turn["x"], found.turn["u"] * time),
+                    *(found.turn["angle"] * 0.03, found.turn["spin"] * 0.03 * time),
+                ]
             )
 
     counts = np.array([200, 283, 400, 566])
@@ -271,8 +273,8 @@ def test_the_support_throws_a_body_back(tilt: float) -> None:
     """With the block out of the way, from just above the bottom.
 
     Flat, it swings as on rails: v / w deep for half a swing. Tilted by t, it falls on a corner at
-    a lever d and is thrown back as fast as it came: by J d / I, to the 3 % by which the lever changes
-    while it turns by 4 degrees. What is exact is the energy.
+    a lever d and is thrown back as fast as it came: by J d / I, to the 3 % by which the lever
+    changes while it turns by 4 degrees. What is exact is the energy.
     """
     speed, dt = 3.0, 2e-7
     stiff = numerics(contact_stiffness=40.0, dt=dt)
@@ -282,9 +284,7 @@ def test_the_support_throws_a_body_back(tilt: float) -> None:
     lever = body.outline()[np.argmin(body.outline()[:, 1]), 0] - body.centre_of_mass[0]
     with bench(scene, position=aside) as loaded:
         start = transfer.take(loaded.lattice, 0)
-        transfer.load(
-            loaded.lattice, 0, scene, replace(start, body={**start.body, "y": 1e-4})
-        )
+        transfer.load(loaded.lattice, 0, scene, replace(start, body={**start.body, "y": 1e-4}))
         transfer.set_pause(loaded.lattice, np.full(1, 1e30))
         deepest = 0.0
         for _ in range(240):
