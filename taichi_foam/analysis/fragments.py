@@ -20,6 +20,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.analysis.crush import crushed_cells
 from taichi_foam.analysis.presence import apart, there
 from taichi_foam.records.snapshot import Snapshot
@@ -169,12 +170,15 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
 
     x = (np.arange(1, columns) - columns / 2) * dx
-    outline = scene.impactor.outline()[:, 0]
-    from_axis = x - scene.impactor.x
+    now = impactor_now(snapshot, scene)
+    assert now is not None  # there is one
+    axis = scene.impactor.x + snapshot.impactor_shift
+    outline, level = now[:, 0] - axis, now[:, 1].min()
+    from_axis = x - axis
     slack = 1e-6 * dx
     below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
     below |= np.abs(from_axis) <= dx + slack
-    ahead = (np.arange(rows) + 1) * dy <= snapshot.impactor_y + dy + slack
+    ahead = (np.arange(rows) + 1) * dy <= level + dy + slack
     length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
 
     found = []
@@ -191,7 +195,6 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
             continue
         middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
         found.append(Crack(path[-1][1] * dy, *middles[0], min(times), middles))
-    axis = scene.impactor.x
     return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
 
 

@@ -51,10 +51,10 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
     crushed bond B; of one that is crushed in part the crushed part is the upper one. Where the face
     has lifted off, the layer begins at the median of the columns' highest mass points.
 
-    None without a level face, on a turned lattice, and where nothing below it is crushed.
+    None without a level face on rails, on a turned lattice, and where nothing below it is crushed.
     """
     impactor, block = scene.impactor, scene.block
-    if impactor is None or not is_flat(impactor) or block.lattice_angle_deg != 0:
+    if impactor is None or scene.turns or not is_flat(impactor) or block.lattice_angle_deg != 0:
         return None
     ends = impactor.x + impactor.outline()[:, 0]
     offset = np.abs(block.positions[:, 0, 0] - (ends.min() + ends.max()) / 2)

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, lanes, makeup
+from taichi_foam.engine import breaking, lanes, makeup, turning
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
@@ -29,24 +29,19 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
     go slack.
     """
-    if ti.static(lattice.features.shaped):
-        return _may_touch_faces(lattice, b, i, k, x, y, p)
     above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
-    may = (above & beside) | (y < 0.5 * p.cell.y + p.skin)
-    if p.hold_y and k == 0:
+    near = above & beside
+    if ti.static(lattice.features.turns):
+        near = turning.is_near(lattice, b, x, y, p)
+    may = near | (y < 0.5 * p.cell.y + p.skin)
+    if ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
+        low = y < lattice.model.filling[b, i, k].reach + p.skin
+        may = (near | low) & (lattice.model.mobility[b, i, k].y > 0.0)
+    elif p.hold_y and k == 0:
         # the held row is part of the support, which lets the impactor pass
         may[0] = 0
     return lanes.any_of(may)
-
-
-@ti.func
-def _may_touch_faces(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
-    """The same in a shaped block, where any mass point may be held, and each has its own reach."""
-    above = y > lattice.state.body[b].trial_y - p.skin
-    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
-    may = (above & beside) | (y < lattice.model.filling[b, i, k].reach + p.skin)
-    return lanes.any_of(may & (lattice.model.mobility[b, i, k].y > 0.0))
 
 
 @ti.func
@@ -63,12 +58,15 @@ def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
 
 
 @ti.func
-def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
-    """How far [m] the impactor has moved since then."""
+def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
+    """How far [m] the impactor's point at an arm from its centre of mass has moved since then."""
     path = lattice.state.body[b].rate_y
     if stage > 0:
         path = lattice.state.body[b].trial_y - lattice.state.body[b].y
-    return path
+    moved = vec2(0.0, path)
+    if ti.static(lattice.features.turns):
+        moved = turning.slid(lattice, b, arm, stage)
+    return moved
 
 
 @ti.func
@@ -88,14 +86,19 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     if not makeup.is_held(lattice, b, i, j, p):
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
-        point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
+        point, arm = vec2(now.x - p.impactor_x, now.y - body.trial_y), vec2(0.0)
+        if ti.static(lattice.features.turns):
+            point = vec2(turning.in_body(lattice, b, now.x, now.y, p))
+            arm = vec2(turning.arm_to(lattice, b, now.x, now.y, p))
         if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
             found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
             if found[0] < 0.0:
                 normal = found.yz
+                if ti.static(lattice.features.turns):
+                    normal = turning.turned(lattice, b, normal)
                 tangent = vec2(-normal.y, normal.x)
                 press = contact_law.normal_force(p.contact_stiffness, found[0])
-                path = _slid(lattice, b, i, j, stage) - vec2(0.0, _impactor_slid(lattice, b, stage))
+                path = _slid(lattice, b, i, j, stage) - _impactor_slid(lattice, b, arm, stage)
                 along = contact_law.tangential_force(
                     p.contact_stiffness,
                     lattice.state.slip[b, i, k].impactor[lane] + path.dot(tangent),
@@ -106,6 +109,9 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 rubbing = along * tangent
                 on_impactor = -along / p.contact_stiffness
                 relative = vec2(speed.x, speed.y - body.trial_v)
+                if ti.static(lattice.features.turns):
+                    relative = speed - turning.velocity_of(lattice, b, arm)
+                    turning.add_reaction(lattice, b, strip, pressing + rubbing, arm)
                 work[IMPACTOR] -= weight * pressing.dot(relative)
                 work[FRICTION] -= weight * rubbing.dot(relative)
                 lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[

@@ -31,6 +31,7 @@ class Features:
     crushed_room   cells keep the room that their bonds have left them
     shaped         mass points and faces differ from those of a plain block
     foams          how many foams the bonds are of
+    turns          the impactor moves and turns in the plane
     """
 
     law: BondLaw
@@ -45,6 +46,7 @@ class Features:
     crushed_room: bool
     shaped: bool
     foams: int
+    turns: bool
 
 
 def features_of(scene: Scene) -> Features:
@@ -65,6 +67,7 @@ def features_of(scene: Scene) -> Features:
         crushed_room=model.crushed_room,
         shaped=not _is_plain(scene.block, filling(scene.block)),
         foams=len(foams),
+        turns=scene.turns,
     )
 
 

@@ -4,12 +4,14 @@ import taichi as ti
 
 from taichi_foam.engine import breaking, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import ROW_COLUMNS, TURN_COLUMNS
 
 vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
 FIRST_WORK = ROW_COLUMNS.index("bonds")
+FIRST_OF_TURN = len(ROW_COLUMNS)
 
 
 @ti.func
@@ -82,4 +84,9 @@ def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_node
     lattice.scratch.history[b, row, 9] = fracture
     for k in ti.static(range(WORKS)):
         lattice.scratch.history[b, row, FIRST_WORK + k] = works[k]
+    if ti.static(lattice.features.turns):
+        turn = lattice.state.turn[b]
+        of_body = vec4(turn.x, turn.u, turn.angle, turn.spin)
+        for k in ti.static(range(len(TURN_COLUMNS))):
+            lattice.scratch.history[b, row, FIRST_OF_TURN + k] = of_body[k]
     lattice.state.clock[b].rows = row + 1

@@ -20,7 +20,8 @@ from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.laws.shape.base import SURFACE_ROWS
+from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
+from taichi_foam.laws.shape.outline import convex_hull
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
 
@@ -66,6 +67,11 @@ MEMBERS = {
     "impactor": ti.i32,  # whether there is one
     "impactor_x": ti.f64,
     "impactor_half_width": ti.f64,
+    "impactor_height": ti.f64,
+    "impactor_centre": vec2,  # of mass, about the reference point as it starts
+    "impactor_reach": ti.f64,  # furthest point from there
+    "impactor_inertia": ti.f64,
+    "hull_corners": ti.f64,  # in `ModelFields.hull`, as a number: see Layout of whole ones
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
     "impactor_friction": ti.f64,
@@ -103,11 +109,12 @@ SHARES = (
 def foam_type(law: type[BondLaw]) -> Any:
     """Taichi record of a foam: its law's constants as `bond`, SHARES of bonds A and B as `a`, `b`.
 
-    `bound_mass` is the least mass [kg] of a mass point with bonds of it, over the share of four
-    whole faces that these have together: that of a whole cell in a plain block.
+    `least_mass` is that of a mass point with bonds of it [kg], and `bond_mass` the same over the
+    mean share of its two faces along an axis. In a plain block both are a whole cell's.
     """
     shares = ti.types.struct(**dict.fromkeys(SHARES, ti.f64))
-    return ti.types.struct(bond=law.Constants, a=shares, b=shares, bound_mass=ti.f64)
+    masses = dict.fromkeys(("least_mass", "bond_mass"), ti.f64)
+    return ti.types.struct(bond=law.Constants, a=shares, b=shares, **masses)
 
 
 @cache
@@ -121,7 +128,8 @@ class Model:
     """The constants of a scene, as the device takes them.
 
     numbers    (n,) every member of `parameters_type`, in its order
-    surface    (SURFACE_ROWS, 3) of the impactor, zeros beyond its rows
+    surface    (n, 3) of the impactor, a row of zeros without one
+    hull       (n, 2) corners of its convex hull, if it turns
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
     filling    (I, J, 5) mass of each mass point [kg], share of the faces of bonds A and B, reach
@@ -132,6 +140,7 @@ class Model:
 
     numbers: NDArray[np.float64]
     surface: NDArray[np.float64]
+    hull: NDArray[np.float64] | None
     strengths: NDArray[np.float64] | None
     tables: NDArray[np.float64] | None
     filling: NDArray[np.float64] | None
@@ -143,13 +152,10 @@ def model_of(scene: Scene) -> Model:
     """The model of a scene."""
     law, graded = type(scene.foam.law_for(scene.model)), grading(scene)
     record = parameters_type(law)
-    surface = np.zeros((SURFACE_ROWS, 3))
-    if scene.impactor is not None:
-        rows = scene.impactor.surface()
-        surface[: len(rows)] = rows
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
-        surface=surface,
+        surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
+        hull=_hull(scene) if scene.turns else None,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(graded),
         filling=_filled(scene) if features_of(scene).shaped else None,
@@ -194,6 +200,7 @@ class ModelFields:
 
     parameters  (batch,) records of `parameters_type`
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
+    hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
                 (batch, I, packs) of the nodes of a shaped block
@@ -220,6 +227,9 @@ class ModelFields:
             layout.listed(layout.packs, self.mobility)
         if features.foams > 1:
             self._place_foams(layout, features)
+        if features.turns:
+            self.hull = vec2.field()
+            layout.listed(MOST_CORNERS, self.hull)
         if features.scattered:
             self.strengths = (small_pack.field(), small_pack.field())
             layout.of_nodes(*self.strengths)
@@ -297,6 +307,11 @@ def parameters_of(scene: Scene) -> dict:
         "impactor": 0,
         "impactor_x": 0.0,
         "impactor_half_width": 0.0,
+        "impactor_height": 0.0,
+        "impactor_centre": [0.0, 0.0],
+        "impactor_reach": 0.0,
+        "impactor_inertia": 1.0,
+        "hull_corners": 0.0,
         "impactor_mass": 1.0,
         "impactor_rate": 0.0,
         "impactor_friction": 0.0,
@@ -318,21 +333,45 @@ def parameters_of(scene: Scene) -> dict:
         "row_interval": scene.output.history_interval,
     }
     if impactor is not None:
+        half_width, height = impactor.box
+        answering = _answering_mass(impactor)
         values |= {
             "impactor": 1,
             "impactor_x": impactor.x,
-            "impactor_half_width": float(np.abs(impactor.outline()[:, 0]).max()),
+            "impactor_half_width": half_width,
+            "impactor_height": height,
             "impactor_mass": impactor.mass,
             "impactor_rate": _impactor_rate(scene, contact),
             "impactor_friction": impactor.friction,
             "surface_rows": len(impactor.surface()),
             "support_stiffness": (
-                contact * impactor.mass / block.node_mass / SLOWNESS**2
-                if base.stops_impactor
-                else 0.0
+                contact * answering / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0
             ),
         }
+    if impactor is not None and scene.turns:
+        values |= {
+            "impactor_centre": impactor.centre_of_mass.tolist(),
+            "impactor_reach": impactor.reach,
+            "impactor_inertia": impactor.moment_of_inertia,
+            "hull_corners": len(_hull(scene)),
+        }
     return values
+
+
+def _hull(scene: Scene) -> NDArray[np.float64]:
+    """Corners of the convex hull of the impactor (n, 2), about its reference point [m]."""
+    assert scene.impactor is not None
+    return convex_hull(scene.impactor.outline())
+
+
+def _answering_mass(impactor: Impactor) -> float:
+    """The least mass [kg] with which any point of an impactor answers a push.
+
+    A free one swings away, a point at r from its centre with 1 / (1/m + r^2/I).
+    """
+    if impactor.guided:
+        return impactor.mass
+    return 1 / (1 / impactor.mass + impactor.reach**2 / impactor.moment_of_inertia)
 
 
 def _impactor_rate(scene: Scene, contact: float) -> float:
@@ -344,12 +383,16 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
     """
     block, impactor = scene.block, scene.impactor
     assert impactor is not None
-    across = min(block.columns, math.floor(impactor.extent / block.dx) + 1)
-    flanks = 2 * min(block.rows, math.ceil(impactor.nose_depth / block.dy))
+    width, depth = impactor.extent, impactor.nose_depth
+    if not impactor.guided:  # with any of its sides
+        width = depth = 2 * impactor.reach
+    across = min(block.columns, math.floor(width / block.dx) + 1)
+    flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
     touching = max(across, flanks)
-    if impactor.mass > HEAVY * touching * block.node_mass:
+    mass = _answering_mass(impactor)
+    if mass > HEAVY * touching * block.node_mass:
         return 0.0
-    return FOLLOWED**2 * touching * contact / impactor.mass
+    return FOLLOWED**2 * touching * contact / mass
 
 
 def _foam(scene: Scene, graded: Grading, n: int) -> dict:
@@ -374,22 +417,26 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
         "bond": foam.constants(scene.model),
         "a": shares[A],
         "b": shares[B],
-        "bound_mass": _bound_mass(block, graded.places == n),
+        **_masses(block, graded.places == n),
     }
 
 
-def _bound_mass(block: Block, here: NDArray[np.bool_]) -> float:
+def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
     """See `foam_type`; `here` tells the rows (2, J) whose bonds A and B are of the foam."""
     filled = filling(block)
-    faces = np.zeros_like(filled.mass)
+    faces = np.zeros((2, *filled.mass.shape))
     met = np.zeros(filled.mass.shape, dtype=bool)
     for axis, shares in enumerate((filled.face_a, filled.face_b)):
         mine = (shares > 0.0) & here[axis, : shares.shape[1]]
         for end in (slice(None, -1), slice(1, None)):
             ends = (end, slice(None)) if axis == A else (slice(None), end)
-            faces[ends] += shares
+            faces[axis][ends] += 0.5 * shares
             met[ends] |= mine
-    return float((filled.mass / np.maximum(0.25 * faces, 1.0))[met].min())
+    mass = filled.mass[met]
+    return {
+        "least_mass": float(mass.min()),
+        "bond_mass": float(min(mass.max(), (mass / faces.max(axis=0)[met]).min())),
+    }
 
 
 def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
@@ -444,7 +491,8 @@ def _fastest_rate(
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
         stiffest = elastic + stiffened  # the overstress comes on top
-    stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
+    of_bonds = 4.0 * stiffest + sheared
+    stiffness = of_bonds + p.contact_stiffness
     if ti.static(lattice.features.self_contact):
         stiffness += 8.0 * lattice.law.contact_stiffness(foam.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
@@ -452,10 +500,15 @@ def _fastest_rate(
         stiffness += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
     dashpots = ti.max(foam.a.cross_dashpot, foam.a.cross_dashpot + foam.a.excess_dashpot)
     dashpots += ti.max(foam.b.cross_dashpot, foam.b.cross_dashpot + foam.b.excess_dashpot)
-    decay = 4.0 * dashpots + p.drag
+    damped = 4.0 * dashpots
+    decay = damped + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
         decay += 8.0 * p.piece_dashpot
-    return ti.max(ti.sqrt(stiffness / foam.bound_mass + p.impactor_rate), decay / foam.bound_mass)
+    squared, decays = stiffness / foam.least_mass, decay / foam.least_mass
+    if ti.static(lattice.features.shaped):  # what has little mass has small faces, too
+        squared = of_bonds / foam.bond_mass + (stiffness - of_bonds) / foam.least_mass
+        decays = damped / foam.bond_mass + (decay - damped) / foam.least_mass
+    return ti.max(ti.sqrt(squared + p.impactor_rate), decays)
 
 
 @ti.func

@@ -6,7 +6,7 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import cells, contact, lanes, makeup
+from taichi_foam.engine import cells, contact, lanes, makeup, turning
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
@@ -213,6 +213,9 @@ def node_column(
 def clear_nodes(lattice: ti.template(), b, strip, stage):
     """Start the tally of a strip's nodes."""
     lattice.scratch.contact_force[b, strip] = 0.0
+    if ti.static(lattice.features.turns):
+        lattice.scratch.side_force[b, strip] = 0.0
+        lattice.scratch.torque[b, strip] = 0.0
     lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
         lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
@@ -268,8 +271,25 @@ def contact_force_of_strips(lattice: ti.template(), b) -> ti.f64:
 
 
 @ti.func
+def stage_of_strips(lattice: ti.template(), b, stage, p: ti.template()):
+    """The same stage for the impactor, once all strips have told what they do to it."""
+    if ti.static(lattice.features.turns):
+        free_stage(lattice, b, stage, turning.load_of_strips(lattice, b), p)
+    else:
+        body_stage(lattice, b, stage, contact_force_of_strips(lattice, b), p)
+
+
+@ti.func
+def free_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
+    """A stage for an impactor that turns, once the load of all nodes on it is known."""
+    step = lattice.state.clock[b].step
+    weight, ahead = stage_weight(stage, step), stage_ahead(stage, step)
+    turning.stage(lattice, b, stage, weight, ahead, by_nodes, p)
+
+
+@ti.func
 def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
-    """The same stage for the impactor, once the force of all nodes on it is known [N]."""
+    """A stage for an impactor on rails, once the force of all nodes on it is known [N]."""
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
     force = by_nodes

@@ -65,6 +65,26 @@ class Body:
 
 
 @ti.dataclass
+class Turn:
+    """What else moves of an impactor without rails, see `engine.turning`."""
+
+    x: ti.f64  # how far sideways since the start [m]
+    angle: ti.f64  # turned since the start, counter-clockwise [rad]
+    u: ti.f64  # velocity to the right [m/s]
+    spin: ti.f64  # [rad/s]
+    trial_x: ti.f64
+    trial_angle: ti.f64
+    trial_u: ti.f64
+    trial_spin: ti.f64
+    rate_x: ti.f64  # weighted sums of the RK4 stages
+    rate_angle: ti.f64
+    rate_u: ti.f64
+    rate_spin: ti.f64
+    cosine: ti.f64  # of the trial angle
+    sine: ti.f64
+
+
+@ti.dataclass
 class Clock:
     """Where one lattice stands in time."""
 
@@ -103,6 +123,9 @@ CLOCK = (
 BODY = ("y", "v", "rate_y", "force", "support_work")
 """Members of a body that a state holds."""
 
+TURN = ("x", "angle", "u", "spin", "rate_x", "rate_angle")
+"""Members of a turn that a state holds, if there is one."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -119,6 +142,7 @@ class State:
     intact_a, intact_b          the same, share of a whole bond's face that carries tension and
                     shear: less than 1 only where bonds hold beyond their limits
     clock, body     numbers by name, CLOCK and BODY
+    turn            the same, TURN; empty where impactors do not turn
     work            (strips, WORKS) of each strip of nodes [J], members BONDS to ROOM
     fracture        (strips,) stored energy lost by breaking [J]
     overlap         (strips,) deepest so far in the impactor [m]
@@ -140,6 +164,7 @@ class State:
     intact_b: Array
     clock: Mapping[str, float]
     body: Mapping[str, float]
+    turn: Mapping[str, float]
     work: Array
     fracture: Array
     overlap: Array
@@ -159,7 +184,7 @@ class State:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "State":
         """The state that `to_arrays` gave. Raises KeyError: an array is missing."""
-        nested = {"clock": float, "body": float, "neighbours": np.asarray}
+        nested = {"clock": float, "body": float, "turn": float, "neighbours": np.asarray}
         values: dict[str, Any] = {}
         for field in fields(cls):
             if field.name in nested:
@@ -185,6 +210,8 @@ class State:
             e_min_b=self.worst_b,
             break_time_a=self.break_time_a,
             break_time_b=self.break_time_b,
+            impactor_shift=self.turn.get("x", 0.0),
+            impactor_angle=self.turn.get("angle", 0.0),
         )
 
 
@@ -217,6 +244,9 @@ def initial_state(scene: Scene) -> State:
     body = dict.fromkeys(BODY, 0.0)
     body["y"] = NEVER if impactor is None else scene.contact_height + impactor.gap
     body["v"] = 0.0 if impactor is None else -impactor.velocity
+    turn = {}
+    if impactor is not None and scene.turns:
+        turn = dict.fromkeys(TURN, 0.0) | {"u": impactor.velocity_x, "spin": impactor.spin}
     return State(
         position=position,
         velocity=velocity,
@@ -233,6 +263,7 @@ def initial_state(scene: Scene) -> State:
         intact_b=np.ones((columns, rows - 1)),
         clock=clock,
         body=body,
+        turn=turn,
         work=np.zeros((0, WORKS)),
         fracture=np.zeros(0),
         overlap=np.zeros(0),
@@ -262,7 +293,7 @@ class StateFields:
                see State. The condition of a whole one is then what will be left after this step
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
-    body, clock, work, fracture, overlap   see State
+    body, turn, clock, work, fracture, overlap   see State
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
                candidates; their nodes; positions, velocities and radii; how many a column has
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
@@ -290,6 +321,9 @@ class StateFields:
         layout.of_nodes(self.bond_a, self.bond_b, self.slip)
         self.body, self.clock = Body.field(), Clock.field()
         layout.of_lattices(self.body, self.clock)
+        if features.turns:
+            self.turn = Turn.field()
+            layout.of_lattices(self.turn)
         self.work = ti.types.vector(WORKS, ti.f64).field()
         self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
         layout.of_strips(self.work, self.fracture, self.overlap)

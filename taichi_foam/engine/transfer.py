@@ -19,13 +19,14 @@ from taichi_foam.engine.state import (
     CLOCK,
     EMPTY,
     NEVER,
+    TURN,
     WORKS,
     State,
     initial_state,
 )
+from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.laws.shape.base import SURFACE_ROWS
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
@@ -63,6 +64,8 @@ def unload(lattice: Lattice, b: int) -> None:
 def put_model(lattice: Lattice, b: int, model: Model) -> None:
     """Set the constants of lattice `b`."""
     _put_numbers(lattice, b, model.numbers, model.surface)
+    if model.hull is not None:
+        _put_hull(lattice, b, model.hull)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
     if model.filling is not None:
@@ -86,7 +89,7 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 member[b] = ti.i32(numbers[n])
             else:
                 member[b] = numbers[n]
-    for row in range(SURFACE_ROWS):
+    for row in range(surface.shape[0]):
         for c in ti.static(range(3)):
             lattice.model.surface[b, row][c] = surface[row, c]
     if ti.static(not lattice.features.shaped):
@@ -149,6 +152,12 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
 
 
 @ti.kernel
+def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
+    for n in range(hull.shape[0]):
+        lattice.model.hull[b, n] = vec2(hull[n, 0], hull[n, 1])
+
+
+@ti.kernel
 def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
     for i in range(lattice.columns):
         for j in range(lattice.rows):
@@ -182,6 +191,8 @@ def put(lattice: Lattice, b: int, state: State) -> None:
     arrays = (*nodes, state.room, state.surface, state.hold, *bonds, state.intact_a, state.intact_b)
     _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
     _put_rest(lattice, b, strips, numbers)
+    if lattice.features.turns:
+        _put_turn(lattice, b, np.array(_values(state.turn, TURN)))
     if lattice.features.self_contact:
         _put_neighbours(lattice, b, state.neighbours)
 
@@ -288,6 +299,36 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
         lattice.state.clock[b].pause = 0.0
 
 
+@ti.kernel
+def _put_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
+    for _ in range(1):
+        for n in ti.static(range(len(TURN))):
+            member = ti.static(lattice.state.turn.get_member_field(TURN[n]))
+            member[b] = numbers[n]
+        turn = lattice.state.turn[b]
+        turn.trial_x, turn.trial_angle, turn.trial_u, turn.trial_spin = (
+            turn.x, turn.angle, turn.u, turn.spin,
+        )  # fmt: skip
+        turn.sine, turn.cosine = elementary.sine_cosine(turn.angle)
+        lattice.state.turn[b] = turn
+
+
+@ti.kernel
+def _take_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
+    for _ in range(1):
+        for n in ti.static(range(len(TURN))):
+            numbers[n] = ti.static(lattice.state.turn.get_member_field(TURN[n]))[b]
+
+
+def _turn(lattice: Lattice, b: int) -> dict[str, float]:
+    """The members of a turn by name, none where impactors do not turn."""
+    if not lattice.features.turns:
+        return {}
+    numbers = np.empty(len(TURN))
+    _take_turn(lattice, b, numbers)
+    return dict(zip(TURN, numbers.tolist(), strict=True))
+
+
 def take(lattice: Lattice, b: int) -> State:
     """The state of lattice `b` between two steps."""
     nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
@@ -312,6 +353,7 @@ def take(lattice: Lattice, b: int) -> State:
         intact_b=bonds[:, :-1, 5].copy(),
         clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
         body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
+        turn=_turn(lattice, b),
         work=strips[:, :WORKS].copy(),
         fracture=strips[:, WORKS].copy(),
         overlap=strips[:, WORKS + 1].copy(),
@@ -324,7 +366,7 @@ def snapshot(lattice: Lattice, b: int) -> Snapshot:
     nodes = np.empty((lattice.columns, lattice.rows, 4))
     bonds = np.empty((lattice.columns, lattice.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
-    height = lattice.state.body[b].y
+    height, turn = lattice.state.body[b].y, _turn(lattice, b)
     return Snapshot(
         time=lattice.state.clock[b].time,
         impactor_y=np.nan if height == NEVER else height,
@@ -334,6 +376,8 @@ def snapshot(lattice: Lattice, b: int) -> Snapshot:
         e_min_b=bonds[:, :-1, 1].copy(),
         break_time_a=bonds[:-1, :, 2].copy(),
         break_time_b=bonds[:, :-1, 3].copy(),
+        impactor_shift=turn.get("x", 0.0),
+        impactor_angle=turn.get("angle", 0.0),
     )
 
 
@@ -498,9 +542,9 @@ def set_pause(lattice: ti.template(), times: Numbers):
 
 
 def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
-    """Where every lattice stands (REPORT), and its rows (n, ROW_COLUMNS) since the last harvest."""
+    """Where every lattice stands (REPORT), and its rows (n, k) since the last harvest."""
     report = np.empty((lattice.batch, len(REPORT)))
-    rows = np.empty((lattice.batch, HISTORY_ROWS, len(ROW_COLUMNS)))
+    rows = np.empty((lattice.batch, HISTORY_ROWS, len(row_columns(lattice.features.turns))))
     _harvest(lattice, report, rows)
     standing = dict(zip(REPORT, report.T, strict=True))
     return standing, [rows[b, : int(n)].copy() for b, n in enumerate(standing["rows"])]
@@ -526,6 +570,6 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
         report[b, 7] = clock.bad_node
         report[b, 8] = overlap
         for r in range(clock.rows):
-            for n in ti.static(range(len(ROW_COLUMNS))):
+            for n in ti.static(range(len(row_columns(lattice.features.turns)))):
                 rows[b, r, n] = lattice.scratch.history[b, r, n]
         lattice.state.clock[b].rows = 0

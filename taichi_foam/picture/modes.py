@@ -137,7 +137,8 @@ def _fastest(scene: Scene) -> float:
     fastest = max(fastest, strain * math.sqrt(stiffest / lightest))
     if impactor is not None:
         fall = 2 * scene.numerics.gravity * impactor.gap
-        fastest = max(fastest, math.sqrt(impactor.velocity**2 + fall))
+        sideways = impactor.velocity_x**2
+        fastest = max(fastest, math.sqrt(impactor.velocity**2 + sideways + fall))
     return fastest or 1.0
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
@@ -142,8 +143,8 @@ def strip(
     for snapshot in snapshots:
         points = snapshot.position[there]
         met = np.any(np.all((points > low) & (points < high), axis=-1))
-        if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
-            outline = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+        outline = impactor_now(snapshot, scene)
+        if outline is not None:
             met |= np.all((outline.max(axis=0) > low) & (outline.min(axis=0) < high))
         if met:
             return round(1.6 * text)

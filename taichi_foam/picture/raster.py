@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis import cells
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.analysis.rims import along_outline
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset
@@ -220,9 +221,7 @@ def draw(
     if block.layers:
         strokes |= cells.layer_faces(snapshot, block) << LAYER_BITS
     held, order = _order(block)
-    outer = np.empty((0, 2))
-    if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
-        outer = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+    outer = impactor_now(snapshot, scene)
     paint(
         image,
         view,
@@ -235,7 +234,7 @@ def draw(
         order=order,
         grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
-        shape=outer,
+        shape=np.empty((0, 2)) if outer is None else outer,
         shape_line=2.5 * unit,
         theme=look.tones,
         threads=threads,

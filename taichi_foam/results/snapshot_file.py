@@ -8,7 +8,7 @@ machine. A result has them in `snapshots.npz`.
 from __future__ import annotations
 
 import mmap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, overload
@@ -28,7 +28,8 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
     """Shape of each array of a snapshot."""
     columns, rows = scene.block.columns, scene.block.rows
     nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    return dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b), strict=True))
+    arrays = (nodes, nodes, a, b, a, b)
+    return dict(zip(NAMES, ((), (), *arrays, (), ()), strict=True))
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
@@ -46,6 +47,12 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
     values = vars(snapshot)
     arrays = {name: np.float32(values[name]) for name, shape in shapes(scene).items() if shape}
     return Snapshot(**{**values, **arrays})
+
+
+def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
+    """The snapshot of its numbers and arrays by name."""
+    given: dict[str, Any] = {**values}
+    return Snapshot(**{n: each if np.ndim(each) else float(each) for n, each in given.items()})
 
 
 class _Records:
@@ -110,8 +117,7 @@ class SnapshotFile(Sequence[Snapshot]):
             part._records, part._chosen = self._records, self._chosen[index]
             return part
         record = self._records.read(self._chosen[index])
-        time, impactor_y, *arrays = (record[name] for name in NAMES)
-        return Snapshot(float(time), float(impactor_y), *arrays)
+        return snapshot_of({name: record[name] for name in NAMES})
 
     def append(self, snapshot: Snapshot) -> None:
         """Write one more. Raises OSError: those before it stay as they are."""

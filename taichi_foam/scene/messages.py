@@ -18,7 +18,9 @@ from taichi_foam.scene.keys import CHOSEN, all_parts, listed, listed_in, parts
 _CLOSE = 0.8
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
 
-_TURNING = "an impactor moves straight down and does not turn"
+_INERTIA = "impactor.inertia, about the centre of mass, in kg m2"
+_SPIN = "impactor.spin is what it starts with, in rad/s; impactor.guided = false lets it turn"
+_TILT = "impactor.rotation_deg is the turn that it starts with, counter-clockwise"
 _CURVE = "foam.curve is the file of a compression test; it makes foam.law tabulated"
 _CONCEPTS = {
     "fall_height": "impactor.drop_height is the height of a fall",
@@ -26,12 +28,12 @@ _CONCEPTS = {
     "speed": "impactor.velocity is what it starts with, impactor.drop_height the height of a fall",
     "weight": "impactor.mass, in kilograms",
     "g": "numerics.gravity, in m/s2",
-    "angular_velocity": _TURNING,
-    "inertia": _TURNING,
-    "moment_of_inertia": _TURNING,
-    "rotation": _TURNING,
-    "spin": _TURNING,
-    "tilt": _TURNING,
+    "angular_velocity": _SPIN,
+    "spin": _SPIN,
+    "inertia": _INERTIA,
+    "moment_of_inertia": _INERTIA,
+    "rotation": _TILT,
+    "tilt": _TILT,
     "curve": _CURVE,
     "stress_strain": _CURVE,
 }

@@ -1,4 +1,4 @@
-"""Where a scene's foam comes from: a name of the library, a foam file, a test in a CSV file.
+"""Where foam and impactor come from: a name of the library, a foam file, a test, a drawing.
 
 What a name or a file stands for takes its place before a scene is checked, so that a scene that
 is written holds all of it.
@@ -13,6 +13,7 @@ from typing import Any
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
 from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.drawings import read_corners
 from taichi_foam.scene.library import foam_of, used
 from taichi_foam.scene.measured import Columns, read_curve
 from taichi_foam.scene.messages import shown
@@ -22,15 +23,37 @@ _COLUMN_KEYS = ("strain", "stress", "strain_unit", "stress_unit")
 
 
 def completed(data: Any, folder: Path = Path()) -> Any:
-    """Raw data of a scene with what its foam's names and files stand for.
+    """Raw data of a scene with what its names and files of foam and impactor stand for.
 
     `folder` is where relative paths begin. Raises ValueError, in whole sentences.
     """
     if not isinstance(data, Mapping):
         return data
+    impactor = data.get("impactor")
+    if isinstance(impactor, Mapping) and "file" in impactor:
+        data = {**data, "impactor": _drawn(impactor, folder)}
     for head in heads_of_foams(data):
         data = _completed(data, head, folder)
     return data
+
+
+def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Raw data of an impactor with the corners that its file holds."""
+    rest = {key: value for key, value in impactor.items() if key != "file"}
+    name = impactor["file"]
+    if rest.get("shape", "outline") != "outline":
+        raise ValueError(
+            f"impactor.file = {shown(name)}: holds the corners of an outline; impactor.shape = "
+            f"{shown(rest['shape'])}: must be outline; or leave the file out"
+        )
+    if "vertices" in rest:
+        raise ValueError("impactor.file: impactor.vertices are given too; leave one of them out")
+    if not isinstance(name, str | Path):
+        raise ValueError(f"impactor.file = {shown(name)}: must be the name of a file")
+    try:
+        return {"shape": "outline", **rest, "vertices": read_corners(folder / name)}
+    except UserError as error:
+        raise ValueError(f"impactor.file: {error}") from None
 
 
 def _completed(data: Mapping[str, Any], head: str, folder: Path) -> Mapping[str, Any]:

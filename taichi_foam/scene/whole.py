@@ -160,6 +160,11 @@ class Scene(Part):
         return assumed.given_data(self)
 
     @property
+    def turns(self) -> bool:
+        """Whether there is an impactor that moves and turns in the plane."""
+        return self.impactor is not None and not self.impactor.guided
+
+    @property
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m].
 
@@ -278,8 +283,7 @@ def _problems_of_contact(scene: Scene) -> list[str]:
         return []
     points = _starting_points(scene)
     left, right = points[:, 0].min(), points[:, 0].max()
-    outline = impactor.outline()
-    low, high = impactor.x + outline[:, 0].min(), impactor.x + outline[:, 0].max()
+    low, high = _ends_at_arrival(scene, impactor)
     if high <= left or low >= right:
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; the impactor spans "
@@ -305,15 +309,13 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
-    if impactor.velocity == 0 and g == 0:
+    if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
             "(positive downwards), or give impactor.drop_height"
         ]
-    # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
-    speed = math.sqrt(impactor.velocity**2 + 2 * g * impactor.gap)
-    arrival = 2 * impactor.gap / (impactor.velocity + speed) if impactor.gap > 0 else 0.0
-    if arrival >= scene.numerics.latest_end:
+    arrival = _arrival(scene, impactor)
+    if impactor.spin == 0 and arrival >= scene.numerics.latest_end:
         key = "time_limit" if scene.numerics.end == "rebound" else "end"
         return [
             f"impactor.gap = {impactor.gap:g}: never touches the block; at {impactor.velocity:g} "
@@ -321,6 +323,30 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
             f"{scene.numerics.latest_end:g} s; lengths are in metres; bring it closer"
         ]
     return []
+
+
+def _arrival(scene: Scene, impactor: Impactor) -> float:
+    """Time [s] at which an impactor that does not turn has used up its gap; infinite if never."""
+    # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
+    speed = math.sqrt(impactor.velocity**2 + 2 * scene.numerics.gravity * impactor.gap)
+    if impactor.gap == 0:
+        return 0.0
+    return 2 * impactor.gap / (impactor.velocity + speed) if speed > 0 else math.inf
+
+
+def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
+    """The furthest left and right [m] that an impactor can be when it meets the block's top.
+
+    One that spins meets it with any of its sides, and somewhat earlier or later.
+    """
+    if impactor.spin == 0:
+        outline = impactor.outline()[:, 0]
+        way = impactor.velocity_x and impactor.velocity_x * _arrival(scene, impactor)
+        return impactor.x + outline.min() + way, impactor.x + outline.max() + way
+    middle = impactor.x + impactor.centre_of_mass[0]
+    way = impactor.velocity_x and impactor.velocity_x * scene.numerics.latest_end
+    ends = (middle, middle + way)
+    return min(ends) - impactor.reach, max(ends) + impactor.reach
 
 
 def _starting_points(scene: Scene) -> np.ndarray:

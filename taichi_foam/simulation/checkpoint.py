@@ -32,7 +32,7 @@ from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
 from taichi_foam.version import version
 
-FORMAT = 5
+FORMAT = 6
 
 CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
 """Names of the two files in a folder of checkpoints."""
@@ -51,7 +51,7 @@ class Checkpoint:
     """A run between two calls of the engine.
 
     arch         what it is computed on: states of a CPU and of a GPU are laid out differently
-    rows         (n, ROW_COLUMNS) of the history so far
+    rows         (n, `row_columns`) of the history so far
     snapshots    so far, on disk
     seconds      wall time that the engine has taken
     node_stages  that it has computed

@@ -79,7 +79,7 @@ def breaking_scenes() -> list[Scene]:
 
 
 def option_scenes() -> list[Scene]:
-    """The same with every option, on a block with a cut, in each reading of Eq. 27.
+    """The same with every option, on a block with a cut, in each reading of Eq. 27, off the rails.
 
     At a third of the speed: in STEPS_BEFORE the foam flows, and breaks little.
     """
@@ -91,7 +91,9 @@ def option_scenes() -> list[Scene]:
                 "model": EVERYTHING["model"].model_copy(
                     update={"broken_halves": readings[b % len(readings)]}
                 ),
-                "impactor": scene.impactor.model_copy(update={"velocity": 4.0 + 0.1 * b}),
+                "impactor": scene.impactor.model_copy(
+                    update={"velocity": 4.0 + 0.1 * b, "guided": False, "spin": 20.0 * b - 60.0}
+                ),
             }
         )
         for b, scene in enumerate(breaking_scenes())
@@ -107,7 +109,10 @@ def big_scenes() -> list[Scene]:
         for impactor, parts in (
             (Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=150.0), {}),
             (FlatBlock(width=0.02, mass=0.1, velocity=120.0, rotation_deg=20), {}),
-            (FlatBlock(width=0.02, mass=0.1, velocity=60.0, rotation_deg=20), EVERYTHING),
+            (
+                FlatBlock(width=0.02, mass=0.1, velocity=60.0, rotation_deg=20, guided=False),
+                EVERYTHING,
+            ),
         )
     ]
 
@@ -171,6 +176,8 @@ def _states(lattice: Lattice, count: int) -> States:
         "velocity": np.stack([each.velocity for each in snapshots]),
         "e_min_a": np.stack([each.e_min_a for each in snapshots]),
         "impactor_y": np.array([each.impactor_y for each in snapshots]),
+        "impactor_angle": np.array([each.impactor_angle for each in snapshots]),
+        "impactor_shift": np.array([each.impactor_shift for each in snapshots]),
         "time": np.array([each.time for each in snapshots]),
         "broken": np.array([each.broken_a.sum() + each.broken_b.sum() for each in snapshots]),
     }

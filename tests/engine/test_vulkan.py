@@ -59,7 +59,8 @@ def states(tmp_path_factory: pytest.TempPathFactory) -> tuple[States, States]:
 
 def assert_close(one: States, other: States, steps: int) -> None:
     """Equal to rounding, on the scale of each quantity."""
-    for name in ("time", "impactor_y", "position", "velocity", "e_min_a"):
+    names = ("time", "impactor_y", "position", "velocity", "e_min_a")
+    for name in (*names, "impactor_angle", "impactor_shift"):
         scale = np.abs(one[name]).max()
         np.testing.assert_allclose(
             other[name], one[name], rtol=0, atol=steps * ROUNDING * scale, err_msg=name

@@ -119,6 +119,10 @@ hits = {
     "gap": st.just(0.0),
     "velocity": floats(1e-3, 500),
     "drop_height": st.none(),  # it would say another velocity
+    "guided": st.just(False),
+    "velocity_x": floats(-500, 500),
+    "inertia": st.none() | floats(1e-9, 1e6),
+    "centre": st.none() | st.tuples(floats(-5, 5), floats(-5, 5)),
 }
 impactors = st.one_of(
     parts(FlatBlock, width=floats(0.1, 5), **hits, rotation_deg=floats(-80, 80)),
