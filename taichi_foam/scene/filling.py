@@ -108,23 +108,25 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     """What an outline leaves of the cells."""
     columns, rows = block.columns, block.rows
     across, levels = np.arange(columns + 1.0), _levels(block)
-    area = outlines.shares(shape, across, levels)
-    starts = np.searchsorted(levels, np.arange(rows))
-    share = np.add.reduceat(area, starts, axis=1)
     up = np.arange(rows + 1.0)
+    area = outlines.shares(shape, across, levels)
     inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
-    if outlines.is_mirrored(shape, columns):  # by rounding, the one more and the other less
-        area, inner_a, inner_b = (0.5 * (each + each[::-1]) for each in (area, inner_a, inner_b))
+    edge = _signed_distance(block)
+    mirrored = block.lattice_angle_deg == 0 and outlines.is_mirrored(shape, columns)
+    if mirrored:  # but for rounding, and from here on to the last bit
+        area, inner_a, inner_b, edge = map(_mirrored, (area, inner_a, inner_b, edge))
+    share = np.add.reduceat(area, np.searchsorted(levels, up[:-1]), axis=1)
     there = share >= LEAST - outlines.TOLERANCE
     owner = _owners(share, there, inner_a, inner_b)
     mass = np.zeros((columns, rows))
     held = share > 0
     np.add.at(mass, tuple(owner[held].T), _mass(block, area)[held])
     face_a, face_b = _faces(owner, inner_a, 0), _faces(owner, inner_b, 1)
+    if mirrored:  # sums of several have their order
+        mass, face_a, face_b = map(_mirrored, (mass, face_a, face_b))
     on_base = np.zeros((columns, rows), dtype=bool)
     on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
-    edge = _signed_distance(block)
     return Filling(
         mass=mass,
         face_a=face_a,
@@ -134,6 +136,11 @@ def _cut(block: Block, shape: Polygon) -> Filling:
         on_base=on_base,
         owner=owner,
     )
+
+
+def _mirrored(figures: Array) -> Array:
+    """Figures (I, ...) of columns that are those of the mirrored ones."""
+    return 0.5 * (figures + figures[::-1])
 
 
 def _levels(block: Block) -> Array:
