@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part
-from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
+from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
 
 _READINGS = frozenset({"crush_band", "crushed_strength"})
 """Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""
@@ -53,9 +53,23 @@ def completed(data: Any) -> Any:
     if not isinstance(earlier, list | tuple | None):
         return data  # what is wrong with it is said where it is checked
     found = [_unsaid(data, head, earlier) for head in heads_of_foams(data)]
+    data = _with_readings(data)
     if all(entries is None for entries in found):
         return data
     return {**data, "assumed": (*(earlier or ()), *(each for one in found for each in one or ()))}
+
+
+def _with_readings(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Raw data whose layers' foams are read as [foam] is, where they do not say otherwise."""
+    foam = data.get("foam")
+    for head in heads_of_foams(data):
+        own = at(data, f"{head}foam")
+        kind = FOAMS.kind_of(own)
+        if not head or kind is None or not isinstance(own, Mapping | Part):
+            continue
+        for key in _READINGS & _given(foam) & kind.model_fields.keys() - _given(own):
+            data = put(data, f"{head}foam.{key}", at(foam, key))
+    return data
 
 
 def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] | None:
@@ -111,13 +125,19 @@ def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
     reasons = _unless_given(kind, head)
     entries = {each.key for each in scene.assumed or () if each.why == reasons.get(each.key)}
     if _is_papers(scene, head):
+        readings = {own + key for key in _READINGS} if head else set()
         return {
-            key for key in (*(own + key for key in _own(kind)), *_around_foam(head))
-            if at(scene, key) == _default(scene, key)
+            key for key in (*(own + key for key in _own(kind)), *_around_foam(head), *readings)
+            if at(scene, key) == (
+                at(scene, key[len(head) :]) if key in readings else _default(scene, key)
+            )
         }  # fmt: skip
     try:  # a value that somebody wrote over what was assumed is given
         table = at(data, f"{head}foam")
-        fresh = kind.model_validate({key: table[key] for key in table if own + key not in entries})
+        rest = {key: table[key] for key in table if own + key not in entries}
+        if head:
+            rest |= {key: getattr(scene.foam, key) for key in _READINGS if own + key in entries}
+        fresh = kind.model_validate(rest)
     except ValidationError:
         return {key for key in entries if not key.startswith(own)}
     return {
@@ -227,7 +247,8 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, and what they are unless given."""
-    own = {f"{head}foam.{key}": why for key, why in kind.unless_given.items()}
+    reasons = dict(kind.unless_given) | dict.fromkeys(_READINGS if head else (), "that of [foam]")
+    own = {f"{head}foam.{key}": why for key, why in reasons.items()}
     return {**own, **_around_foam(head)}
 
 

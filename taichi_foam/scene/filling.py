@@ -1,7 +1,7 @@
 """What the foam of a block fills: mass of each mass point, share of each bond's face.
 
-Cells are cut by the outline. One that is less than half full has no mass point: what it holds goes
-to a neighbour.
+Cells are cut by the outline. One that is less than a quarter full has no mass point: what it holds
+goes to a neighbour.
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ Array = NDArray[np.float64]
 LEAST = 0.25
 """Share of a cell from which on it has a mass point."""
 
+LONGEST_TIP = 3
+"""Cells of a tip that may have no mass points of their own, or beside them."""
+
 NO_FACE = 1e-6
 """Share of a face below which it is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """A block on its lattice of I x J cells, one mass point in each that is half full or more.
+    """A block on its lattice of I x J cells, one mass point in each that is a quarter full.
 
     mass    (I, J) of the mass points [kg]; 0: there is none
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
@@ -117,6 +120,8 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     up = np.arange(rows + 1.0)
     inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
+    if outlines.is_mirrored(shape, columns):  # by rounding, the one more and the other less
+        area, inner_a, inner_b = (0.5 * (each + each[::-1]) for each in (area, inner_a, inner_b))
     there = share >= LEAST - outlines.TOLERANCE
     owner = _owners(share, there, inner_a, inner_b)
     mass = np.zeros((columns, rows))
@@ -247,7 +252,8 @@ def _signed_distance(block: Block) -> Array:
 def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
     """See `Filling`; `edge` is the distance from the outline [m]."""
     for half in (0.5 * block.dx, 0.5 * block.dy):
-        edge = np.where(np.abs(edge - half) < outlines.TOLERANCE * half, half, edge)
+        whole = np.round(edge / half) * half
+        edge = np.where(np.abs(edge - whole) < outlines.TOLERANCE * half, whole, edge)
     around = np.pad(there, 1)
     inside = full & np.logical_and.reduce(
         [around[2:, 1:-1], around[:-2, 1:-1], around[1:-1, 2:], around[1:-1, :-2]]
@@ -262,14 +268,14 @@ def problems(block: Block) -> list[str]:
     filled = filling(block)
     more = "take more block.columns and block.rows, or make it wider"
     if not filled.there.any():
-        return [f"block.outline: fills no cell of the lattice by half; {more}"]
+        return [f"block.outline: fills no cell of the lattice by a quarter; {more}"]
     cell = f"a cell of {block.dx:.3g} x {block.dy:.3g} m"
     where = _without_mass_point(filled)
     if where is not None:
         x, y = block.positions[where]
         return [
-            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than half of "
-            f"{cell}, and would not be there; {more}"
+            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter "
+            f"of {cell}, and would not be there; {more}"
         ]
     part = _parts(filled)
     sizes = np.bincount(part)
@@ -284,20 +290,18 @@ def problems(block: Block) -> list[str]:
 
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
-    """A cell of a clump of foam, larger than a cell, that no mass point beside it has."""
+    """A cell whose foam no mass point beside it has, one of more than LONGEST_TIP in a row."""
     from scipy import ndimage
 
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
     label = np.zeros(far.shape, dtype=np.int64)
-    ndimage.label(far, output=label)
-    if label.max() == 0:
-        return None
-    size = ndimage.sum_labels(filled.share, label, np.arange(1, label.max() + 1))
-    if size.max() <= 1.0:
-        return None
-    i, j = np.argwhere(label == size.argmax() + 1)[0]
-    return int(i), int(j)
+    ndimage.label(far, np.ones((3, 3)), output=label)
+    for place in ndimage.find_objects(label):
+        if max(along.stop - along.start for along in place) > LONGEST_TIP:
+            i, j = np.argwhere(far[place])[0] + [along.start for along in place]
+            return int(i), int(j)
+    return None
 
 
 def _parts(filled: Filling) -> NDArray[np.int64]:

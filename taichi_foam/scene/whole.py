@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
@@ -64,6 +64,13 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
 """Named readings of what the paper leaves open: dotted keys of a scene and their values."""
 
 
+_OPTIONS = {
+    "heeds_rate": "rate, which is given in the one only",
+    "weakens_across": "crushed_strength, which is 1 in the one only",
+}
+"""What tells foams of one law apart for the kernels, by options of the law."""
+
+
 class Scene(Part):
     """One impact on one block, complete: everything that decides its result. SI units.
 
@@ -113,6 +120,7 @@ class Scene(Part):
         problems = [
             *_problems_of_foam(self),
             *_problems_of_layers(self),
+            *_problems_of_base(self),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
@@ -197,19 +205,32 @@ def _problems_of_layers(scene: Scene) -> list[str]:
     """Say which layers' foams do not go together with the block's."""
     law = scene.foam.law_for(scene.model)
     return [
-        f"block.layers[{number}].foam: of another law, or of other options of it "
-        f"({', '.join(_differing(law, other))}); all foams of a block need the same; give "
-        f"block.layers[{number}].foam what [foam] has, or a curve each (foam.curve)"
+        f"block.layers[{number}].foam: not read as [foam] is: {_differing(law, other)}; all foams "
+        "of a block need one law and one reading of it; give both the same, or a curve each "
+        "(foam.curve)"
         for number, layer in enumerate(scene.block.layers)
         if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
     ]
 
 
-def _differing(one: object, other: object) -> list[str]:
-    """In what two laws differ, in the words of their options."""
-    if type(one) is not type(other):
-        return [type(other).__name__.lower()]
-    return [key for key, value in vars(other).items() if value != vars(one)[key]]
+def _problems_of_base(scene: Scene) -> list[str]:
+    """Say why the base has nothing to hold."""
+    kind = scene.base.kind
+    if kind == "floor" or filling.filling(scene.block).on_base.any():
+        return []
+    return [
+        f"block.outline: has no side on the base, y = 0, which base.kind = '{kind}' holds; give it "
+        "a level side there, or set base.kind = 'floor'"
+    ]
+
+
+def _differing(law: BondLaw, other: BondLaw) -> str:
+    """What is otherwise in a law than in the first, in the words of a scene."""
+    if type(law) is not type(other):
+        return f"of the law {type(other).__name__.lower()}"
+    unlike = {key for key, value in vars(other).items() if value != vars(law)[key]}
+    words = [text for key, text in _OPTIONS.items() if key in unlike]
+    return f"different in {' and '.join(words or sorted(unlike))}"
 
 
 def _problems_of_start(scene: Scene) -> list[str]:
