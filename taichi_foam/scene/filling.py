@@ -58,6 +58,12 @@ class Filling:
         """(I, J) where there are mass points."""
         return self.mass > 0.0
 
+    @property
+    def is_full(self) -> bool:
+        """Whether foam fills every cell of a lattice that stands on the base."""
+        level = self.on_base[:, 0].all() and not self.on_base[:, 1:].any()
+        return bool(level and np.all(self.share == 1.0))
+
 
 def filling(block: Block) -> Filling:
     """What the foam of a block fills."""

@@ -170,9 +170,10 @@ class Scene(Part):
 
         The top row's; of a block with an outline that of the highest mass point under it.
         """
-        if self.block.is_rectangle:
+        filled = filling.filling(self.block)
+        if filled.is_full:  # the same to the last bit
             return self.block.height - self.block.dy / 2
-        X = self.block.positions[filling.filling(self.block).there]
+        X = self.block.positions[filled.there]
         if self.impactor is not None:
             x = self.impactor.x + self.impactor.outline()[:, 0]
             X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
