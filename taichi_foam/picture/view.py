@@ -56,7 +56,7 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     `above` of its height for the impactor (a seventh of it where there is no impactor).
     """
     block, impactor = scene.block, scene.impactor
-    base = np.array([0.0, block.dy / 2])
+    base = np.array([0.0, block.foot])
     (left, low), (right, high) = np.min(block.corners, axis=0), np.max(block.corners, axis=0)
     reference = np.array([[left, low], [right, low], [right, high], [left, high]])
     start = base + (reference - base) @ np.array(scene.start.deformation_gradient).T

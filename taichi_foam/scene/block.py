@@ -83,6 +83,12 @@ class Block(Part):
         at_most=MAX_NODES // 2,
         fix="the paper uses 40 by 20",
     )
+    mass_points: Literal["cells", "faces"] = choice(
+        "cells",
+        "where they lie: cells: in the middles of columns by rows of cells, half a cell inside the "
+        "block's faces; faces: the outer ones on its faces, so that what is touched and held there "
+        "has the whole width and height between",
+    )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
     outline: _Outline = quantity(
         (),
@@ -135,12 +141,17 @@ class Block(Part):
     @property
     def dx(self) -> float:
         """Width of a cell [m]."""
-        return self.width / self.columns
+        return self.width / (self.columns - (self.mass_points == "faces"))
 
     @property
     def dy(self) -> float:
         """Height of a cell [m]."""
-        return self.height / self.rows
+        return self.height / (self.rows - (self.mass_points == "faces"))
+
+    @property
+    def foot(self) -> float:
+        """Height of the first row of mass points [m]."""
+        return 0.0 if self.mass_points == "faces" else 0.5 * self.dy
 
     @property
     def node_mass(self) -> float:
@@ -156,13 +167,13 @@ class Block(Part):
     @property
     def is_rectangle(self) -> bool:
         """Whether foam fills the whole lattice."""
-        return not self.outline and not self.holes
+        return not self.outline and not self.holes and self.mass_points == "cells"
 
     @property
     def positions(self) -> NDArray[Any]:
         """Reference positions of the mass points, (columns, rows, 2) [m]."""
         x = (np.arange(self.columns) - 0.5 * (self.columns - 1)) * self.dx
-        y = (np.arange(self.rows) + 0.5) * self.dy
+        y = _in_rows(self) * self.dy
         return self.turned(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
 
     def turned(self, points: NDArray[Any]) -> NDArray[Any]:
@@ -188,6 +199,11 @@ class Block(Part):
         """Of the outline [m]: there a turned lattice has its own."""
         points = np.array(self.corners)
         return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def _in_rows(block: Block) -> NDArray[np.float64]:
+    """Heights (J,) of the rows of mass points, in cells."""
+    return np.arange(block.rows) + (0.0 if block.mass_points == "faces" else 0.5)
 
 
 def _problems_of_outline(block: Block) -> list[str]:
@@ -269,6 +285,6 @@ def _problems_of_layers(block: Block) -> list[str]:
 
 def rows_of(block: Block, layer: Layer) -> NDArray[np.bool_]:
     """Rows (J,) of cells that belong to a layer: their middles lie in it."""
-    middle = (np.arange(block.rows) + 0.5) * block.dy
+    middle = _in_rows(block) * block.dy
     least = outlines.TOLERANCE * block.height
     return (middle >= layer.bottom - least) & (middle < layer.top - least)

@@ -81,8 +81,8 @@ def in_cells(block: Block) -> Polygon:
     """The foam's polygon on the lattice, in cells: cell (i, j) is the square from (i, j) on."""
 
     def placed(corners: outlines.Corners) -> Array:
-        left_edge = np.array([-block.width / 2, 0.0])
-        cells = (block.on_lattice(np.array(corners)) - left_edge) / [block.dx, block.dy]
+        corner = np.array([-0.5 * block.columns * block.dx, block.foot - 0.5 * block.dy])
+        cells = (block.on_lattice(np.array(corners)) - corner) / [block.dx, block.dy]
         near = np.round(cells)
         return np.where(np.abs(cells - near) < outlines.TOLERANCE * block.columns, near, cells)
 
@@ -152,7 +152,8 @@ def _mirrored(figures: Array) -> Array:
 def _levels(block: Block) -> Array:
     """Heights [cells] at which rows of cells and layers begin and end, rising."""
     rows = np.arange(block.rows + 1.0)
-    faces = [each / block.dy for layer in block.layers for each in (layer.bottom, layer.top)]
+    heights = (each for layer in block.layers for each in (layer.bottom, layer.top))
+    faces = [(each - block.foot) / block.dy + 0.5 for each in heights]
     between = [
         face
         for face in sorted(set(faces))
@@ -164,7 +165,7 @@ def _levels(block: Block) -> Array:
 def _mass(block: Block, area: Array) -> Array:
     """Mass (I, J) [kg] of the foam in each cell, of its area between `_levels`."""
     levels = _levels(block)
-    middle = (levels[:-1] + levels[1:]) / 2 * block.dy
+    middle = ((levels[:-1] + levels[1:]) / 2 - 0.5) * block.dy + block.foot
     density = np.full(len(middle), block.density)
     for layer in block.layers:
         if layer.density is not None:

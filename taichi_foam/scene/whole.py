@@ -358,7 +358,7 @@ def _starting_points(scene: Scene) -> np.ndarray:
         X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
     else:
         X = block.positions[filling.filling(block).there]
-    origin = np.array([0.0, block.dy / 2])
+    origin = np.array([0.0, block.foot])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 
