@@ -249,6 +249,7 @@ def _problems_of_layers(block: Block) -> list[str]:
     """Say why the layers cannot be those of this block."""
     found = []
     least = outlines.TOLERANCE * block.height
+    faces = block.mass_points == "faces"
     ordered = sorted(enumerate(block.layers), key=lambda each: each[1].bottom)
     for number, layer in ordered:
         key = f"block.layers[{number}]"
@@ -266,7 +267,7 @@ def _problems_of_layers(block: Block) -> list[str]:
             found.append(
                 f"{key}: {layer.bottom:g} to {layer.top:g} m holds no middle of a row of cells, "
                 f"which are {block.dy:.4g} m high; take block.rows = "
-                f"{math.ceil(block.height / (layer.top - layer.bottom))} or more"
+                f"{math.ceil(block.height / (layer.top - layer.bottom)) + faces} or more"
             )
     for (first, below), (second, above) in pairwise(ordered):
         if above.bottom < below.top - least:
@@ -287,4 +288,5 @@ def rows_of(block: Block, layer: Layer) -> NDArray[np.bool_]:
     """Rows (J,) of cells that belong to a layer: their middles lie in it."""
     middle = _in_rows(block) * block.dy
     least = outlines.TOLERANCE * block.height
-    return (middle >= layer.bottom - least) & (middle < layer.top - least)
+    below = (middle < layer.top - least) | (layer.top >= block.height - least)
+    return (middle >= layer.bottom - least) & below
