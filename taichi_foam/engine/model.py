@@ -20,6 +20,7 @@ from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
 from taichi_foam.laws.shape.outline import convex_hull
 from taichi_foam.scene import Block, Scene
@@ -158,16 +159,22 @@ def model_of(scene: Scene) -> Model:
         surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
         hull=_hull(scene) if scene.turns else None,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
-        tables=_tables(graded),
+        tables=_tables(scene, graded),
         filling=_filled(scene) if features_of(scene).shaped else None,
         foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
         places=graded.places,
     )
 
 
-def _tables(graded: Grading) -> NDArray[np.float64] | None:
-    tables = [foam.table for foam in graded.foams]
-    return None if any(table is None for table in tables) else np.array(tables)
+def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
+    found = [foam.table for foam in graded.foams]
+    if any(table is None for table in found):
+        return None
+    tables = np.array(found)
+    if scene.across.foam is not None:  # sheared as much on both sides of a cell's corner
+        pair = [*{*graded.places[:, graded.places[A] != graded.places[B]].ravel().tolist()}]
+        tables[pair, :, SHEAR] = tables[pair, :, SHEAR].max(axis=0)
+    return tables
 
 
 def _filled(scene: Scene) -> NDArray[np.float64]:

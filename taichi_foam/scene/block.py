@@ -51,6 +51,15 @@ class Layer(Part):
     )
 
 
+class Across(Part):
+    """What the foam of [foam] is along x, where it rises upwards and is another one across that."""
+
+    foam: Annotated[BondFoam, FOAMS] | None = Field(
+        default=None,
+        description="the foam along x, as [foam] takes it; none: it is the same in both directions",
+    )
+
+
 class Block(Part):
     """A block on its lattice of mass points, its density and layers (paper, Table 6, Fig. 14).
 
