@@ -122,7 +122,9 @@ def test_a_capsule_without_length_is_a_cylinder(shape: ModuleType) -> None:
 
 def test_it_is_drawn_and_stored(shape: ModuleType, tmp_path: Path) -> None:
     scene = small_scene(
-        impactor=shape.Capsule(mass=0.1, velocity=5.0, rotation_deg=20.0, guided=False), numerics=Numerics(end=2e-4), output=OUTPUT
+        impactor=shape.Capsule(mass=0.1, velocity=5.0, rotation_deg=20.0, guided=False),
+        numerics=Numerics(end=2e-4),
+        output=OUTPUT,
     )
     result = tf.run(scene)
     loaded = tf.load(result.save(tmp_path / "run"))
