@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_foam.analysis.body import impactor_now, way_down
+from taichi_foam.analysis.presence import bonded
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
+from taichi_foam.scene.layers import foams_of_bonds
 
 PLATEAUS = 2.0
 """Foam has bottomed out when it pressed on the impactor with so many times what its plateau holds:
@@ -164,7 +166,7 @@ def bottomed_out(record: Record) -> bool | None:
     if touch is None:
         return None
     h, scene = record.history, record.scene
-    block, impactor, marks = scene.block, touch.impactor, scene.foam.landmarks
+    block, impactor = scene.block, touch.impactor
     way = np.nanmax(way_down(record)) - touch.way_0
     if scene.base.stops_impactor and way >= scene.contact_height:
         return True
@@ -174,15 +176,21 @@ def bottomed_out(record: Record) -> bool | None:
     force = max(
         float(h["contact_force_N"].max()), impactor.mass * float(h["deceleration_m_s2"].max())
     )
-    if force < PLATEAUS * marks.plateau_stress * width * block.thickness:
+    foams, _, rows = foams_of_bonds(scene)
+    plateau = max(foam.landmarks.plateau_stress for foam in foams)
+    if force < PLATEAUS * plateau * width * block.thickness:
         return False
     outline = impactor_now(record.snapshots[-1], scene)
     assert outline is not None  # one that has touched
     outline = outline[:, 0]
-    x = block.positions[:, 0, 0]
-    under = (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
-    strains = record.snapshots[-1].e_min_b[under].mean(axis=1)
-    return bool(strains.min(initial=0.0) <= marks.crush_end)
+    held = bonded(block)[1]
+    x = block.positions[:, :-1, 0]
+    under = held & (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
+    ends = np.array([foam.landmarks.crush_end for foam in foams])[rows]
+    # what the foam of a column was crushed by, over what densifies it
+    crush = np.where(under, record.snapshots[-1].e_min_b / ends, 0.0).sum(axis=1)
+    count = under.sum(axis=1)
+    return bool((crush[count > 0] >= count[count > 0]).any())
 
 
 def is_flat(impactor: Impactor) -> bool:

@@ -30,6 +30,7 @@ from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
 from taichi_foam.scene.keys import written
+from taichi_foam.scene.paths import at
 from taichi_foam.units import STANDARD_GRAVITY
 
 FLAT_RISE_S = 3e-3
@@ -332,7 +333,7 @@ def summary(record: Record) -> dict[str, Any]:
         "crushed_height_m": region and region.height,
         "crushed_layer_m": crushed_layer(last, scene) if last else None,
         "crushed_without_room": without_room(last, scene) if last else None,
-        "pieces": pieces(last) if last else None,
+        "pieces": pieces(last, scene.block) if last else None,
         "crack_lowest_height_m": crack and crack.lowest_height,
         "crack_start_x_m": crack and crack.start_x,
         "crack_start_height_m": crack and crack.start_height,
@@ -361,8 +362,6 @@ def summary(record: Record) -> dict[str, Any]:
 
 def assumed_of(scene: Scene) -> list[str]:
     """What a scene says of a foam of one's own that nobody gave: key, value, and its source."""
-    found = []
-    for each in scene.assumed or ():
-        part, _, key = each.key.partition(".")
-        found.append(f"{each.key} = {written(getattr(getattr(scene, part), key))}: {each.why}")
-    return found
+    return [
+        f"{each.key} = {written(at(scene, each.key))}: {each.why}" for each in scene.assumed or ()
+    ]

@@ -36,7 +36,7 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 def take_stock(lattice: ti.template(), b, p: ti.template()):
     """Of an accepted state: size of the next step, or end."""
     clock = lattice.state.clock[b]
-    rate = fastest_rate(lattice, clock.stiffest, clock.crush, p)
+    rate = fastest_rate(lattice, b, clock.stiffest, clock.crush, p)
     step = p.step
     if step == 0.0:
         speed = clock.speed
@@ -44,7 +44,7 @@ def take_stock(lattice: ti.template(), b, p: ti.template()):
             speed = ti.max(speed, ti.abs(lattice.state.body[b].v))
         if ti.static(lattice.features.turns):
             speed = ti.max(speed, turning.fastest(lattice, b, p))
-        step = automatic_step(lattice, rate, speed, clock.crush, p)
+        step = automatic_step(lattice, b, rate, speed, clock.crush, p)
     lattice.state.clock[b].step = step
     lattice.state.clock[b].stable = ti.min(clock.stable, RK4_RADIUS / rate)
     lattice.state.clock[b].shortest = ti.min(lattice.state.clock[b].shortest, step)

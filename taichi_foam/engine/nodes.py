@@ -6,7 +6,7 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import cells, contact, lanes, turning
+from taichi_foam.engine import cells, contact, lanes, makeup, turning
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
@@ -67,7 +67,7 @@ def node_pack(
             )
     by_bonds = force_x * now.u + force_y * now.v
     tally[b, strip].by_bonds = tally[b, strip].by_bonds - by_bonds
-    if contact.may_touch_bodies(lattice, b, k, now.x, now.y, p):
+    if contact.may_touch_bodies(lattice, b, i, k, now.x, now.y, p):
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
@@ -87,8 +87,8 @@ def node_pack(
         _add_work(lattice, b, strip, DRAG, weight * by_drag)
         force_x -= p.drag * now.u
         force_y -= p.drag * now.v
-    # rows that are held have no mobility: a test for them would cost all others their vectors
-    mobility = lattice.model.mobility[b, k]
+    # what is held has no mobility: a test for it would cost all others their vectors
+    mobility = makeup.mobility(lattice, b, i, k)
     a_x = force_x * mobility.x
     a_y = force_y * mobility.y - mobility.gravity
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y

@@ -17,6 +17,7 @@ from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import cuts
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import Filling, filling
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,6 @@ ABSENT = -1
 BROKEN = 0
 WHOLE = 1
 BREAKING = 2  # whole until the end of this step
-
-# A bond runs along its own axis (A along x, B along y); the other axis lies across it.
-A = 0
-B = 1
 
 NEVER = 1e30
 
@@ -236,6 +233,9 @@ def initial_state(scene: Scene) -> State:
     if scene.foam.law_for(scene.model).heeds_rate:
         worst = [0.0, 0.0]  # such foam has had no time to flow
     cut = np.where(cuts(scene), 0.0, np.nan)
+    filled = filling(block)
+    cut[:-1, :, 0][filled.face_a == 0.0] = np.nan
+    cut[:, :-1, 1][filled.face_b == 0.0] = np.nan
     clock = dict.fromkeys(CLOCK, 0.0)
     clock["crush"] = max(0.0, *(-strain for strain in start.strains))
     clock["speed"] = float(np.hypot(velocity[..., 0], velocity[..., 1]).max())
@@ -254,9 +254,9 @@ def initial_state(scene: Scene) -> State:
         stretch=np.zeros((columns, rows, 2)),
         room=np.full((columns, rows), NEVER),
         surface=np.zeros((columns, rows)),
-        hold=np.ones((columns - 1, rows - 1)),
-        worst_a=np.full((columns - 1, rows), worst[0]),
-        worst_b=np.full((columns, rows - 1), worst[1]),
+        hold=_held(filled),
+        worst_a=np.where(filled.face_a > 0.0, worst[0], 0.0),
+        worst_b=np.where(filled.face_b > 0.0, worst[1], 0.0),
         break_time_a=cut[:-1, :, 0],
         break_time_b=cut[:, :-1, 1],
         intact_a=np.ones((columns - 1, rows)),
@@ -269,6 +269,12 @@ def initial_state(scene: Scene) -> State:
         overlap=np.zeros(0),
         neighbours={},
     )
+
+
+def _held(filled: Filling) -> Array:
+    """What cells hold of their room's pressure at the start: 0 where a corner has no foam."""
+    there = filled.there
+    return (there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]).astype(float)
 
 
 def _product(vectors: Array, matrix: Array) -> Array:

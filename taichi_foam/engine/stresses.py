@@ -9,7 +9,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.engine import runtime
-from taichi_foam.laws.bond import BondLaw
+from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.scene import Scene
 
@@ -46,7 +46,11 @@ def _kernel(law: BondLaw) -> tuple[Any, Any]:
 
 
 def normal_stresses(
-    scene: Scene, strain: Array, worst: Array | float, broken: NDArray[np.bool_] | None = None
+    scene: Scene,
+    strain: Array,
+    worst: Array | float,
+    broken: NDArray[np.bool_] | None = None,
+    foam: BondFoam | None = None,
 ) -> Array:
     """Engineering stress [Pa] of the scene's foam, tension positive (Eq. 26, Fig. 19).
 
@@ -55,7 +59,9 @@ def normal_stresses(
         strain: engineering strain now, any shape.
         worst: the most compressive strain so far (<= 0), of that shape or a number.
         broken: which bonds are broken, of that shape; default none.
+        foam: that of a layer, in place of the scene's.
     """
+    foam = foam or scene.foam
     runtime.start()
     flat = np.ascontiguousarray(strain, dtype=np.float64).ravel()
     history = np.ascontiguousarray(np.broadcast_to(worst, np.shape(strain))).ravel()
@@ -63,10 +69,10 @@ def normal_stresses(
     if broken is not None:
         torn[:] = broken.ravel()
     stress = np.empty_like(flat)
-    law = scene.foam.law_for(scene.model)
-    constants = law.Constants(**scene.foam.constants(scene.model))
+    law = foam.law_for(scene.model)
+    constants = law.Constants(**foam.constants(scene.model))
     kernel, table = _kernel(law)
     if table is not None:
-        table.from_numpy(scene.foam.table[None])
+        table.from_numpy(foam.table[None])
     kernel(constants, flat, history, torn, stress)
     return stress.reshape(np.shape(strain))

@@ -8,6 +8,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.engine import breaking, lanes, stepping
+from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
@@ -67,8 +68,13 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
         _put_hull(lattice, b, model.hull)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
-    if model.table is not None:
-        _put_table(lattice, b, model.table)
+    if model.filling is not None:
+        _put_filling(lattice, b, model.filling)
+    if model.tables is not None:
+        for n, table in enumerate(model.tables):
+            _put_table(lattice, b, n, table)
+    if model.foams is not None:
+        _put_foams(lattice, b, model.foams, model.places.ravel())
 
 
 @ti.kernel
@@ -86,16 +92,63 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
     for row in range(surface.shape[0]):
         for c in ti.static(range(3)):
             lattice.model.surface[b, row][c] = surface[row, c]
-    for k in range(lattice.packs):
+    if ti.static(not lattice.features.shaped):
+        for k in range(lattice.packs):
+            p = lattice.model.parameters[b]
+            for lane in range(lattice.lanes):
+                j = k * lattice.lanes + lane
+                free = 1.0 / p.node_mass
+                moves_y = not (p.hold_y and j == 0)
+                lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
+                lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
+                falls = moves_y and j < lattice.rows
+                lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
+
+
+@ti.kernel
+def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
+    """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
+    for i in range(-1, lattice.columns + 1):
         p = lattice.model.parameters[b]
+        for k in range(-1, lattice.packs + 1):
+            for lane in range(lattice.lanes):
+                j = k * lattice.lanes + lane
+                mass, face_a, face_b, reach = 0.0, 0.0, 0.0, 0.0
+                x, y, gravity = 0.0, 0.0, 0.0
+                if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
+                    mass, reach = filling[i, j, 0], filling[i, j, 3]
+                    face_a, face_b = filling[i, j, 1], filling[i, j, 2]
+                    stands = filling[i, j, 4] > 0.0
+                    if mass > 0.0:
+                        x = ti.select(p.hold_x and stands, 0.0, 1.0 / mass)
+                        y = ti.select(p.hold_y and stands, 0.0, 1.0 / mass)
+                        gravity = ti.select(y > 0.0, p.gravity, 0.0)
+                lattice.model.filling[b, i, k].mass[lane] = mass
+                lattice.model.filling[b, i, k].face_a[lane] = face_a
+                lattice.model.filling[b, i, k].face_b[lane] = face_b
+                lattice.model.filling[b, i, k].reach[lane] = reach
+                lattice.model.mobility[b, i, k].x[lane] = x
+                lattice.model.mobility[b, i, k].y[lane] = y
+                lattice.model.mobility[b, i, k].gravity[lane] = gravity
+
+
+@ti.kernel
+def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNumbers):
+    """The foams, and each bond's own by rows; a pack's spare lanes have those of the last row."""
+    for foam in range(lattice.features.foams):
+        for n in ti.static(range(len(lattice.model.foam_members))):
+            lattice.model.foam_members[n][0][b, foam] = foams[foam, n]
+        if ti.static(lattice.features.law.tabulated):
+            lattice.model.foams[b, foam].bond.place = b * lattice.features.foams + foam
+    for n in range(2 * lattice.rows):
+        lattice.model.foam_of_row[b, n] = places[n]
+    for k in range(lattice.packs):
         for lane in range(lattice.lanes):
-            j = k * lattice.lanes + lane
-            free = 1.0 / p.node_mass
-            moves_y = not (p.hold_y and j == 0)
-            lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
-            lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
-            falls = moves_y and j < lattice.rows
-            lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
+            j = ti.min(k * lattice.lanes + lane, lattice.rows - 1)
+            for axis in ti.static(range(2)):
+                foam = places[axis * lattice.rows + j]
+                for pair in ti.static(lattice.model.graded_members[axis]):
+                    pair[0][b, axis * lattice.packs + k][lane] = pair[1][b, foam]
 
 
 @ti.kernel
@@ -115,11 +168,14 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
 
 
 @ti.kernel
-def _put_table(lattice: ti.template(), b: ti.i32, table: Table):
-    lattice.model.parameters[b].bond.place = b
+def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
+    """That of one of the block's foams; the first one is also what is asked without a place."""
+    place = b * lattice.features.foams + foam
+    if foam == 0:
+        lattice.model.parameters[b].bond.place = place
     for row in range(TABLE_ROWS):
         for column in ti.static(range(TABLE_COLUMNS)):
-            lattice.model.table[b, row][column] = table[row, column]
+            lattice.model.table[place, row][column] = table[row, column]
 
 
 def put(lattice: Lattice, b: int, state: State) -> None:
@@ -199,7 +255,13 @@ def _put_nodes(
                         broken_at = break_times[i, j]
                         intact = ti.static((intact_a, intact_b)[axis])[i, j]
                         condition = ti.cast(intact, ti.f32)
-                        if not ti.math.isnan(broken_at):
+                        if ti.static(lattice.features.shaped):
+                            face = lattice.model.filling[b, i, k].face_a[lane]
+                            if ti.static(axis == B):
+                                face = lattice.model.filling[b, i, k].face_b[lane]
+                            if face == 0.0:
+                                condition = ti.cast(ABSENT, ti.f32)
+                        if condition > ABSENT and not ti.math.isnan(broken_at):
                             condition = BROKEN
                         else:
                             broken_at = 0.0
@@ -333,7 +395,7 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                 bond = ti.static(lattice.state.bonds[c])
                 bonds[i, j, c] = bond[b, i, k].worst[lane]
                 broken_at = ti.cast(bond[b, i, k].break_time[lane], ti.f64)
-                if breaking.is_whole(lattice, c, b, i, j):
+                if bond[b, i, k].condition[lane] != BROKEN:  # nor what never was
                     broken_at = ti.math.nan
                 bonds[i, j, 2 + c] = broken_at
                 if bonds.shape[2] > 4:

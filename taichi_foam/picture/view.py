@@ -57,9 +57,9 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     as much for one that turns).
     """
     block, impactor = scene.block, scene.impactor
-    half, height = block.width / 2, block.height
     base = np.array([0.0, block.dy / 2])
-    reference = np.array([[-half, 0.0], [half, 0.0], [half, height], [-half, height]])
+    (left, low), (right, high) = np.min(block.corners, axis=0), np.max(block.corners, axis=0)
+    reference = np.array([[left, low], [right, low], [right, high], [left, high]])
     start = base + (reference - base) @ np.array(scene.start.deformation_gradient).T
     (x_min, y_min), (x_max, y_max) = start.min(axis=0), start.max(axis=0)
     margin = side * (x_max - x_min)

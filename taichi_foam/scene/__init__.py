@@ -16,7 +16,7 @@ from taichi_foam.laws.shape.flat import FlatBlock
 from taichi_foam.laws.shape.i_shape import IShape
 from taichi_foam.laws.shape.polygon import Polygon
 from taichi_foam.laws.shape.wedge import Wedge
-from taichi_foam.scene.block import Block
+from taichi_foam.scene.block import Block, Layer
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.whole import CHOICE_SETS, Scene
 
@@ -31,6 +31,7 @@ __all__ = [
     "Foam",
     "IShape",
     "Impactor",
+    "Layer",
     "Model",
     "Numerics",
     "Outline",

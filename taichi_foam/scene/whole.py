@@ -11,13 +11,14 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall, sources
+from taichi_foam.scene import assumed, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.block import Block
+from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.values import changed
@@ -61,6 +62,13 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     }
 )
 """Named readings of what the paper leaves open: dotted keys of a scene and their values."""
+
+
+_OPTIONS = {
+    "heeds_rate": "rate, which is given in the one only",
+    "weakens_across": "crushed_strength, which is 1 in the one only",
+}
+"""What tells foams of one law apart for the kernels, by options of the law."""
 
 
 class Scene(Part):
@@ -108,12 +116,15 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
+        unfilled = filling.problems(self.block)
         problems = [
             *_problems_of_foam(self),
+            *_problems_of_layers(self),
+            *_problems_of_base(self),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *(_problems_of_fall(self) or _problems_of_contact(self)),
+            *(unfilled or _problems_of_fall(self) or _problems_of_contact(self)),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -155,12 +166,28 @@ class Scene(Part):
 
     @property
     def contact_height(self) -> float:
-        """Height of the impactor's lowest point at first contact [m]: the top row's."""
-        return self.block.height - self.block.dy / 2
+        """Height of the impactor's lowest point at first contact [m].
+
+        The top row's; of a block with an outline that of the highest mass point under it.
+        """
+        filled = filling.filling(self.block)
+        if filled.is_full:  # the same to the last bit
+            return self.block.height - self.block.dy / 2
+        X = self.block.positions[filled.there]
+        if self.impactor is not None:
+            x = self.impactor.x + self.impactor.outline()[:, 0]
+            X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
+        return float(X[:, 1].max(initial=0.0))
 
 
-for registry in (FOAMS, SHAPES):  # a law or a shape that comes later
-    registry.watchers.append(lambda: Scene.model_rebuild(force=True))
+def _rebuild() -> None:
+    """Let scenes know a law or a shape that came later."""
+    for part in (Layer, Block, Scene):
+        part.model_rebuild(force=True)
+
+
+for registry in (FOAMS, SHAPES):
+    registry.watchers.append(_rebuild)
 
 
 def _problems_of_foam(scene: Scene) -> list[str]:
@@ -174,13 +201,46 @@ def _problems_of_foam(scene: Scene) -> list[str]:
     return []
 
 
+def _problems_of_layers(scene: Scene) -> list[str]:
+    """Say which layers' foams do not go together with the block's."""
+    law = scene.foam.law_for(scene.model)
+    return [
+        f"block.layers[{number}].foam: not read as [foam] is: {_differing(law, other)}; all foams "
+        "of a block need one law and one reading of it; give both the same, or a curve each "
+        "(foam.curve)"
+        for number, layer in enumerate(scene.block.layers)
+        if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+    ]
+
+
+def _problems_of_base(scene: Scene) -> list[str]:
+    """Say why the base has nothing to hold."""
+    kind = scene.base.kind
+    if kind == "floor" or filling.filling(scene.block).on_base.any():
+        return []
+    return [
+        f"block.outline: has no side on the base, y = 0, which base.kind = '{kind}' holds; give it "
+        "a level side there, or set base.kind = 'floor'"
+    ]
+
+
+def _differing(law: BondLaw, other: BondLaw) -> str:
+    """What is otherwise in a law than in the first, in the words of a scene."""
+    if type(law) is not type(other):
+        return f"of the law {type(other).__name__.lower()}"
+    unlike = {key for key, value in vars(other).items() if value != vars(law)[key]}
+    words = [text for key, text in _OPTIONS.items() if key in unlike]
+    return f"different in {' and '.join(words or sorted(unlike))}"
+
+
 def _problems_of_start(scene: Scene) -> list[str]:
     problems = []
+    limit = max(foam.landmarks.limit for foam in foams_of(scene)[0])
     for axis, strain in zip("xy", scene.start.strains, strict=True):
-        if strain <= scene.foam.landmarks.limit:
+        if strain <= limit:
             problems.append(
                 f"start.deformation_gradient: strain {strain:.3g} along {axis}; must be above "
-                f"the foam's limit of {scene.foam.landmarks.limit:g}; compress it less"
+                f"the foam's limit of {limit:g}; compress it less"
             )
     return problems
 
@@ -222,8 +282,8 @@ def _problems_of_contact(scene: Scene) -> list[str]:
     impactor = scene.impactor
     if impactor is None:
         return []
-    corners = _starting_corners(scene)
-    left, right = corners[:, 0].min(), corners[:, 0].max()
+    points = _starting_points(scene)
+    left, right = points[:, 0].min(), points[:, 0].max()
     low, high = _ends_at_arrival(scene, impactor)
     if high <= left or low >= right:
         return [
@@ -231,13 +291,14 @@ def _problems_of_contact(scene: Scene) -> list[str]:
             f"{low:.4g} to {high:.4g} m, the block's mass points {left:.4g} to {right:.4g} m; "
             "bring impactor.x nearer to 0"
         ]
-    if scene.start.is_at_rest and not _meets_a_column(scene, low, high):
+    if scene.start.is_at_rest and not _meets_a_column(scene, points[:, 0], low, high):
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; with {high - low:.4g} m of "
             f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; "
             "take more block.columns or a wider impactor"
         ]
-    above = scene.contact_height + impactor.gap - corners[:, 1].max()
+    under = points if scene.block.is_rectangle else points[_between(points[:, 0], low, high)]
+    above = scene.contact_height + impactor.gap - under[:, 1].max(initial=0.0)
     if above < -1e-9 * scene.block.height:
         return [
             f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, which "
@@ -289,18 +350,27 @@ def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
     return min(ends) - impactor.reach, max(ends) + impactor.reach
 
 
-def _starting_corners(scene: Scene) -> np.ndarray:
-    """Positions (4, 2) [m] of the lattice's corner mass points at the start."""
+def _starting_points(scene: Scene) -> np.ndarray:
+    """Positions (n, 2) [m] of mass points at the start: of a rectangle's corners, or of all."""
     block = scene.block
-    half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
-    origin = np.array([0.0, low])
-    X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    if block.is_rectangle:
+        half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
+        X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    else:
+        X = block.positions[filling.filling(block).there]
+    origin = np.array([0.0, block.dy / 2])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 
-def _meets_a_column(scene: Scene, low: float, high: float) -> bool:
-    """Whether a column of mass points lies strictly between two positions [m]."""
+def _between(x: np.ndarray, low: float, high: float) -> np.ndarray:
+    return (x > low) & (x < high)
+
+
+def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> bool:
+    """Whether mass points, some of which are at `x`, lie strictly between two positions [m]."""
     block = scene.block
+    if not block.is_rectangle:
+        return bool(_between(x, low, high).any())
     first = math.floor(low / block.dx + (block.columns - 1) / 2) + 1
     position = (max(first, 0) - (block.columns - 1) / 2) * block.dx
     return position < high

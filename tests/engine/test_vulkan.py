@@ -80,6 +80,13 @@ def test_no_float_lies_where_vulkan_misreads_it(states: tuple[States, States]) -
     assert states[1]["misplaced"].size == 0, states[1]["misplaced"]
 
 
+def test_a_pad_of_two_foams_agrees_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:
+    """Masses, faces and foams by place."""
+    on_cpu, on_vulkan = states
+    assert np.abs(part(on_cpu, "pad")["e_min_a"]).max() > 0.0
+    assert_close(part(on_cpu, "pad"), part(on_vulkan, "pad"), STEPS_BEFORE)
+
+
 def test_blocks_agree_with_the_cpu_to_rounding_before_failure(
     states: tuple[States, States],
 ) -> None:

@@ -20,6 +20,7 @@ from taichi_foam.scene import (
     Cylinder,
     FlatBlock,
     Foam,
+    Layer,
     Model,
     Numerics,
     Output,
@@ -88,6 +89,30 @@ def foams(draw):
     )
 
 
+@st.composite
+def blocks(draw):
+    """Of two densities; outlines are in test_outlines, layers of other foams in test_layers."""
+    block = draw(
+        parts(
+            Block,
+            width=floats(0.09, 0.2),
+            columns=st.integers(4, 2000),
+            rows=st.integers(2, 2000),
+            outline=st.just(()),
+            holes=st.just(()),
+            layers=st.just(()),
+            lattice_angle_deg=st.just(0.0),
+        )
+    )
+    layer = Layer(
+        bottom=block.height * draw(floats(0, 0.4)),
+        top=block.height * draw(floats(0.9, 1)),
+        density=draw(st.none() | floats(1, 5000)),
+        interface=draw(st.sampled_from(["bonded", "loose"])),
+    )
+    return Block(**{**dict(block), "layers": draw(st.sampled_from([(), (layer,)]))})
+
+
 # An offset that keeps every shape over the block, and a width that no gap between columns has.
 hits = {
     "x": floats(-0.02, 0.02),
@@ -119,12 +144,7 @@ impactors = st.one_of(
 scenes = st.builds(
     Scene,
     name=st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=100),
-    block=parts(
-        Block,
-        width=floats(0.09, 0.2),
-        columns=st.integers(4, 2000),
-        rows=st.integers(2, 2000),
-    ),
+    block=blocks(),
     foam=foams(),
     impactor=impactors,
     base=parts(Base),
