@@ -113,8 +113,8 @@ class Impactor(Part):
     inertia: float | None = quantity(
         None,
         "kg m2",
-        "moment of inertia about the centre of mass; none: that of a uniform plate with the outline "
-        "and the mass, about its centroid (guided = false only)",
+        "moment of inertia about the centre of mass; none: that of a uniform plate with the "
+        "outline and the mass, about its centroid (guided = false only)",
         above=0,
         at_most=1e6,
     )
