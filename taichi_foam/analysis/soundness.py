@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from taichi_foam.analysis.body import fell_beside
 from taichi_foam.analysis.crush import over_bonds
 from taichi_foam.analysis.impact import passed_through
 from taichi_foam.analysis.presence import apart, bonded, there
@@ -129,6 +130,11 @@ def _of_overlap(record: Record) -> str | None:
 def _of_leaving(record: Record) -> str | None:
     if not passed_through(record):
         return None
+    if fell_beside(record):
+        return (
+            "the impactor fell past the block, down to what the block stands on: the figures are "
+            "those of that fall; bring impactor.x nearer to 0, or end the run before (numerics.end)"
+        )
     velocity = record.history["velocity_m_s"]
     return (
         f"the impactor left the foam at {velocity[-1]:.3g} m/s, of {velocity.max():.3g} m/s: "
