@@ -137,7 +137,7 @@ def passed_through(record: Record) -> bool | None:
     if impact(record) is not None or not v[-1] > 0:
         return False
     way = d[-1] - touch.depth_0
-    if way >= scene.contact_height and not scene.base.stops_impactor:
+    if way >= record.contact_height and not scene.base.stops_impactor:
         return True
     touching = np.flatnonzero(h["contact_force_N"] > 0)
     last = int(touching[-1]) if touching.size else touch.row
@@ -158,7 +158,7 @@ def bottomed_out(record: Record) -> bool | None:
     h, scene = record.history, record.scene
     block, impactor, marks = scene.block, touch.impactor, scene.foam.landmarks
     way = np.nanmax(h["displacement_m"]) - touch.depth_0
-    if scene.base.stops_impactor and way >= scene.contact_height:
+    if scene.base.stops_impactor and way >= record.contact_height:
         return True
     if not record.snapshots:
         return None

@@ -24,6 +24,7 @@ from taichi_foam.engine.state import (
 )
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -254,6 +255,33 @@ def take(lattice: Lattice, b: int) -> State:
         fracture=strips[:, WORKS].copy(),
         overlap=strips[:, WORKS + 1].copy(),
         neighbours=_take_neighbours(lattice, b) if lattice.features.self_contact else {},
+    )
+
+
+def cushion(lattice: Lattice, b: int) -> Cushion:
+    """What lattice `b` leaves of its block, between two steps."""
+    nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
+    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
+    _take_nodes(lattice, b, nodes, bonds)
+    clock = lattice.state.clock[b]
+    return Cushion(
+        position=nodes[..., 0:2].copy(),
+        velocity=nodes[..., 2:4].copy(),
+        increment=nodes[..., 4:6].copy(),
+        floor_stretch=nodes[..., 7].copy(),
+        room=nodes[..., 8].copy(),
+        surface=nodes[..., 9].copy(),
+        hold=nodes[:-1, :-1, 10].copy(),
+        worst_a=bonds[:-1, :, 0].copy(),
+        worst_b=bonds[:, :-1, 1].copy(),
+        broken_a=1.0 - np.isnan(bonds[:-1, :, 2]),
+        broken_b=1.0 - np.isnan(bonds[:, :-1, 3]),
+        intact_a=bonds[:-1, :, 4].copy(),
+        intact_b=bonds[:, :-1, 5].copy(),
+        stiffest=clock.stiffest,
+        crush=clock.crush,
+        speed=clock.speed,
+        broken=float(clock.broken),
     )
 
 

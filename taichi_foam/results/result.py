@@ -17,6 +17,8 @@ A result folder holds
         break_time_b  (N,I,J-1)     s     the same of B(i,j)
     cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
                    (x, y) in m in the reference configuration, the longest first
+    state.npz      the block as the run has left it, for the next impact on it: what
+                   `records.cushion.Cushion` holds; not of a run that was interrupted or failed
     summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
     manifest.json  sizes and checksums of all files, see `results.manifest`
 
@@ -30,7 +32,7 @@ import csv
 import json
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -38,13 +40,14 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.errors import UserError
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.history import COLUMNS, HISTORY_COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.packed import check_shapes
+from taichi_foam.results.packed import check_numbers, check_shapes
 from taichi_foam.results.snapshot_file import NAMES, record_type, shapes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
@@ -54,6 +57,7 @@ _FORMAT = 1
 _LONGEST_SUMMARY = 10_000_000
 # without these there is no result
 _FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
+_STATE = "state.npz"
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
 _DAMAGE = (
     OSError,
@@ -91,7 +95,7 @@ class Result(Record):
         A checkpoint of the run in that folder goes. Raises UserError as
         `taichi_foam.results.folders.claimed` does.
         """
-        with claimed(folder, request_of(self.scene), overwrite) as claim:
+        with claimed(folder, request_of(self.scene, self.run.get("after")), overwrite) as claim:
             with claim.publishing() as staging:
                 self.write(staging)
             claim.finish()
@@ -109,6 +113,9 @@ class Result(Record):
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
+        if self.cushion is not None:
+            arrays: dict[str, Any] = self.cushion.to_arrays()
+            np.savez_compressed(folder / _STATE, format=_FORMAT, **arrays)
         try:
             paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
             measures = self.summary
@@ -136,7 +143,8 @@ class Result(Record):
         try:
             history = _read_history(root / "history.csv")
             snapshots = _read_snapshots(root / "snapshots.npz", scene)
-            return cls(scene, history, snapshots, _read_run(root / "summary.json"))
+            run, cushion = _read_run(root / "summary.json"), _read_cushion(root / _STATE, scene)
+            return cls(scene, history, snapshots, run, cushion)
         except _DAMAGE as error:
             raise UserError(
                 f"result folder {root}: not a complete result of this version ({_words(error)}). "
@@ -148,9 +156,13 @@ load = Result.load
 """Read a folder that a result was saved to; see `Result.load`."""
 
 
-def request_of(scene: Scene) -> dict[str, Any]:
-    """What stands for a run where its folder is claimed: all values of the scene, by key."""
-    return by_key(scene.model_dump(mode="json"))
+def request_of(scene: Scene, after: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """What stands for a run where its folder is claimed: all values of the scene, by key.
+
+    Of one on a block that another run has left (`run["after"]`) the state of that, too.
+    """
+    wanted = by_key(scene.model_dump(mode="json"))
+    return wanted if after is None else {**wanted, "after": after["state_sha256"]}
 
 
 def storage_bytes(scene: Scene) -> int:
@@ -159,7 +171,8 @@ def storage_bytes(scene: Scene) -> int:
     Snapshots count twice, since they are stored as they come before they are packed.
     """
     rows = scene.numerics.latest_end / scene.output.history_interval + 2
-    return int(2 * snapshots_bytes(scene) + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
+    state = 16 * 8 * scene.block.columns * scene.block.rows
+    return int(2 * snapshots_bytes(scene) + state + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
 
 
 def snapshots_bytes(scene: Scene) -> int:
@@ -176,7 +189,7 @@ def _check_whole(root: Path) -> None:
         if request_in(root) is None:
             reason = "is not a complete result of this version. Fix: run its scene again"
         raise UserError(f"result folder {root}: what is in it {reason}.")
-    changed = [name for name in _FILES if name in manifest.files]
+    changed = [name for name in (*_FILES, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
     if changed or not {*_FILES} <= {*manifest.files}:
         raise UserError(
@@ -215,6 +228,18 @@ def _read_run(path: Path) -> dict[str, Any]:
     if not (isinstance(summary, dict) and isinstance(summary.get("run"), dict)):
         raise ValueError("summary.json has no table `run`")
     return summary["run"]
+
+
+def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
+    """The block as the run has left it; None where there is none."""
+    if not path.is_file():
+        return None
+    shapes = Cushion.shapes(scene.block)
+    check_numbers(path, shapes)
+    with np.load(path) as archive:
+        if archive["format"] != _FORMAT:
+            raise ValueError(f"{path.name} has format {archive['format']}, not {_FORMAT}")
+        return Cushion.from_arrays({name: archive[name] for name in shapes})
 
 
 def _words(error: BaseException) -> str:
