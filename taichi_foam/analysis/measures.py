@@ -312,7 +312,7 @@ def summary(record: Record) -> dict[str, Any]:
         "velocity_change_m_s": velocity_change(record),
         "restitution": restitution(record),
         "equivalent_drop_height_m": equivalent_drop_height(record),
-        "drop": record.drop,
+        "drop": record.drop if scene.impactor is not None else None,
         "contact_height_m": record.contact_height if scene.impactor is not None else None,
         "rest_height_m": rest_height(record),
         "max_strain": max_strain(record),

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import breaking, lanes, stepping
+from taichi_foam.engine import breaking, lanes, stepping, virial
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
@@ -24,7 +24,6 @@ from taichi_foam.engine.state import (
 )
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.shape.base import SURFACE_ROWS
-from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -258,35 +257,8 @@ def take(lattice: Lattice, b: int) -> State:
     )
 
 
-def cushion(lattice: Lattice, b: int) -> Cushion:
-    """What lattice `b` leaves of its block, between two steps."""
-    nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
-    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
-    _take_nodes(lattice, b, nodes, bonds)
-    clock = lattice.state.clock[b]
-    return Cushion(
-        position=nodes[..., 0:2].copy(),
-        velocity=nodes[..., 2:4].copy(),
-        increment=nodes[..., 4:6].copy(),
-        floor_stretch=nodes[..., 7].copy(),
-        room=nodes[..., 8].copy(),
-        surface=nodes[..., 9].copy(),
-        hold=nodes[:-1, :-1, 10].copy(),
-        worst_a=bonds[:-1, :, 0].copy(),
-        worst_b=bonds[:, :-1, 1].copy(),
-        broken_a=1.0 - np.isnan(bonds[:-1, :, 2]),
-        broken_b=1.0 - np.isnan(bonds[:, :-1, 3]),
-        intact_a=bonds[:-1, :, 4].copy(),
-        intact_b=bonds[:, :-1, 5].copy(),
-        stiffest=clock.stiffest,
-        crush=clock.crush,
-        speed=clock.speed,
-        broken=float(clock.broken),
-    )
-
-
-def snapshot(lattice: Lattice, b: int) -> Snapshot:
-    """What a viewer sees of lattice `b` between two steps."""
+def snapshot(lattice: Lattice, b: int, with_stress: bool = False) -> Snapshot:
+    """What a viewer sees of lattice `b` between two steps, with or without stresses."""
     nodes = np.empty((lattice.columns, lattice.rows, 4))
     bonds = np.empty((lattice.columns, lattice.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
@@ -300,6 +272,7 @@ def snapshot(lattice: Lattice, b: int) -> Snapshot:
         e_min_b=bonds[:, :-1, 1].copy(),
         break_time_a=bonds[:-1, :, 2].copy(),
         break_time_b=bonds[:, :-1, 3].copy(),
+        stress=virial.stresses(lattice, b) if with_stress else None,
     )
 
 

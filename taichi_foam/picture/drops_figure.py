@@ -40,11 +40,11 @@ def drops_figure(results: Sequence[Result]) -> Figure:
         for number, peak, strain in zip(numbers, peaks, strains, strict=True):
             if peak is not None and strain is not None and len(results) <= 12:
                 right.annotate(
-                    f"{100 * strain:.0f} %", (number, peak), (0, 10), textcoords="offset points",
-                    ha="center", fontsize=10,
+                    f"{100 * strain:.0f} %", (number, peak), (-4, 7), textcoords="offset points",
+                    ha="right", fontsize=10,
                 )  # fmt: skip
         right.set_ylim(0.0, 1.18 * max((p for p in peaks if p is not None), default=1.0))
-        right.set_xlim(min(numbers) - 0.5, max(numbers) + 0.5)
+        right.set_xlim(min(numbers) - 0.7, max(numbers) + 0.5)
         right.xaxis.set_major_locator(MaxNLocator(integer=True))
         right.set_xlabel("drop")
         right.set_ylabel("peak deceleration (g), with its strain")

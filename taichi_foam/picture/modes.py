@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.crush import over_bonds, worst_strain
-from taichi_foam.engine.stresses import normal_stresses
+from taichi_foam.engine.stresses import cell_stresses
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 from taichi_foam.units import si_scale
@@ -33,14 +33,20 @@ class Key:
 
     words     title in one or two lines, with the unit where the ticks have none
     shades    name of the colour map
-    top       figure at the dark end [SI]; 0 is at the light end
+    top       figure at the dark end [SI]
     ticks     figures [SI] that are marked, with their text
+    bottom    figure at the other end [SI]: 0, which is light, or as much below it
     """
 
     words: tuple[str, ...]
     shades: str
     top: float
     ticks: tuple[tuple[float, str], ...]
+    bottom: float = 0.0
+
+    def share(self, value: float) -> float:
+        """How far along the key a figure lies, 0 to 1."""
+        return (value - self.bottom) / (self.top - self.bottom)
 
 
 @dataclass(frozen=True)
@@ -82,16 +88,19 @@ def _strain(snapshot: Snapshot, scene: Scene) -> Array:
 def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * scene.foam.landmarks.plateau_stress
     scale, prefix = si_scale(top, least=0, digits=3)
-    words = ("compressive", f"stress ({prefix}Pa)")
-    return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
+    above = _ticks(top, 1 / scale, open_ended=True)
+    below = tuple((-value, f"−{text}".replace("−≥ ", "≤ −")) for value, text in above[:0:-1])
+    words = ("stress, tension +", f"({prefix}Pa)")
+    return Key(words, "both", top, (*below, *above), bottom=-top)
 
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
-    """The largest compressive stress of each node's bonds."""
-    e_a, e_b = _lengthwise(snapshot, scene)
-    s_a = normal_stresses(scene, e_a, snapshot.e_min_a, snapshot.broken_a)
-    s_b = normal_stresses(scene, e_b, snapshot.e_min_b, snapshot.broken_b)
-    return -worst_strain(s_a, s_b)
+    """The principal stress of each node that is larger in size, tension positive."""
+    found = cell_stresses(scene, snapshot).astype(np.float64)
+    xx, yy, xy = np.moveaxis(found, -1, 0)
+    mean = 0.5 * (xx + yy)
+    radius = np.hypot(0.5 * (xx - yy), xy)
+    return np.where(mean > 0.0, mean + radius, mean - radius)
 
 
 def _speed_key(scene: Scene) -> Key:
@@ -174,7 +183,7 @@ MODES: dict[str, Mode] = {
         "worst compressive strain so far", _strain_key("worst compressive", "strain"), _worst
     ),
     "strain": Mode("compressive strain now", _strain_key("compressive", "strain"), _strain),
-    "stress": Mode("compressive stress now", _stress_key, _stress),
+    "stress": Mode("principal stress now, compression and tension apart", _stress_key, _stress),
     "speed": Mode("speed of the foam", _speed_key, _speed),
     "shear": Mode("shear strain now", _shear_key, _shear),
     "broken": Mode("broken bonds of each cell", _broken_key, _broken),

@@ -207,7 +207,7 @@ def _draw(
     shapes = cells.corners(
         snapshot.position, snapshot.e_min_a, snapshot.e_min_b, a, b, block.dx, block.dy
     )
-    level = colours.levels(look.shown.values(snapshot, scene), key.top)
+    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
     shades = colours.shades(key.shades)[level].reshape(-1, 3) / 255
     size = scale * min(block.dx, block.dy) * 72 / _INCH  # of a cell in points
     edges = shades
@@ -263,7 +263,7 @@ def _with_room(key: Key, wide: float) -> list[tuple[float, str]]:
     kept: list[tuple[float, str]] = []
     reach = math.inf
     for value, text in reversed(key.ticks):
-        half, place = _width(text) / 2, wide * value / key.top
+        half, place = _width(text) / 2, wide * key.share(value)
         if place + half + 0.6 <= reach:
             kept.append((value, text))
             reach = place - half
@@ -280,11 +280,11 @@ def _key(figure: Figure, key: Key, width: float) -> None:
     wide, tall, right = 0.46 * width, 2.2, 5.5
     axis = _axes(figure, width - right - wide, _FOOT - 1.2 - tall, wide, tall)
     shades = colours.shades(key.shades) / 255
-    edges = np.linspace(0, key.top, len(shades) + 1)
+    edges = np.linspace(key.bottom, key.top, len(shades) + 1)
     # each reaches to the end, under those that follow, so that there are no seams
     bars = [[(start, 0), (key.top, 0), (key.top, 1), (start, 1)] for start in edges[:-1]]
     axis.add_collection(PolyCollection(bars, facecolors=shades, edgecolors="none"), autolim=False)
-    axis.set(xlim=(0, key.top), ylim=(0, 1))
+    axis.set(xlim=(key.bottom, key.top), ylim=(0, 1))
     for spine in axis.spines.values():
         spine.set(visible=True, color=INK, linewidth=_LINE)
     ticks = _with_room(key, wide)

@@ -208,7 +208,7 @@ def draw(
         block.dy,
     )
     key = key or look.shown.key(scene)
-    level = colours.levels(look.shown.values(snapshot, scene), key.top)
+    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
     sides = cells.open_sides(broken_a, broken_b)
     strokes = np.zeros_like(sides)
     smallest = view.scale * min(block.dx, block.dy)

@@ -22,6 +22,8 @@ class Snapshot:
     e_min_b       (I, J-1), the same of B(i,j)
     break_time_a  (I-1, J) s, when bond A(i,j) broke; NaN while intact
     break_time_b  (I, J-1) s, the same of B(i,j)
+    stress        (I, J, 3) Pa, xx, yy and xy about mass point (i, j), tension positive, 32 bits;
+                  see `engine.virial`. None if the run does not keep it
     """
 
     time: float
@@ -32,6 +34,7 @@ class Snapshot:
     e_min_b: Array
     break_time_a: Array
     break_time_b: Array
+    stress: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:
         columns, rows = self.position.shape[:2]

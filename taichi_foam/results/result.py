@@ -15,6 +15,7 @@ A result folder holds
         e_min_b       (N,I,J-1)     -     the same of B(i,j)
         break_time_a  (N,I-1,J)     s     when A(i,j) broke, NaN while intact
         break_time_b  (N,I,J-1)     s     the same of B(i,j)
+        stress        (N,I,J,3)     Pa    xx, yy, xy about mass point (i, j), with output.stress
     cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
                    (x, y) in m in the reference configuration, the longest first
     state.npz      the block as the run has left it, for the next impact on it: what
@@ -48,7 +49,7 @@ from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.packed import check_numbers, check_shapes
-from taichi_foam.results.snapshot_file import NAMES, record_type, shapes
+from taichi_foam.results.snapshot_file import record_type, shapes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
@@ -269,16 +270,17 @@ def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) ->
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
     most = int(scene.numerics.latest_end / scene.output.snapshot_interval) + 3
-    check_shapes(path, shapes(scene), most)
+    there = shapes(scene)
+    check_shapes(path, there, most)
     with np.load(path) as archive:
         if archive["format"] != _FORMAT:
             raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
-        arrays = {name: archive[name] for name in NAMES}
+        arrays = {name: archive[name] for name in there}
     return [
         Snapshot(
             float(arrays["time"][n]),
             float(arrays["impactor_y"][n]),
-            *(arrays[name][n] for name in NAMES[2:]),
+            *(arrays[name][n] for name in [*there][2:]),
         )
         for n in range(len(arrays["time"]))
     ]

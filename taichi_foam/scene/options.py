@@ -209,6 +209,10 @@ class Output(Part):
     mode: Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"] = (
         choice("worst-strain", "what the colours of the pictures show")
     )
+    stress: bool = choice(
+        False,
+        "keep the stress about each mass point in snapshots; always kept where mode is stress",
+    )
     theme: Literal["light", "dark"] = choice("light", "tones of the pictures")
     curve: bool = choice(False, "draw the deceleration so far into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
@@ -241,6 +245,11 @@ class Output(Part):
         at_most=120,
         fix="25 is usual",
     )
+
+    @property
+    def keeps_stress(self) -> bool:
+        """Whether snapshots hold stresses."""
+        return self.stress or self.mode == "stress"
 
     @model_validator(mode="after")
     def _check_intervals(self) -> Output:

@@ -242,7 +242,7 @@ class Slots:
         run = Run(
             scene, index, replace(self._wall), self._lattice.batch, snapshots=snapshots, after=after
         )
-        run.record(transfer.snapshot(self._lattice, b))
+        run.record(self._snapshot(b, run))
         return run
 
     def _resumed(self, b: int, index: int, stored: Checkpoint) -> Run:
@@ -319,14 +319,19 @@ class Slots:
             if len(rows[b]):
                 run.rows.append(rows[b])
             if run.ended or run.time >= run.next_snapshot:
-                run.record(transfer.snapshot(self._lattice, b))
+                run.record(self._snapshot(b, run))
             if run.status in LEAVING:
-                run.cushion = transfer.cushion(self._lattice, b)
+                run.cushion = transfer.take(self._lattice, b).cushion()
         return most
 
     def now(self, b: int) -> Snapshot:
         """The run in place `b` at this instant; it is not recorded."""
-        return transfer.snapshot(self._lattice, b)
+        run = self._places[b]
+        assert run is not None
+        return self._snapshot(b, run)
+
+    def _snapshot(self, b: int, run: Run) -> Snapshot:
+        return transfer.snapshot(self._lattice, b, run.scene.output.keeps_stress)
 
     def clear_ended(self) -> None:
         """Make room where runs have ended."""

@@ -192,14 +192,24 @@ def run_drops(
     """
     check_drops(count)
     results: list[Result] = []
+    over, latest = Progress(0.0, 0.0, 0, 0.0), Progress(0.0, 0.0, 0, 0.0)
 
     def tell(progress: Progress) -> None:
+        nonlocal latest
+        latest = replace(
+            progress,
+            fraction=(len(results) + progress.fraction) / count,
+            steps=over.steps + progress.steps,
+            wall=over.wall + progress.wall,
+            finished=len(results),
+            of=count,
+        )
         if on_progress is not None:
-            done = len(results) + progress.fraction
-            on_progress(replace(progress, fraction=done / count, finished=len(results), of=count))
+            on_progress(latest)
 
     with _claimed(checkpoint, lambda: drops_request(scene, count)) as claim:
         while len(results) < count and not (results and results[-1].ending is Ending.INTERRUPTED):
+            over = latest
             kept = claim and Checkpoints([claim.work / drop_name(len(results) + 1)], every)
             after = After.of(scene, results[-1]) if results else None
             try:

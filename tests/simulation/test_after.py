@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -84,12 +85,11 @@ def test_all_of_the_block_comes_to_the_device_and_back(broken: Result) -> None:
     assert cushion.intact_b.min() < 1
     with borrowed(1, block.columns, block.rows, features_of(BREAKING)) as lattice:
         transfer.load(lattice, 0, BREAKING, state_after(BREAKING, cushion))
-        found = transfer.cushion(lattice, 0)
-        taken = transfer.take(lattice, 0).cushion()
+        found = transfer.take(lattice, 0).cushion()
         transfer.unload(lattice, 0)
     for name, values in cushion.to_arrays().items():
         np.testing.assert_array_equal(values, found.to_arrays()[name], err_msg=name)
-    assert taken.sha256 == found.sha256 == cushion.sha256
+    assert found.sha256 == cushion.sha256
 
 
 def test_the_impactor_starts_its_gap_above_the_block_as_it_lies(again: Result) -> None:
@@ -112,13 +112,13 @@ def test_height_beneath_a_plate_is_that_of_the_highest_point() -> None:
         height_beneath(position, FlatBlock(width=0.02, x=1.0))
 
 
-@pytest.mark.parametrize("which", ["again", "drops"])
-def test_the_ledger_of_a_later_drop_closes(which: str, request: pytest.FixtureRequest) -> None:
-    found = request.getfixturevalue(which)
-    result = found[-1] if isinstance(found, list) else found
-    assert abs(result.summary["energy_residual"]) < 1e-3
-    assert result.history["base_J"][0] == result.history["friction_J"][0] == 0.0
-    assert not result.warnings
+def test_the_ledger_of_a_later_drop_closes(broken: Result, drops: list[Result]) -> None:
+    """It counts from its own first row. What breaks and slides costs the step's accuracy."""
+    fine = run(BREAKING.with_values(numerics__safety=0.2), after=broken)
+    for result, limit in ((fine, 1e-4), (drops[-1], 1e-4)):
+        assert abs(result.summary["energy_residual"]) < limit
+        assert result.history["base_J"][0] == result.history["friction_J"][0] == 0.0
+        assert not result.warnings
 
 
 def test_crushed_foam_stops_a_later_drop_harder(drops: list[Result]) -> None:
@@ -127,7 +127,7 @@ def test_crushed_foam_stops_a_later_drop_harder(drops: list[Result]) -> None:
     heights = [result.summary["rest_height_m"] for result in drops]
     assert heights[0] > heights[1] > heights[2]
     assert [result.summary["drop"] for result in drops] == [1, 2, 3]
-    for before, after in zip(drops, drops[1:], strict=False):
+    for before, after in pairwise(drops):
         assert after.contact_height == before.summary["rest_height_m"]
         assert after.summary["max_strain"] > before.summary["max_strain"]
     first = drops[0].summary  # strain: of the thickness between first and last row
@@ -174,7 +174,8 @@ def test_an_interrupted_series_goes_on_where_it_stopped(
         CUSHION, 3, lambda p: steps.update({p.finished: p.steps}), checkpoint=tmp_path
     )
     assert steps[0] == 0  # the first drop is not computed again
-    assert steps[1] < drops[1].run["steps"]
+    assert 0 < steps[1] < drops[1].run["steps"]
+    assert steps[2] == steps[1] + drops[2].run["steps"]
     for one, other in zip(found, drops, strict=True):
         assert_equal(one, other)
 
@@ -182,9 +183,10 @@ def test_an_interrupted_series_goes_on_where_it_stopped(
 def test_without_an_impactor_the_block_settles(broken: Result) -> None:
     quiet = run(BREAKING.with_values(impactor=None, numerics__end=2e-3), after=broken)
     np.testing.assert_array_equal(quiet.snapshots[0].position, broken.snapshots[-1].position)
-    energy = quiet.history["foam_kinetic_J"]
+    energy = quiet.history["foam_kinetic_J"] + quiet.history["strain_J"]
     assert energy[-1] < energy[0]
-    assert quiet.summary["drop"] == 2
+    assert abs(quiet.summary["energy_residual"]) < 1e-3
+    assert quiet.drop == 2
 
 
 def test_what_cannot_follow_is_refused(broken: Result, tmp_path: Path) -> None:
