@@ -88,7 +88,9 @@ def _strain(snapshot: Snapshot, scene: Scene) -> Array:
 def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * scene.foam.landmarks.plateau_stress
     scale, prefix = si_scale(top, least=0, digits=3)
-    above = _ticks(top, 1 / scale, open_ended=True)
+    ticks = _ticks(top, 1 / scale, open_ended=True)
+    # both sides share the room that one has elsewhere
+    above = [*(tick for tick in ticks[:-1] if tick[0] < 0.6 * top), ticks[-1]]
     below = tuple((-value, f"−{text}".replace("−≥ ", "≤ −")) for value, text in above[:0:-1])
     words = ("stress, tension +", f"({prefix}Pa)")
     return Key(words, "both", top, (*below, *above), bottom=-top)
