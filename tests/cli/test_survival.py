@@ -26,7 +26,15 @@ from taichi_foam.simulation.checkpoint import CHECKPOINT
 WEDGE = "paper/wedge-2.86"
 SHORT = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=3e-3"]
 LONG = ["run", WEDGE, *COARSE_OPTIONS, "--no-film", "--set", "numerics.end=5.0"]
-DATA = {"scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json", MANIFEST}
+DATA = {
+    "scene.toml",
+    "history.csv",
+    "snapshots.npz",
+    "state.npz",
+    "cracks.json",
+    "summary.json",
+    MANIFEST,
+}
 
 
 @pytest.fixture
