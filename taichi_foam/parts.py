@@ -21,6 +21,8 @@ FIX_BY_UNIT = {
     "tension": "strains are fractions (5 % is 0.05), positive in tension",
     "compression": "strains are fractions (5 % is 0.05), negative in compression: -0.05",
     "deg": "angles are in degrees",
+    "rad/s": "spins are in radians per second (one turn per second is 6.283), counter-clockwise",
+    "kg m2": "moments of inertia are in kg m2 (1 kg cm2 is 1e-4)",
     "1/s": "rates are in 1/s",
     "J/m2": "energies per area are in joules per square metre (0.0174 N/mm is 17.4)",
     "-": "it is a plain number",

@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.crush import over_bonds, worst_strain
+from taichi_foam.analysis.presence import apart, bonded
+from taichi_foam.analysis.rims import on_outline
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Block
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -29,6 +33,25 @@ LONGEST_SIDE = 1.2
 #: Bits of `open_sides`.
 LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
 ALL_SIDES = LEFT | RIGHT | BOTTOM | TOP
+
+
+def shapes_of(snapshot: Snapshot, block: Block) -> tuple[Floats, NDArray[np.int32]]:
+    """Corners (columns, rows, 4, 2) [m] of all cells as `corners`, and their `open_sides`.
+
+    Along an outline cells end there. Where there is no mass point they stand for no foam.
+    """
+    bonded_a, bonded_b = bonded(block)
+    apart_a, apart_b = apart(snapshot, block)
+    quads = corners(
+        snapshot.position,
+        np.where(bonded_a, snapshot.e_min_a, np.nan),
+        np.where(bonded_b, snapshot.e_min_b, np.nan),
+        apart_a,
+        apart_b,
+        block.dx,
+        block.dy,
+    )
+    return on_outline(quads, block), open_sides(apart_a, apart_b)
 
 
 def corners(
@@ -51,7 +74,7 @@ def corners(
     Args:
         position: node positions (columns, rows, 2) [m].
         e_min_a, e_min_b: worst compressive strain (<= 0) of the bonds, (columns-1, rows)
-            and (columns, rows-1).
+            and (columns, rows-1); NaN where there never was one.
         broken_a, broken_b: broken bonds, same shapes.
         dx, dy: reference size of a cell [m].
 
@@ -71,7 +94,9 @@ def corners(
     joints = _Joints(e_min_a, e_min_b, broken_a, broken_b)
     _mend(points, z, joints, dx, dy)
     torn_and_crushed = over_bonds(np.add, broken_a, broken_b) > 0
-    torn_and_crushed &= worst_strain(e_min_a, e_min_b) < FOLDING_STRAIN
+    torn_and_crushed &= (
+        worst_strain(np.nan_to_num(e_min_a), np.nan_to_num(e_min_b)) < FOLDING_STRAIN
+    )
     _unfold(points, torn_and_crushed, z, joints, dx, dy)
     return points.view(np.float64).reshape(columns, rows, 4, 2)
 

@@ -20,7 +20,9 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.analysis.crush import crushed_cells
+from taichi_foam.analysis.presence import apart, there
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
 
@@ -70,32 +72,39 @@ class Crack:
         return float(np.degrees(np.arctan(-(from_mean @ x) / (from_mean @ from_mean))))
 
 
-def parts(snapshot: Snapshot, bottom_rows: int = 0) -> NDArray[np.int32]:
+def parts(snapshot: Snapshot, block: Block, bottom_rows: int = 0) -> NDArray[np.int32]:
     """Number, from 0, of the part that each mass point belongs to: (columns, rows - bottom_rows).
 
-    A part is joined by unbroken bonds. The lowest `bottom_rows` rows are left out, with what
-    joins them to the others.
+    A part is joined by unbroken bonds; -1 where there is no mass point. The lowest `bottom_rows`
+    rows are left out, with what joins them to the others.
     """
     columns, rows = snapshot.position.shape[:2]
     node = np.arange(columns * (rows - bottom_rows)).reshape(columns, -1)
-    intact_a, intact_b = ~snapshot.broken_a[:, bottom_rows:], ~snapshot.broken_b[:, bottom_rows:]
+    apart_a, apart_b = apart(snapshot, block)
+    intact_a, intact_b = ~apart_a[:, bottom_rows:], ~apart_b[:, bottom_rows:]
     ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
     others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
-    return _components(ends, others, node.size).reshape(node.shape)
+    found = _components(ends, others, node.size).reshape(node.shape)
+    return np.where(there(block)[:, bottom_rows:], found, -1)
 
 
-def piece_sizes(snapshot: Snapshot) -> NDArray[np.float64]:
+def sizes_of(labels: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Mass points of each part, by its number."""
+    return np.bincount(labels[labels >= 0])
+
+
+def piece_sizes(snapshot: Snapshot, block: Block) -> NDArray[np.float64]:
     """Shares of the mass points that the parts have, crumbs too, the largest first."""
-    sizes = np.bincount(parts(snapshot).ravel())
+    sizes = sizes_of(parts(snapshot, block))
     return np.sort(sizes)[::-1] / sizes.sum()
 
 
-def pieces(snapshot: Snapshot) -> int:
+def pieces(snapshot: Snapshot, block: Block) -> int:
     """Number of parts, joined by unbroken bonds, with at least PIECE_FRACTION of the nodes.
 
     Smaller parts are crumbs. The answer is 0 for a block that is all crumbs.
     """
-    return int(np.count_nonzero(piece_sizes(snapshot) >= PIECE_FRACTION))
+    return int(np.count_nonzero(piece_sizes(snapshot, block) >= PIECE_FRACTION))
 
 
 def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
@@ -149,23 +158,27 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
     L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such lines
     the one that reaches deepest counts, then the one that starts nearest to the axis. It starts at
-    the edge of its path that broke first (of equals the highest).
+    the edge of its path that broke first (of equals the highest). On a turned lattice no line of
+    edges is upright: None.
     """
-    if scene.impactor is None:
+    if scene.impactor is None or scene.block.lattice_angle_deg != 0:
         return None
     columns, rows = snapshot.position.shape[:2]
     dx, dy = scene.block.dx, scene.block.dy
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     lines = np.zeros((columns - 1, rows), dtype=np.int32)
     ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
 
     x = (np.arange(1, columns) - columns / 2) * dx
-    outline = scene.impactor.outline()[:, 0]
-    from_axis = x - scene.impactor.x
+    now = impactor_now(snapshot, scene)
+    assert now is not None  # there is one
+    axis = scene.impactor.x + snapshot.impactor_shift
+    outline, level = now[:, 0] - axis, now[:, 1].min()
+    from_axis = x - axis
     slack = 1e-6 * dx
     below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
     below |= np.abs(from_axis) <= dx + slack
-    ahead = (np.arange(rows) + 1) * dy <= snapshot.impactor_y + dy + slack
+    ahead = (np.arange(rows) + 1) * dy <= level + dy + slack
     length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
 
     found = []
@@ -182,7 +195,6 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
             continue
         middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
         found.append(Crack(path[-1][1] * dy, *middles[0], min(times), middles))
-    axis = scene.impactor.x
     return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
 
 

@@ -8,12 +8,12 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.records.history import COLUMNS, ROW_COLUMNS, History
+from taichi_foam.records.history import COLUMNS, History, row_columns
 from taichi_foam.scene import Scene
 
 
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
-    """The history of `scene` from rows (n, 19) of the engine, see `ROW_COLUMNS`.
+    """The history of `scene` from rows (n, k) of the engine, see `row_columns`.
 
     They go from the first row of the run on; n may be 0.
 
@@ -24,7 +24,7 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     # filters take a second to load: after the run, not before it
     from taichi_foam.analysis.smoothing import smooth_deceleration
 
-    of = dict(zip(ROW_COLUMNS, rows.T, strict=True))
+    of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
     t, y, v, stored = of["time"], of["y"], of["v"], of["stored"]
@@ -43,8 +43,11 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         "crushing_J": normal - (stored - stored[:1]) - of["fracture"],
         "gravity_J": potential - potential[:1],
     }
+    if impactor is not None and scene.turns:
+        turning = 0.5 * impactor.moment_of_inertia * of["spin"] ** 2
+        found["impactor_kinetic_J"] += 0.5 * mass * of["u"] ** 2 + turning
     for name, column in COLUMNS.items():
-        if name not in found and column.source:
+        if name not in found and column.source and (scene.turns or not column.turns):
             found[name] = reduce(add, (of[member] for member in column.source))
     total = np.sum([found[name] for name, column in COLUMNS.items() if column.in_ledger], axis=0)
     return History({**found, "residual_J": total[:1] - total})

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_foam.analysis.body import impactor_now, way_down
+from taichi_foam.analysis.presence import bonded
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
+from taichi_foam.scene.layers import foams_of_bonds
 
 PLATEAUS = 2.0
 """Foam has bottomed out when it pressed on the impactor with so many times what its plateau holds:
@@ -32,6 +35,7 @@ class Contact:
     row         first history row that knows of it
     time        s
     depth_0     m, displacement column at contact (a gap, if any, lies before it)
+    way_0       m, how far its lowest point had then come down: the same, unless it turns
     velocity_0  m/s at contact
     """
 
@@ -39,6 +43,7 @@ class Contact:
     row: int
     time: float
     depth_0: float
+    way_0: float
     velocity_0: float
 
 
@@ -79,22 +84,27 @@ def first_contact(record: Record) -> Contact | None:
     if impactor is None:
         return None
     t, d, v = h["time_s"], h["displacement_m"], h["velocity_m_s"]
-    reached = np.flatnonzero(d >= impactor.gap)
+    way = way_down(record)
+    reached = np.flatnonzero(way >= impactor.gap)
     # a light impactor may be gone again when the row is written: its velocity tells
     lost = (h["deceleration_m_s2"] + record.scene.numerics.gravity) * np.diff(t, prepend=t[:1])
-    touching = (h["contact_force_N"] > 0) | (lost > _TOUCH * np.abs(v).max(initial=0.0))
+    touching = (h["contact_force_N"] != 0) | (lost > _TOUCH * np.abs(v).max(initial=0.0))
     if reached.size == 0 or not touching.any():
         return None
     before = max(int(reached[0]) - 1, 0)
+    interval = t[reached[0]] - t[before]
+    speed = v[before]
+    if not impactor.guided and interval > 0:
+        speed = (way[reached[0]] - way[before]) / interval  # of the lowest point
     flight = 0.0  # s, from row `before` to contact, at constant velocity
-    if v[before] > 0:
-        left = (impactor.gap - d[before]) / v[before]
-        flight = float(np.clip(left, 0, t[reached[0]] - t[before]))
+    if speed > 0:
+        flight = float(np.clip((impactor.gap - way[before]) / speed, 0, interval))
     return Contact(
         impactor=impactor,
         row=int(np.argmax(touching)),
         time=float(t[before]) + flight,
         depth_0=float(d[before] + v[before] * flight),
+        way_0=float(way[before] + speed * flight),
         velocity_0=float(v[before]),
     )
 
@@ -136,10 +146,10 @@ def passed_through(record: Record) -> bool | None:
     d, v = h["displacement_m"], h["velocity_m_s"]
     if impact(record) is not None or not v[-1] > 0:
         return False
-    way = d[-1] - touch.depth_0
+    way = way_down(record)[-1] - touch.way_0
     if way >= record.contact_height and not scene.base.stops_impactor:
         return True
-    touching = np.flatnonzero(h["contact_force_N"] > 0)
+    touching = np.flatnonzero(h["contact_force_N"] != 0)
     last = int(touching[-1]) if touching.size else touch.row
     return bool(d[-1] - d[last] >= CLEAR_CELLS * scene.block.dy)
 
@@ -156,8 +166,8 @@ def bottomed_out(record: Record) -> bool | None:
     if touch is None:
         return None
     h, scene = record.history, record.scene
-    block, impactor, marks = scene.block, touch.impactor, scene.foam.landmarks
-    way = np.nanmax(h["displacement_m"]) - touch.depth_0
+    block, impactor = scene.block, touch.impactor
+    way = np.nanmax(way_down(record)) - touch.way_0
     if scene.base.stops_impactor and way >= record.contact_height:
         return True
     if not record.snapshots:
@@ -166,13 +176,21 @@ def bottomed_out(record: Record) -> bool | None:
     force = max(
         float(h["contact_force_N"].max()), impactor.mass * float(h["deceleration_m_s2"].max())
     )
-    if force < PLATEAUS * marks.plateau_stress * width * block.thickness:
+    foams, _, rows = foams_of_bonds(scene)
+    plateau = max(foam.landmarks.plateau_stress for foam in foams)
+    if force < PLATEAUS * plateau * width * block.thickness:
         return False
-    outline = impactor.outline()[:, 0] + impactor.x
-    x = block.positions[:, 0, 0]
-    under = (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
-    strains = record.snapshots[-1].e_min_b[under].mean(axis=1)
-    return bool(strains.min(initial=0.0) <= marks.crush_end)
+    outline = impactor_now(record.snapshots[-1], scene)
+    assert outline is not None  # one that has touched
+    outline = outline[:, 0]
+    held = bonded(block)[1]
+    x = block.positions[:, :-1, 0]
+    under = held & (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
+    ends = np.array([foam.landmarks.crush_end for foam in foams])[rows]
+    # what the foam of a column was crushed by, over what densifies it
+    crush = np.where(under, record.snapshots[-1].e_min_b / ends, 0.0).sum(axis=1)
+    count = under.sum(axis=1)
+    return bool((crush[count > 0] >= count[count > 0]).any())
 
 
 def is_flat(impactor: Impactor) -> bool:

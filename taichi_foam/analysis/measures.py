@@ -30,6 +30,7 @@ from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import filling
 from taichi_foam.scene.keys import written
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -103,6 +104,30 @@ def filtered_peak_deceleration(record: Record) -> Peak | None:
         return None
     time = record.history["time_s"]
     return _peak(record.history["deceleration_smoothed_m_s2"], time, time, touch.time)
+
+
+def peak_resultant(record: Record) -> Peak | None:
+    """The largest acceleration since contact of the centre of mass of an impactor that turns.
+
+    The resultant of both directions, gravity left out; raw, as `peak_deceleration`. None on rails.
+    """
+    touch = first_contact(record)
+    if touch is None or touch.impactor.guided:
+        return None
+    time, up = record.history["time_s"], record.history["deceleration_m_s2"]
+    interval = np.diff(time, prepend=time[:1])
+    change = np.diff(record.history["velocity_x_m_s"], prepend=0.0)
+    sideways = np.divide(change, interval, out=np.zeros_like(time), where=interval > 0)
+    return _peak(np.hypot(up, sideways), time - 0.5 * interval, time, touch.time)
+
+
+def final_turn(record: Record) -> tuple[float, float, float] | None:
+    """Angle (rad), spin (rad/s) and sideways velocity (m/s) at the end; None on rails."""
+    names = ("angle_rad", "spin_rad_s", "velocity_x_m_s")
+    if not record.scene.turns or not record.history["time_s"].size:
+        return None
+    angle, spin, velocity = (float(record.history[name][-1]) for name in names)
+    return angle, spin, velocity
 
 
 def _peak(
@@ -179,15 +204,23 @@ def initial_peak(record: Record) -> tuple[float, float] | None:
 
 
 def energy_absorbed(record: Record) -> float | None:
-    """Loss of the impactor's kinetic energy from contact to stop (J), Eq. 7; gravity left out."""
+    """Loss of the impactor's kinetic energy from contact to stop (J), Eq. 7; gravity left out.
+
+    Of an impactor that turns only a part: it goes on turning, and sideways.
+    """
     found = impact(record)
-    return 0.5 * found.impactor.mass * found.velocity_0**2 if found else None
+    if found is None:
+        return None
+    if not found.impactor.guided:
+        time, kinetic = record.history["time_s"], record.history["impactor_kinetic_J"]
+        return float(np.interp(found.contact, time, kinetic) - np.interp(found.stop, time, kinetic))
+    return 0.5 * found.impactor.mass * found.velocity_0**2
 
 
 def crushed_volume(record: Record) -> float | None:
-    """Volume crushed at the largest displacement (m3), Eqs 4-6."""
+    """Volume crushed at the largest displacement (m3), Eqs 4-6; None of an impactor that turns."""
     found = impact(record)
-    if found is None:
+    if found is None or not found.impactor.guided:
         return None
     return float(found.impactor.crushed_volume(found.depth, record.scene.block.thickness))
 
@@ -202,9 +235,12 @@ def energy_per_volume(record: Record) -> float | None:
 
 
 def absorption_curve(record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Volume crushed (m3) and energy absorbed (J) from contact to stop, as in Fig. 13."""
+    """Volume crushed (m3) and energy absorbed (J) from contact to stop, as in Fig. 13.
+
+    None of an impactor that turns.
+    """
     found = impact(record)
-    if found is None:
+    if found is None or not found.impactor.guided:
         return None
     h, impactor = record.history, found.impactor
     during = (h["time_s"] > found.contact) & (h["time_s"] < found.stop)
@@ -258,7 +294,9 @@ def rest_height(record: Record) -> float | None:
     if impactor is None or not record.snapshots:
         return None
     try:
-        return height_beneath(record.snapshots[-1].position, impactor)
+        return height_beneath(
+            record.snapshots[-1].position, impactor, filling(record.scene.block).there
+        )
     except ValueError:
         return None
 
@@ -282,7 +320,7 @@ def summary(record: Record) -> dict[str, Any]:
     """
     scene, run, found = record.scene, record.run, impact(record)
     raw, filtered = peak_deceleration(record), filtered_peak_deceleration(record)
-    peak = initial_peak(record)
+    peak, resultant, turn = initial_peak(record), peak_resultant(record), final_turn(record)
     last = record.snapshots[-1] if record.snapshots else None
     region = crushed_region(last, scene) if last else None
     crack = crack_over_time(record.snapshots, scene)
@@ -296,6 +334,9 @@ def summary(record: Record) -> dict[str, Any]:
         "peak_deceleration_m_s2": raw and raw.deceleration,
         "peak_deceleration_g": raw and raw.deceleration / STANDARD_GRAVITY,
         "peak_deceleration_time_s": raw and raw.time,
+        "peak_resultant_m_s2": resultant and resultant.deceleration,
+        "peak_resultant_g": resultant and resultant.deceleration / STANDARD_GRAVITY,
+        "peak_resultant_time_s": resultant and resultant.time,
         "came_to_rest": came_to_rest(record),
         "bottomed_out": bottomed_out(record),
         "passed_through": passed_through(record),
@@ -316,11 +357,14 @@ def summary(record: Record) -> dict[str, Any]:
         "contact_height_m": record.contact_height if scene.impactor is not None else None,
         "rest_height_m": rest_height(record),
         "max_strain": max_strain(record),
+        "final_angle_rad": turn and turn[0],
+        "final_spin_rad_s": turn and turn[1],
+        "final_velocity_x_m_s": turn and turn[2],
         "crushed_width_m": region and region.width,
         "crushed_height_m": region and region.height,
         "crushed_layer_m": crushed_layer(last, scene) if last else None,
         "crushed_without_room": without_room(last, scene) if last else None,
-        "pieces": pieces(last) if last else None,
+        "pieces": pieces(last, scene.block) if last else None,
         "crack_lowest_height_m": crack and crack.lowest_height,
         "crack_start_x_m": crack and crack.start_x,
         "crack_start_height_m": crack and crack.start_height,

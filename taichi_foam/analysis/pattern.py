@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from taichi_foam.analysis.crush import crushed_cells, worst_strain
-from taichi_foam.analysis.fragments import Crack, parts
-from taichi_foam.laws.bond import BondFoam
+from taichi_foam.analysis.crush import by_foam, crushed_cells, over_bonds, worst_strain
+from taichi_foam.analysis.fragments import Crack, parts, sizes_of
+from taichi_foam.analysis.presence import there
 from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Impactor, Scene
@@ -78,7 +78,7 @@ class TopCracks:
 
 def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
     """The largest connected patch of crushed cells; None if there is none."""
-    patch = _largest_patch(crushed_cells(snapshot, scene.foam))
+    patch = _largest_patch(crushed_cells(snapshot, scene))
     if patch is None:
         return None
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
@@ -99,10 +99,10 @@ def boundary_cells(snapshot: Snapshot, scene: Scene) -> tuple[float, float] | No
     columns, downwards) those cells are counted, one after another, that are deformed for good but
     not crushed; means over the rows and sides, and over the columns. 0 is the sharpest boundary.
     """
-    patch = _largest_patch(crushed_cells(snapshot, scene.foam))
+    patch = _largest_patch(crushed_cells(snapshot, scene))
     if patch is None:
         return None
-    lasting = _deformed_for_good(snapshot, scene.foam)
+    lasting = _deformed_for_good(snapshot, scene)
     rows, columns = patch.any(axis=0), patch.any(axis=1)
     sides = [
         *_cells_beyond(patch.T[rows], lasting.T[rows]),
@@ -118,7 +118,7 @@ def crushed_outside(snapshot: Snapshot, scene: Scene, margin: float) -> float | 
     One cell is the least margin with a meaning: a bond across the path's edge that is crushed
     makes a crushed cell on both its sides.
     """
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
     inside = _path_columns(scene, scene.impactor, margin)
@@ -132,7 +132,9 @@ def severity_by_row(snapshot: Snapshot, scene: Scene) -> Array | None:
     inside = _path_columns(scene, scene.impactor)
     if not inside.any():
         return None
-    return -worst_strain(snapshot.e_min_a, snapshot.e_min_b)[inside].mean(axis=0)[::-1]
+    worst, held = -worst_strain(snapshot.e_min_a, snapshot.e_min_b), there(scene.block)[inside]
+    total = np.where(held, worst[inside], 0.0).sum(axis=0)
+    return (total / np.maximum(held.sum(axis=0), 1))[::-1]
 
 
 def severity_falls(snapshot: Snapshot, scene: Scene) -> float | None:
@@ -158,7 +160,7 @@ def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
     equals of the last one). Beneath is the impactor's width below the level where its nose is fully
     in: under a cylinder, its lower half and not its flanks.
     """
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
     strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
@@ -177,7 +179,7 @@ def crushed_along_faces(snapshot: Snapshot, scene: Scene, margin: float) -> floa
 
     The cavity is what the impactor has swept: its lower faces, and straight walls above its ends.
     """
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
     place = np.array([scene.impactor.x, snapshot.impactor_y])
@@ -188,7 +190,7 @@ def crushed_along_faces(snapshot: Snapshot, scene: Scene, margin: float) -> floa
 
 def crushed_left(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the crushed cells left of the impactor's axis; cells on the axis count half."""
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
     sides = np.sign(np.round((_column_x(scene.block) - scene.impactor.x) / scene.block.dx, 6))
@@ -197,7 +199,7 @@ def crushed_left(snapshot: Snapshot, scene: Scene) -> float | None:
 
 def crushed_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the crushed cells that lie lower now than the impactor's lowest point."""
-    crushed = crushed_cells(snapshot, scene.foam)
+    crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
     lower = snapshot.position[..., 1] < snapshot.impactor_y
@@ -213,7 +215,7 @@ def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
     if scene.impactor is None:
         return None
     depth = snapshot.impactor_y - snapshot.position[..., 1] + scene.block.dy / 2
-    lasting = _deformed_for_good(snapshot, scene.foam) & _middle_half(snapshot, scene.impactor)
+    lasting = _deformed_for_good(snapshot, scene) & _middle_half(snapshot, scene.impactor)
     return float(depth[lasting].max(initial=0.0))
 
 
@@ -240,7 +242,7 @@ def second_part(snapshot: Snapshot, block: Block) -> float:
     The base is SPLIT_FRACTION of the block's height: gripped, it holds halves together that a crack
     has parted (see `splits`).
     """
-    return _second(_above_base(snapshot, block), slice(None)) / snapshot.position[..., 0].size
+    return _second(_above_base(snapshot, block), slice(None)) / there(block).sum()
 
 
 def second_half(snapshot: Snapshot, block: Block) -> float:
@@ -250,7 +252,8 @@ def second_half(snapshot: Snapshot, block: Block) -> float:
     sideways, above a layer that is left on the base, does not count.
     """
     above = _above_base(snapshot, block)
-    return _second(above, np.unique(above[:, 0])) / snapshot.position[..., 0].size
+    standing = np.unique(above[:, 0])
+    return _second(above, standing[standing >= 0]) / there(block).sum()
 
 
 def crack_from_tip(crack: Crack, snapshots: Sequence[Snapshot], scene: Scene) -> float | None:
@@ -313,10 +316,15 @@ def _largest_patch(crushed: Flags) -> Flags | None:
     return patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
 
 
-def _deformed_for_good(snapshot: Snapshot, foam: BondFoam) -> Flags:
+def _deformed_for_good(snapshot: Snapshot, scene: Scene) -> Flags:
     """(columns, rows) whether a cell was compressed beyond ELASTIC_YIELDS yield strains."""
-    strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
-    return strain < ELASTIC_YIELDS * foam.landmarks.crush_start
+    beyond = by_foam(
+        scene,
+        lambda foam, worst: 1.0 * (worst < ELASTIC_YIELDS * foam.landmarks.crush_start),
+        (snapshot.e_min_a,),
+        (snapshot.e_min_b,),
+    )
+    return over_bonds(np.maximum, *beyond) > 0.0
 
 
 def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
@@ -328,12 +336,12 @@ def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
 
 def _above_base(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
     """The number of the part of each mass point, the base's rows left out."""
-    return parts(snapshot, bottom_rows=int(SPLIT_FRACTION * block.rows + 1e-9))
+    return parts(snapshot, block, bottom_rows=int(SPLIT_FRACTION * block.rows + 1e-9))
 
 
 def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int:
     """Mass points of the second largest of the chosen parts; 0 without one."""
-    sizes = np.sort(np.bincount(labels.ravel())[chosen])
+    sizes = np.sort(sizes_of(labels)[chosen])
     return int(sizes[-2]) if sizes.size > 1 else 0
 
 

@@ -44,6 +44,14 @@ RAW_CREST_G = Quantity("peak_deceleration_g", "the raw one in g", "raw peak in g
 RAW_CREST_TIME = Quantity(
     "peak_deceleration_time_s", "its time after contact, raw", "time of the raw peak", "ms", 1e3, 2
 )
+RESULTANT_G = Quantity(
+    "peak_resultant_g", "peak of the resultant, raw, in g", "resultant", "g", 1.0, 1
+)
+ANGLE = Quantity("final_angle_rad", "turned at the end by", "angle", "°", 57.29577951308232, 1)
+SPIN = Quantity("final_spin_rad_s", "spin at the end", "spin", "rad/s", 1.0, 2)
+SIDEWAYS = Quantity(
+    "final_velocity_x_m_s", "sideways velocity at the end", "sideways", "m/s", 1.0, 2
+)
 DURATION = Quantity("impact_duration_s", "impact duration", "duration", "ms", 1e3, 1)
 DISPLACEMENT = Quantity("max_displacement_m", "maximum displacement", "displacement", "cm", 1e2, 2)
 PLATEAU = Quantity("plateau_deceleration_m_s2", "plateau deceleration", "plateau", "m/s²", 1.0, 1)

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from taichi_foam.analysis.cells import corners
-from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_part, worst_strain
+from taichi_foam.analysis.cells import shapes_of
+from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_parts, worst_strain
 from taichi_foam.analysis.impact import is_flat
+from taichi_foam.analysis.presence import there
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.filling import filling
+from taichi_foam.scene.layers import foams_of_bonds
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -48,23 +51,28 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
     crushed bond B; of one that is crushed in part the crushed part is the upper one. Where the face
     has lifted off, the layer begins at the median of the columns' highest mass points.
 
-    None without a level face, and where nothing below it is crushed.
+    None without a level face on rails, on a turned lattice, and where nothing below it is crushed.
     """
     impactor, block = scene.impactor, scene.block
-    if impactor is None or not is_flat(impactor):
+    if impactor is None or scene.turns or not is_flat(impactor) or block.lattice_angle_deg != 0:
         return None
     ends = impactor.x + impactor.outline()[:, 0]
     offset = np.abs(block.positions[:, 0, 0] - (ends.min() + ends.max()) / 2)
     middle = offset <= np.ptp(ends) / 4 + 1e-6 * block.dx
-    part = crushed_part(snapshot.e_min_b[middle], scene.foam)
+    part = crushed_parts(snapshot, scene)[1][middle]
     crushed = part > CRUSHED_FRACTION
     if not crushed.any():
         return None
-    height = snapshot.position[middle, :, 1]
+    height, held = snapshot.position[middle, :, 1], there(block)[middle]
+    kept = held.any(axis=1)  # columns with foam
+    part, crushed, height, held = part[kept], crushed[kept], height[kept], held[kept]
     column, lowest = np.arange(len(height)), crushed.argmax(axis=1)
     below, above = height[column, lowest], height[column, lowest + 1]
-    end = above - (above - below) * _crushed_share(part[column, lowest], scene.foam)
-    begin = min(snapshot.impactor_y, float(np.median(height.max(axis=1))))
+    foams, _, rows = foams_of_bonds(scene)
+    shares = np.array([_crushed_share(part[column, lowest], foam) for foam in foams])
+    end = above - (above - below) * shares[rows[lowest], column]
+    top = np.where(held, height, -np.inf).max(axis=1)
+    begin = min(snapshot.impactor_y, float(np.median(top)))
     return float(np.median(np.where(crushed.any(axis=1), begin - end, 0.0)))
 
 
@@ -81,7 +89,8 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     """
     block = scene.block
     quads, extent, sound = _cells(snapshot, block)
-    crushed = crushed_cells(snapshot, scene.foam)
+    sound &= there(block)
+    crushed = crushed_cells(snapshot, scene)
     if not (crushed & sound).any():
         return None
     claims, others = quads[crushed & sound], quads[~crushed & sound]
@@ -91,15 +100,14 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     boxes = sum(float(np.ptp(cells, axis=1).prod(axis=1).sum()) for cells in (claims, others))
     pixel = max(min(block.dx, block.dy) / PIXELS, np.sqrt(boxes / MOST_PIXELS))
     room = pixel**2 * _room(claims / pixel, others / pixel)
-    needed = _needed(snapshot)[crushed & sound] * block.dx * block.dy
+    needed = (_needed(snapshot) * filling(block).share)[crushed & sound] * block.dx * block.dy
     return float(np.maximum(needed - room, 0.0).sum() / needed.sum())
 
 
 def _cells(snapshot: Snapshot, block: Block) -> tuple[Array, Array, Flags]:
     """Corners of all cells (columns, rows, 4, 2) [m], their extents [m], and which are sound."""
-    state = (snapshot.e_min_a, snapshot.e_min_b, snapshot.broken_a, snapshot.broken_b)
     with np.errstate(over="ignore", invalid="ignore"):
-        quads = corners(snapshot.position, *state, block.dx, block.dy)
+        quads, _ = shapes_of(snapshot, block)
         extent = np.ptp(quads, axis=2).max(axis=2)
         furthest = np.abs(quads).max(axis=(2, 3))
     size = max(block.dx, block.dy)

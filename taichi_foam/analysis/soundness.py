@@ -5,12 +5,19 @@ Each names what is wrong, with its figure, and what helps.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from taichi_foam.analysis.crush import over_bonds
 from taichi_foam.analysis.impact import passed_through
+from taichi_foam.analysis.presence import apart, bonded, there
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.filling import thin_parts
+from taichi_foam.scene.layers import foams_of_bonds
 
 RESIDUAL_LIMIT = 1e-2
 """The part of the impact energy that may stay unaccounted for: the paper's tests leave 1e-4, and
@@ -44,10 +51,11 @@ def energy_residual(record: Record) -> float | None:
     return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)
 
 
-def loose_share(snapshot: Snapshot) -> float:
+def loose_share(snapshot: Snapshot, block: Block) -> float:
     """The share of mass points that hang on no whole bond."""
-    whole = over_bonds(np.maximum, ~snapshot.broken_a, ~snapshot.broken_b)
-    return float(np.mean(whole == 0.0))
+    apart_a, apart_b = apart(snapshot, block)
+    whole = over_bonds(np.maximum, ~apart_a, ~apart_b)
+    return float(np.mean(whole[there(block)] == 0.0))
 
 
 def warnings_of(record: Record) -> list[str]:
@@ -58,9 +66,9 @@ def warnings_of(record: Record) -> list[str]:
         _of_overlap(record),
         _of_leaving(record),
         _of_loose_points(record),
-        _of_tested_range(record),
+        _of_thin_foam(record),
     )
-    return [sentence for sentence in found if sentence is not None]
+    return [*(each for each in found if each is not None), *_of_tested_range(record)]
 
 
 def _of_step(record: Record) -> str | None:
@@ -132,7 +140,7 @@ def _of_leaving(record: Record) -> str | None:
 def _of_loose_points(record: Record) -> str | None:
     if not record.snapshots:
         return None
-    share = loose_share(record.snapshots[-1])
+    share = loose_share(record.snapshots[-1], record.scene.block)
     if share <= LOOSE_LIMIT:
         return None
     return (
@@ -142,16 +150,42 @@ def _of_loose_points(record: Record) -> str | None:
     )
 
 
-def _of_tested_range(record: Record) -> str | None:
-    tested = record.scene.foam.tested_strain
-    if tested is None or not record.snapshots:
-        return None
+def _of_tested_range(record: Record) -> Iterator[str]:
+    """Yield a sentence for each foam that was crushed beyond its test."""
+    if not record.snapshots:
+        return
     last = record.snapshots[-1]
-    beyond = np.concatenate([last.e_min_a.ravel(), last.e_min_b.ravel()]) < tested
-    if not beyond.mean() > UNTESTED_LIMIT:
+    foams, rows_a, rows_b = foams_of_bonds(record.scene)
+    a, b = bonded(record.scene.block)
+    for number, foam in enumerate(foams):
+        tested = foam.tested_strain
+        mine_a, mine_b = a & (rows_a == number), b & (rows_b == number)
+        strain = np.concatenate([last.e_min_a[mine_a], last.e_min_b[mine_b]])
+        if tested is None or not strain.size or not np.mean(strain < tested) > UNTESTED_LIMIT:
+            continue
+        whose = "" if len(foams) == 1 else f" of {_called(record.scene, foam)}"
+        yield (
+            f"{np.mean(strain < tested):.0%} of the bonds{whose} were crushed beyond "
+            f"{-tested:.3g}, where the test of the foam's curve ends: their stress is a "
+            "continuation of it; test the foam further, or take a thicker block"
+        )
+
+
+def _called(scene: Scene, foam: BondFoam) -> str:
+    """The key of the first table that gives a foam."""
+    named = {n: layer.foam for n, layer in enumerate(scene.block.layers)}
+    places = [f"block.layers[{n}].foam" for n, each in named.items() if each == foam]
+    return "foam" if foam == scene.foam or not places else places[0]
+
+
+def _of_thin_foam(record: Record) -> str | None:
+    block = record.scene.block
+    found = thin_parts(block)
+    if found is None:
         return None
+    x, y = found
     return (
-        f"{beyond.mean():.0%} of the bonds were crushed beyond {-tested:.3g}, where the test of "
-        "the foam's curve ends: their stress is a continuation of it; test the foam further, or "
-        "take a thicker block"
+        f"the foam near x = {x:.3g} m, y = {y:.3g} m is thinner than two cells of "
+        f"{block.dx:.3g} x {block.dy:.3g} m: the lattice bends and breaks it as one row of mass "
+        "points; take more block.columns and block.rows"
     )

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import CHOICE_SETS, Scene
-from taichi_foam.scene.keys import REQUIRED, Key, keys, written
+from taichi_foam.scene.keys import REQUIRED, Key, keys, listed, written
 from taichi_foam.scene.messages import nearest, shown
 
 COMMAND = "taichi-foam keys --markdown > docs/scene.md"
@@ -95,6 +95,8 @@ _UNITS = "In the column *unit* - stands for a plain number; what has an empty ce
 
 def described(part: str) -> str:
     """What a part of a scene is; "scene" stands for what is in no part."""
+    if part in listed(Scene):
+        return f"each entry of the list {part[:-2]}"
     field = Scene.model_fields.get(part)
     return "what is in no part" if field is None else field.description or ""
 

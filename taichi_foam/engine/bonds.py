@@ -6,11 +6,12 @@ stress of a bond needs a root and a quotient; it is worked out apart from its sh
 
 import taichi as ti
 
-from taichi_foam.engine import cells, lanes
+from taichi_foam.engine import cells, lanes, makeup
+from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.layout import RING
-from taichi_foam.engine.state import ABSENT, BREAKING, BROKEN, A, B
+from taichi_foam.engine.state import ABSENT, BREAKING, BROKEN
 from taichi_foam.laws import elementary, kinematics
 
 
@@ -47,7 +48,9 @@ def _normal_force(
     if ti.static(not lattice.law.heeds_rate):
         # the plateau has no memory, so a worst strain met only now gives the same stress
         worst = elementary.smaller(e, worst)
-    numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
+    numerator, divisor = lattice.law.stress_fraction(
+        makeup.constants(lattice, axis, b, k, p), e, worst, condition <= BROKEN
+    )
     if ti.static(lattice.features.softens):
         intact = ti.cast(bonds[b, i, k].intact, ti.f64)
         # what pulls; as a choice of one of two products the compiler leaves it scalar
@@ -58,7 +61,7 @@ def _normal_force(
     tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
     if stage == 0:
         bonds[b, i, k].worst = ti.select(there, worst, 0.0)
-    return length, e, p.area[axis] * numerator / (divisor * length)
+    return length, e, makeup.face(lattice, axis, b, i, k, p) * numerator / (divisor * length)
 
 
 @ti.func
@@ -118,16 +121,17 @@ def _bond_forces(
     per_spacing = 1.0 / p.cell[1 - axis]
     column_x, column_y = across_x * per_spacing, across_y * per_spacing
     gamma = kinematics.shear_strain(reach_x, reach_y, column_x, column_y) * (1.0 / p.cell[axis])
-    tau = lattice.law.shear_stress(p.bond, gamma)
+    tau = lattice.law.shear_stress(makeup.constants(lattice, axis, b, k, p), gamma)
     if ti.static(lattice.law.shears_stiffer):
         # as much on both sides of a cell's corner, or shear would turn it
         crushed = elementary.smaller(bonds[b, i, k].worst, _crush_across(lattice, axis, b, i, k))
-        tau = lattice.law.shear_modulus(p.bond, crushed) * gamma
-    shear = p.area[axis] * tau
-    dashpot = ti.select(whole, p.cross_dashpot[axis], 0.0)
+        modulus = lattice.law.shear_modulus(makeup.constants(lattice, axis, b, k, p), crushed)
+        tau = modulus * gamma
+    shear = makeup.face(lattice, axis, b, i, k, p) * tau
+    dashpot = ti.select(whole, makeup.shares(lattice, axis, b, k, p).cross_dashpot, 0.0)
     excess = dashpot
     if ti.static(lattice.features.excess_damping):
-        excess = ti.select(whole, p.excess_dashpot[axis], 0.0)
+        excess = ti.select(whole, makeup.shares(lattice, axis, b, k, p).excess_dashpot, 0.0)
     if ti.static(lattice.features.softens):
         intact = ti.cast(bonds[b, i, k].intact, ti.f64)
         shear *= intact
@@ -149,25 +153,34 @@ def _bond_forces(
         worst = bonds[b, i, k].worst
         if ti.static(not lattice.law.heeds_rate):
             worst = elementary.smaller(e, worst)
-        numerator, divisor = lattice.law.stress_fraction(p.bond, e, worst, condition <= BROKEN)
+        numerator, divisor = lattice.law.stress_fraction(
+            makeup.constants(lattice, axis, b, k, p), e, worst, condition <= BROKEN
+        )
         size = (1.0 + e) * ti.sqrt(column_x * column_x + column_y * column_y)
         strength = lanes.zeros(lattice) + 1.0
         if ti.static(lattice.features.scattered):
             strength = ti.cast(lattice.model.strengths[axis][b, i, k], ti.f64)
-        tensile = strength * p.tensile_share[axis]
-        strength *= p.shear_share[axis]
+        tensile = strength * makeup.shares(lattice, axis, b, k, p).tensile_share
+        strength *= makeup.shares(lattice, axis, b, k, p).shear_share
         if ti.static(lattice.law.weakens_across):
-            tensile *= lattice.law.strength_left(p.bond, _crush_across(lattice, axis, b, i, k))
+            tensile *= lattice.law.strength_left(
+                makeup.constants(lattice, axis, b, k, p), _crush_across(lattice, axis, b, i, k)
+            )
         sigma_e = numerator / divisor
-        fails = lattice.law.fails(p.bond, e, sigma_e, tau, worst, size, tensile, strength) & whole
+        fails = whole & lattice.law.fails(
+            makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size, tensile,
+            strength,
+        )  # fmt: skip
         if ti.static(lattice.features.softens):
             # divisions are dear, and few bonds are beyond their limits
             if lanes.any_of(fails):
                 pulled, sheared = lattice.law.overload(
-                    p.bond, e, sigma_e, tau, worst, size, tensile, strength
-                )
+                    makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size,
+                    tensile, strength,
+                )  # fmt: skip
                 left = elementary.smaller(
-                    _left(pulled, p.tensile_tail[axis]), _left(sheared, p.shear_tail[axis])
+                    _left(pulled, makeup.shares(lattice, axis, b, k, p).tensile_tail),
+                    _left(sheared, makeup.shares(lattice, axis, b, k, p).shear_tail),
                 )
                 left = elementary.smaller(left, condition)
                 # over what is there now: a column at a seam of two sweeps is looked at by both
@@ -190,7 +203,7 @@ def _bond_forces(
 
 
 @ti.func
-def _left(overload, tail: ti.f64):
+def _left(overload, tail):
     """What is left of a bond's face at so many times its limit: its stress falls in a line."""
     fallen = (tail - overload) / (overload * ti.max(tail - 1.0, 1e-9))
     return ti.select(overload > 1.0, elementary.larger(fallen, 0.0), 1.0)
@@ -288,16 +301,15 @@ def stiffen_pack(
     """
     trial = ti.static(lattice.scratch.trial)
     force = ti.static(lattice.scratch.force)
-    limit = lattice.law.stiffens_below(p.bond)
     stiffest = 0.0
-    if a_strain.min() < limit:
+    if _may_stiffen(lattice, A, b, k, a_strain, p):
         reach_x = trial[b, i + 1, k].x - trial[b, i, k].x
         reach_y = trial[b, i + 1, k].y - trial[b, i, k].y
         fx, fy, stiff = _stiffening(lattice, A, b, i, k, reach_x, reach_y, p)
         force[sweep, slot, k].ax = force[sweep, slot, k].ax + fx
         force[sweep, slot, k].ay = force[sweep, slot, k].ay + fy
         stiffest = ti.max(stiffest, stiff)
-    if b_strain.min() < limit:
+    if _may_stiffen(lattice, B, b, k, b_strain, p):
         x, y = trial[b, i, k].x, trial[b, i, k].y
         fx, fy, stiff = _stiffening(
             lattice, B, b, i, k,
@@ -310,16 +322,28 @@ def stiffen_pack(
 
 
 @ti.func
+def _may_stiffen(lattice: ti.template(), axis: ti.template(), b, k, strain, p: ti.template()):
+    """Whether any of a pack's bonds is packed."""
+    limit = lattice.law.stiffens_below(makeup.constants(lattice, axis, b, k, p))
+    if ti.static(lattice.features.foams > 1):
+        return lanes.any_of(strain < limit)
+    return strain.min() < limit
+
+
+@ti.func
 def _stiffening(
     lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y, p: ti.template()
 ):
     bond = lattice.state.bonds[axis][b, i, k]
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
-    stress, slope = lattice.law.stiffening(p.bond, e, bond.worst, bond.condition <= BROKEN)
+    stress, slope = lattice.law.stiffening(
+        makeup.constants(lattice, axis, b, k, p), e, bond.worst, bond.condition <= BROKEN
+    )
     there = bond.condition > ABSENT
-    force = ti.select(there, p.area[axis] * stress / length, 0.0)
-    stiffness = ti.select(there, slope * (p.area[axis] / p.cell[axis]), 0.0)
+    face = makeup.face(lattice, axis, b, i, k, p)
+    force = ti.select(there, face * stress / length, 0.0)
+    stiffness = ti.select(there, slope * (face / p.cell[axis]), 0.0)
     return reach_x * force, reach_y * force, stiffness.max()
 
 
@@ -343,9 +367,8 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
             b_strain, b_force, p,
         )  # fmt: skip
     stiffest = 0.0
-    if ti.static(lattice.law.stiffens):
-        limit = lattice.law.stiffens_below(p.bond)
-        if lattice.scratch.tally[b, strip].least.min() < limit:
+    if ti.static(lattice.law.stiffens):  # noqa: SIM102 - the static test must stand alone
+        if _column_may_stiffen(lattice, b, strip, p):
             for k in range(lattice.packs):
                 stiff = stiffen_pack(
                     lattice, b, i, k, sweep, slot, strain[sweep, k].a,
@@ -360,6 +383,14 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
         if ti.static(lattice.features.softens):
             softens = lattice.scratch.tally[b, strip].softens.sum()
             lattice.scratch.column_softens[b, i] = ti.i32(softens)
+
+
+@ti.func
+def _column_may_stiffen(lattice: ti.template(), b, strip, p: ti.template()):
+    """Whether any bond of a strip is packed; each pack knows of its own foams."""
+    if ti.static(lattice.features.foams > 1):
+        return 1
+    return lattice.scratch.tally[b, strip].least.min() < lattice.law.stiffens_below(p.bond)
 
 
 @ti.func
@@ -394,8 +425,8 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     # powers are dear, and few bonds flow
     if lanes.any_of(there & (e < worst)):
         # at a rate that counts half, foam flows as in twice the time
-        time = lattice.state.clock[b].step * p.flow_share[axis]
-        flowed = lattice.law.flowed(p.bond, e, worst, time)
+        time = lattice.state.clock[b].step * makeup.shares(lattice, axis, b, k, p).flow_share
+        flowed = lattice.law.flowed(makeup.constants(lattice, axis, b, k, p), e, worst, time)
         bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
 
 

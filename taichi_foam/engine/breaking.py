@@ -6,10 +6,10 @@ broken, part of that foam no longer counts.
 
 import taichi as ti
 
-from taichi_foam.engine import lanes
-from taichi_foam.engine.cells import COUNTS_ABOVE
+from taichi_foam.engine import cells, lanes, makeup
+from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.model import BOTH, EITHER
-from taichi_foam.engine.state import BREAKING, BROKEN, A, B
+from taichi_foam.engine.state import BREAKING, BROKEN
 from taichi_foam.laws import kinematics
 
 
@@ -35,12 +35,6 @@ def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
 
 
 @ti.func
-def volume(axis, p: ti.template()) -> ti.f64:
-    """Reference volume [m3] that a bond stands for."""
-    return ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
-
-
-@ti.func
 def intact_share(lattice: ti.template(), axis, b, i, j) -> ti.f64:
     """Share of a bond's face that carries tension and shear."""
     share = 1.0
@@ -53,8 +47,8 @@ def intact_share(lattice: ti.template(), axis, b, i, j) -> ti.f64:
 
 
 @ti.func
-def is_pulled(lattice: ti.template(), strain, worst, p: ti.template()) -> ti.i32:
-    numerator, _ = lattice.law.stress_fraction(p.bond, strain, worst, 0)
+def is_pulled(lattice: ti.template(), c: ti.template(), strain, worst) -> ti.i32:
+    numerator, _ = lattice.law.stress_fraction(c, strain, worst, 0)
     return ti.i32(numerator > 0.0)
 
 
@@ -76,9 +70,10 @@ def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -
         left, worst, strain = look_at(lattice, axis, b, i, j, p)
         intact = intact_share(lattice, axis, b, i, j)
         if left > BROKEN and left < intact:
-            if is_pulled(lattice, strain, worst, p):
-                stored = lattice.law.stored_energy(p.bond, strain, worst, 0)
-                total += volume(axis, p) * (intact - left) * stored
+            c = makeup.constants_at(lattice, axis, b, j, p)
+            if is_pulled(lattice, c, strain, worst):
+                stored = lattice.law.stored_energy(c, strain, worst, 0)
+                total += makeup.volume(lattice, axis, b, i, j, p) * (intact - left) * stored
             if axis == A:
                 lattice.state.bond_a[b, i, k].intact[lane] = ti.cast(left, ti.f32)
             else:
@@ -109,11 +104,12 @@ def break_at(
     for axis in range(2):
         condition, worst, strain = look_at(lattice, axis, b, i, j, p)
         if condition == BREAKING:
-            energy = lattice.law.energy_lost_by_breaking(p.bond, strain, worst)
+            c = makeup.constants_at(lattice, axis, b, j, p)
+            energy = lattice.law.energy_lost_by_breaking(c, strain, worst)
             if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
-                if is_pulled(lattice, strain, worst, p):
+                if is_pulled(lattice, c, strain, worst):
                     energy *= intact_share(lattice, axis, b, i, j)
-            total += volume(axis, p) * energy
+            total += makeup.volume(lattice, axis, b, i, j, p) * energy
             if axis == A:
                 lattice.state.bond_a[b, i, k].condition[lane] = BROKEN
                 lattice.state.bond_a[b, i, k].break_time[lane] = time
@@ -137,7 +133,9 @@ def _counts(lattice: ti.template(), b, i, j) -> ti.i32:
     counts = 1
     if ti.static(lattice.features.crushed_room):
         hold = lattice.state.hold[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
-        counts = ti.i32(hold > COUNTS_ABOVE)
+        counts = ti.i32(hold > cells.COUNTS_ABOVE)
+    elif ti.static(lattice.features.shaped):
+        counts = cells.has_corners(lattice, b, i, j)
     return counts
 
 
@@ -200,5 +198,5 @@ def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
         + is_whole(lattice, A, b, i - 1, j)
         + is_whole(lattice, B, b, i, j)
         + is_whole(lattice, B, b, i, j - 1)
-        < 4
+        < 4 * makeup.is_there(lattice, b, i, j)
     )

@@ -9,7 +9,8 @@ Cell (i, j) is the one to the right of and above node (i, j).
 
 import taichi as ti
 
-from taichi_foam.engine import lanes
+from taichi_foam.engine import lanes, makeup
+from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import ABSENT, BROKEN
 from taichi_foam.laws import elementary, kinematics
@@ -41,6 +42,20 @@ def _area(d1x, d1y, d2x, d2y, p: ti.template()):
 
 
 @ti.func
+def has_corners(lattice: ti.template(), b, i, j) -> ti.i32:
+    """Whether there are bonds on all four sides of a cell."""
+    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    upper, upper_lane = lanes.pack_of(lattice, j + 1), lanes.lane_of(lattice, j + 1)
+    return ti.i32(
+        bonds_a[b, i, k].condition[lane] > ABSENT
+        and bonds_a[b, i, upper].condition[upper_lane] > ABSENT
+        and bonds_b[b, i, k].condition[lane] > ABSENT
+        and bonds_b[b, i + 1, k].condition[lane] > ABSENT
+    )
+
+
+@ti.func
 def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     """Before a step: let go of a pack's cells that are torn open, and see whether any may press.
 
@@ -54,7 +69,9 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     there = (a > ABSENT) & (left > ABSENT)
     torn = there & ((a == BROKEN) | (above == BROKEN) | (left == BROKEN) | (right == BROKEN))
     room = _room_before(lattice, b, i, k)
-    crushed = there & (room < lattice.law.keeps_room_below(p.bond))
+    # a cell between two layers is of the foam that the bonds across it have
+    limit = lattice.law.keeps_room_below(makeup.constants(lattice, B, b, k, p))
+    crushed = there & (room < limit)
     near = 0
     if lanes.any_of(torn | crushed):
         x, y = motion[b, i, k].x, motion[b, i, k].y
@@ -66,7 +83,8 @@ def look_pack(lattice: ti.template(), b, i, k, p: ti.template()):
             lanes.above(right_y, motion.y, b, i + 1, k),
         )  # fmt: skip
         area = _area(d1x, d1y, d2x, d2y, p)
-        near = lanes.any_of(crushed & (lattice.law.room_stress(p.bond, area - NEAR, room) > 0.0))
+        stress = lattice.law.room_stress(makeup.constants(lattice, B, b, k, p), area - NEAR, room)
+        near = lanes.any_of(crushed & (stress > 0.0))
         longer = elementary.larger(d1x * d1x + d1y * d1y, d2x * d2x + d2y * d2y)
         size = ti.sqrt(longer * (2.0 / (p.cell.x * p.cell.x + p.cell.y * p.cell.y)))
         left_over = (FREE_FROM - size) * (1.0 / (FREE_FROM - HOLDS_TO))
@@ -133,7 +151,9 @@ def press_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti
     along_y = _most_crushed(worst_b, up_x - x, up_y - y, per_y)
     along_y += _most_crushed(right, far_x - right_x, far_y - right_y, per_y)
     room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y)
-    stress = lattice.law.room_stress(p.bond, _area(d1x, d1y, d2x, d2y, p), room)
+    stress = lattice.law.room_stress(
+        makeup.constants(lattice, B, b, k, p), _area(d1x, d1y, d2x, d2y, p), room
+    )
     there = (bonds_a[b, i, k].condition > ABSENT) & (bonds_b[b, i, k].condition > ABSENT)
     half = 0.5 * p.thickness * ti.select(there, lattice.state.hold[b, i, k] * stress, 0.0)
     x1, y1, x2, y2 = half * d2y, -half * d2x, -half * d1y, half * d1x

@@ -5,7 +5,7 @@ One thread does this for a lattice, whoever does the rest.
 
 import taichi as ti
 
-from taichi_foam.engine import ledger
+from taichi_foam.engine import ledger, turning
 from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING, WORKS
@@ -36,13 +36,15 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 def take_stock(lattice: ti.template(), b, p: ti.template()):
     """Of an accepted state: size of the next step, or end."""
     clock = lattice.state.clock[b]
-    rate = fastest_rate(lattice, clock.stiffest, clock.crush, p)
+    rate = fastest_rate(lattice, b, clock.stiffest, clock.crush, p)
     step = p.step
     if step == 0.0:
         speed = clock.speed
         if p.impactor:
             speed = ti.max(speed, ti.abs(lattice.state.body[b].v))
-        step = automatic_step(lattice, rate, speed, clock.crush, p)
+        if ti.static(lattice.features.turns):
+            speed = ti.max(speed, turning.fastest(lattice, b, p))
+        step = automatic_step(lattice, b, rate, speed, clock.crush, p)
     lattice.state.clock[b].step = step
     lattice.state.clock[b].stable = ti.min(clock.stable, RK4_RADIUS / rate)
     lattice.state.clock[b].shortest = ti.min(lattice.state.clock[b].shortest, step)
@@ -61,7 +63,10 @@ def _end_when_due(lattice: ti.template(), b, p: ti.template()):
         lattice.state.clock[b].reversal = time
     since = time - lattice.state.clock[b].reversal
     apart = time - lattice.state.clock[b].last_contact
-    if p.end_at_rebound and ((since > QUIET and apart > QUIET) or since > SETTLING):
+    gone = since > QUIET and apart > QUIET
+    if ti.static(lattice.features.turns):
+        gone = gone and turning.rises(lattice, b, p)
+    if p.end_at_rebound and (gone or since > SETTLING):
         lattice.state.clock[b].status = AT_REBOUND
     elif time >= p.end_time:
         lattice.state.clock[b].status = AT_END_TIME

@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, lanes
+from taichi_foam.engine import breaking, lanes, makeup, turning
+from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
 
@@ -10,6 +11,9 @@ from taichi_foam.laws import contact as contact_law
 INSIDE = 0
 AT_SURFACE = 1
 NEW = 2  # at the surface since this listing
+
+# Foam between a mass point and its face that is thinner than this, in cells, has no law of its own.
+THIN = 0.25
 
 UNLISTED = -1  # links of the search grid are not below this
 
@@ -19,7 +23,7 @@ vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
-def may_touch_bodies(lattice: ti.template(), b, k, x, y, p: ti.template()) -> ti.i32:
+def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
     """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
 
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
@@ -27,8 +31,14 @@ def may_touch_bodies(lattice: ti.template(), b, k, x, y, p: ti.template()) -> ti
     """
     above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
-    may = (above & beside) | (y < 0.5 * p.cell.y + p.skin)
-    if p.hold_y and k == 0:
+    near = above & beside
+    if ti.static(lattice.features.turns):
+        near = turning.is_near(lattice, b, x, y, p)
+    may = near | (y < 0.5 * p.cell.y + p.skin)
+    if ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
+        low = y < lattice.model.filling[b, i, k].reach + p.skin
+        may = (near | low) & (lattice.model.mobility[b, i, k].y > 0.0)
+    elif p.hold_y and k == 0:
         # the held row is part of the support, which lets the impactor pass
         may[0] = 0
     return lanes.any_of(may)
@@ -48,12 +58,15 @@ def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
 
 
 @ti.func
-def _impactor_slid(lattice: ti.template(), b, stage) -> ti.f64:
-    """How far [m] the impactor has moved since then."""
+def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
+    """How far [m] the impactor's point at an arm from its centre of mass has moved since then."""
     path = lattice.state.body[b].rate_y
     if stage > 0:
         path = lattice.state.body[b].trial_y - lattice.state.body[b].y
-    return path
+    moved = vec2(0.0, path)
+    if ti.static(lattice.features.turns):
+        moved = turning.slid(lattice, b, arm, stage)
+    return moved
 
 
 @ti.func
@@ -70,17 +83,22 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     force = vec2(0.0)
     on_impactor = 0.0
     on_floor = 0.0
-    if not (p.hold_y and j == 0):
+    if not makeup.is_held(lattice, b, i, j, p):
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
-        point = vec2(now.x - p.impactor_x, now.y - body.trial_y)
+        point, arm = vec2(now.x - p.impactor_x, now.y - body.trial_y), vec2(0.0)
+        if ti.static(lattice.features.turns):
+            point = vec2(turning.in_body(lattice, b, now.x, now.y, p))
+            arm = vec2(turning.arm_to(lattice, b, now.x, now.y, p))
         if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
             found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
             if found[0] < 0.0:
                 normal = found.yz
+                if ti.static(lattice.features.turns):
+                    normal = turning.turned(lattice, b, normal)
                 tangent = vec2(-normal.y, normal.x)
                 press = contact_law.normal_force(p.contact_stiffness, found[0])
-                path = _slid(lattice, b, i, j, stage) - vec2(0.0, _impactor_slid(lattice, b, stage))
+                path = _slid(lattice, b, i, j, stage) - _impactor_slid(lattice, b, arm, stage)
                 along = contact_law.tangential_force(
                     p.contact_stiffness,
                     lattice.state.slip[b, i, k].impactor[lane] + path.dot(tangent),
@@ -91,6 +109,9 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 rubbing = along * tangent
                 on_impactor = -along / p.contact_stiffness
                 relative = vec2(speed.x, speed.y - body.trial_v)
+                if ti.static(lattice.features.turns):
+                    relative = speed - turning.velocity_of(lattice, b, arm)
+                    turning.add_reaction(lattice, b, strip, pressing + rubbing, arm)
                 work[IMPACTOR] -= weight * pressing.dot(relative)
                 work[FRICTION] -= weight * rubbing.dot(relative)
                 lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[
@@ -100,11 +121,18 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 force += pressing + rubbing
         # between the node and the floor lies half a cell of foam, or what crushing has left of it
         half = 0.5 * p.cell.y
+        face = p.area.y
+        if ti.static(lattice.features.shaped):
+            half = lattice.model.filling[b, i, k].reach[lane]
+            face *= lattice.model.filling[b, i, k].mass[lane] / p.node_mass
         if now.y < half:
             stand = vec2(0.0)
             radius = half * (1.0 + _least_height(lattice, b, i, j))
-            if now.y < radius:
-                stand.y = -p.area.y * lattice.law.contact_stress(p.bond, now.y, radius, half)
+            if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
+                stand.y = contact_law.normal_force(p.contact_stiffness, now.y - half)
+            elif now.y < radius:
+                c = makeup.constants_at(lattice, B, b, j, p)
+                stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
             stand.x = contact_law.tangential_force(
                 p.contact_stiffness,
                 lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
@@ -144,6 +172,8 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     width = p.cell.x * (1.0 + worst_a)
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
+    if ti.static(lattice.features.shaped):
+        radius *= ti.sqrt(ti.min(makeup.mass(lattice, b, i, j, p) / p.node_mass, 1.0))
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         radius = ti.min(radius, room)
@@ -186,15 +216,21 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
 
 @ti.func
 def piece_push(
-    lattice: ti.template(), away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
+    lattice: ti.template(), b, one, two, away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
 ) -> vec2:
-    """Force [N] on a node whose partner is `away` [m] from it, by their law and by friction.
+    """Force [N] on node `one`, by its number, from `two` that is `away` [m] from it.
+
+    By their law, the weaker one of two foams, and by friction.
 
     `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
     [m]. There are no branches: a processor could not predict which candidates touch.
     """
     gap = away.norm()
-    stress = lattice.law.contact_stress(p.bond, gap, touch, p.piece_length)
+    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
+    stress = lattice.law.contact_stress(c, gap, touch, p.piece_length)
+    if ti.static(lattice.features.foams > 1):
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.rows), p)
+        stress = ti.max(stress, lattice.law.contact_stress(other, gap, touch, p.piece_length))
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
     tangent = vec2(-normal.y, normal.x)
@@ -228,7 +264,10 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         two = lattice.state.candidate[b, pair[1]]
         away = vec2(one.x - two.x, one.y - two.y)
         closing = vec2(one.u - two.u, one.v - two.v)
-        push = piece_push(lattice, away, closing, one.radius + two.radius, p)
+        push = piece_push(
+            lattice, b, lattice.state.candidate_node[b, pair[0]],
+            lattice.state.candidate_node[b, pair[1]], away, closing, one.radius + two.radius, p,
+        )  # fmt: skip
         lattice.scratch.candidate_push[b, pair[0]] = (
             lattice.scratch.candidate_push[b, pair[0]] - push
         )
@@ -296,7 +335,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             cell = bin_of(lattice, lanes.position(lattice, lattice.state.motion, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
             lattice.scratch.next_in_bin[b, node] = lattice.scratch.bin_head[b, head]
-            lattice.scratch.bin_head[b, head] = node
+            if makeup.is_there(lattice, b, i, j):
+                lattice.scratch.bin_head[b, head] = node
     found = 0
     for i in range(lattice.columns):
         for j in range(lattice.rows):

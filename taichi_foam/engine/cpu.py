@@ -111,7 +111,7 @@ def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     sweep = b * lattice.sweeps
     columns = lattice.columns
     _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
-    nodes.body_stage(lattice, b, stage, nodes.contact_force_of_strips(lattice, b), p)
+    nodes.stage_of_strips(lattice, b, stage, p)
 
 
 @ti.func
@@ -258,7 +258,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
     for b in range(lattice.batch):
         if lattice.state.clock[b].active:
             p = lattice.model.parameters[b]
-            nodes.body_stage(lattice, b, stage, nodes.contact_force_of_strips(lattice, b), p)
+            nodes.stage_of_strips(lattice, b, stage, p)
             if stage == LAST_STAGE:
                 _end_step(lattice, b, p)
             elif ti.static(lattice.features.self_contact):

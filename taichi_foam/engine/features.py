@@ -4,10 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from taichi_foam.engine.grading import grading
 from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape import Impactor
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.filling import Filling, filling
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,9 @@ class Features:
     drag           a dashpot on each node's own velocity
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
+    shaped         mass points and faces differ from those of a plain block
+    foams          how many foams the bonds are of
+    turns          the impactor moves and turns in the plane
     """
 
     law: BondLaw
@@ -37,20 +44,35 @@ class Features:
     drag: bool
     self_contact: bool
     crushed_room: bool
+    shaped: bool
+    foams: int
+    turns: bool
 
 
 def features_of(scene: Scene) -> Features:
     """The features that a scene needs."""
-    model = scene.model
+    model, foams = scene.model, grading(scene).foams
     return Features(
         law=scene.foam.law_for(model),
         distance=(scene.impactor or Impactor).distance,
         scattered=scene.foam.strength_scatter > 0.0,
-        softens=any(each.tail > 1.0 for pair in limits(scene) for each in pair),
+        softens=any(
+            each.tail > 1.0 for foam in foams for pair in limits(foam, scene.block) for each in pair
+        ),
         variational=model.shear == "variational",
         four_weights=model.broken_halves == "each",
         excess_damping=model.damping == "stiffness",
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
+        shaped=not _is_plain(scene.block, filling(scene.block)),
+        foams=len(foams),
+        turns=scene.turns,
     )
+
+
+def _is_plain(block: Block, filled: Filling) -> bool:
+    """Whether every mass point is like every other, and stands where the rows of a lattice do."""
+    whole = all(np.all(face == 1.0) for face in (filled.face_a, filled.face_b))
+    level = bool(filled.on_base[:, 0].all()) and not filled.on_base[:, 1:].any()
+    return whole and level and bool(np.all(filled.mass == block.node_mass))

@@ -7,7 +7,7 @@ over blocks, and starts a kernel for each part of a step.
 
 import taichi as ti
 
-from taichi_foam.engine import clock, gpu_neighbours, gpu_strips, nodes, runtime
+from taichi_foam.engine import clock, gpu_neighbours, gpu_strips, runtime
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
@@ -66,7 +66,7 @@ def _stage(lattice: ti.template(), shared: ti.template(), b, t, stage, p: ti.tem
     diverged = gpu_strips.node_strip(lattice, b, t, THREADS, stage, p)
     gpu_strips.reduce_stage(lattice, shared, lattice.scratch.totals, t, b, 0, t, stage, diverged)
     if t == 0:
-        nodes.body_stage(lattice, b, stage, lattice.scratch.totals[b, 0, CONTACT_FORCE], p)
+        gpu_strips.body_stage(lattice, b, stage, p)
         if stage == LAST_STAGE:
             gpu_strips.close_step(lattice, b, p)
     ti.simt.block.sync()
@@ -288,12 +288,14 @@ def _stage_wide(lattice: ti.template(), stage: ti.i32):
         t = q % THREADS
         if lattice.state.clock[b].active:
             p = lattice.model.parameters[b]
-            _add_blocks(lattice, shared, t, b, CONTACT_FORCE, 1, True)
+            _add_blocks(
+                lattice, shared, t, b, CONTACT_FORCE, ti.static(gpu_strips.loads(lattice)), True
+            )
             if stage == LAST_STAGE:
                 _add_blocks(lattice, shared, t, b, MOVED, 5, False)
                 _add_blocks(lattice, shared, t, b, BREAKS, 1, True)
             if t == 0:
-                nodes.body_stage(lattice, b, stage, lattice.scratch.totals[b, 0, CONTACT_FORCE], p)
+                gpu_strips.body_stage(lattice, b, stage, p)
                 if stage == LAST_STAGE:
                     gpu_strips.close_step(lattice, b, p)
 

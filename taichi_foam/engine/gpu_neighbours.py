@@ -9,7 +9,7 @@ Threads call each part for their strip, and all have to end one part before any 
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, contact, lanes
+from taichi_foam.engine import breaking, contact, lanes, makeup
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
 from taichi_foam.engine.state import CROWDED
 
@@ -129,6 +129,7 @@ def _search(
     home = contact.bin_of(lattice, point, p)
     reach = lattice.state.radius[b, i, j][0] + p.skin
     inside = lattice.state.surface[b, i, j][0] == INSIDE
+    there = makeup.is_there(lattice, b, i, j)
     count = 0
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
@@ -136,7 +137,8 @@ def _search(
             while other != NOBODY:
                 oi, oj = _place(lattice, other)
                 both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
-                if not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
+                both_there = there and makeup.is_there(lattice, b, oi, oj)
+                if both_there and not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
                     limit = reach + lattice.state.radius[b, oi, oj][0]
                     away = _point(lattice, lattice.state.motion, b, other) - point
                     if away.norm_sqr() < limit * limit:
@@ -215,6 +217,6 @@ def push(lattice: ti.template(), b, n, p: ti.template()):
             away = point - _point(lattice, lattice.scratch.trial, b, other)
             closing = speed - lanes.velocity(lattice, lattice.scratch.trial, b, oi, oj)
             touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
-            total -= contact.piece_push(lattice, away, closing, touch, p)
+            total -= contact.piece_push(lattice, b, n, other, away, closing, touch, p)
         lattice.scratch.push[b, i, j].x[0] = total.x
         lattice.scratch.push[b, i, j].y[0] = total.y

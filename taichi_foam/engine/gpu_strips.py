@@ -13,7 +13,7 @@ only; drivers order a work group's own memory all the same, and the tests would 
 import taichi as ti
 
 from taichi_foam.engine import bonds, breaking, cells, clock, gpu_neighbours, ledger, nodes
-from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
     BREAKS,
@@ -23,7 +23,9 @@ from taichi_foam.engine.scratch import (
     ENERGIES,
     ENERGY_SUMS,
     MOVED,
+    SIDE_FORCE,
     STIFFEST,
+    TORQUE,
 )
 from taichi_foam.engine.state import WORKS
 
@@ -133,7 +135,10 @@ def reduce_stage(
 ):  # fmt: skip
     """What a stage has to know of all strips, and after the last one a step."""
     shared[t] = lattice.scratch.contact_force[b, strip]
-    reduce(shared, values, t, b, block, CONTACT_FORCE, 1, True)
+    if ti.static(lattice.features.turns):
+        shared[THREADS + t] = lattice.scratch.side_force[b, strip]
+        shared[2 * THREADS + t] = lattice.scratch.torque[b, strip]
+    reduce(shared, values, t, b, block, CONTACT_FORCE, ti.static(loads(lattice)), True)
     if stage == LAST_STAGE:
         shared[t] = lattice.scratch.tally[b, strip].moved[0]
         shared[THREADS + t] = lattice.scratch.stiffest[b, strip]
@@ -143,6 +148,22 @@ def reduce_stage(
         reduce(shared, values, t, b, block, MOVED, 5, False)
         shared[t] = lattice.scratch.tally[b, strip].breaks[0]
         reduce(shared, values, t, b, block, BREAKS, 1, True)
+
+
+def loads(lattice: Lattice) -> int:
+    """How many numbers say what nodes do to the impactor: its force upwards, or all of a load."""
+    return 3 if lattice.features.turns else 1
+
+
+@ti.func
+def body_stage(lattice: ti.template(), b, stage, p: ti.template()):
+    """The stage for the impactor, by the lattice's totals."""
+    totals = ti.static(lattice.scratch.totals)
+    if ti.static(lattice.features.turns):
+        load = vec3(totals[b, 0, CONTACT_FORCE], totals[b, 0, SIDE_FORCE], totals[b, 0, TORQUE])
+        nodes.free_stage(lattice, b, stage, load, p)
+    else:
+        nodes.body_stage(lattice, b, stage, totals[b, 0, CONTACT_FORCE], p)
 
 
 @ti.func

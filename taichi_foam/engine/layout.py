@@ -124,6 +124,11 @@ class Layout:
         for field in fields:
             (self._whole if whole else self._numbers).dense(ti.ij, (self.batch, count)).place(field)
 
+    def of_foams(self, foams: int, count: int, *fields: Any) -> None:
+        """(batch * foams, count) each."""
+        for field in fields:
+            self._numbers.dense(ti.ij, (self.batch * foams, count)).place(field)
+
     def tabled(self, rows: int, columns: int, *fields: Any) -> None:
         """(batch, rows, columns) each."""
         for field in fields:

@@ -2,14 +2,16 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, lanes
+from taichi_foam.engine import breaking, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import ROW_COLUMNS, TURN_COLUMNS
 
 vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
 FIRST_WORK = ROW_COLUMNS.index("bonds")
+FIRST_OF_TURN = len(ROW_COLUMNS)
 
 
 @ti.func
@@ -19,11 +21,12 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     energy = 0.0
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
-        stored = lattice.law.stored_energy(p.bond, strain, worst, broken)
+        c = makeup.constants_at(lattice, axis, b, j, p)
+        stored = lattice.law.stored_energy(c, strain, worst, broken)
         if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
-            if not broken and breaking.is_pulled(lattice, strain, worst, p):
+            if not broken and breaking.is_pulled(lattice, c, strain, worst):
                 stored *= breaking.intact_share(lattice, axis, b, i, j)
-        energy = breaking.volume(axis, p) * stored
+        energy = makeup.volume(lattice, axis, b, i, j, p) * stored
     return energy
 
 
@@ -42,10 +45,11 @@ def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec3:
     stored = 0.0
     for axis in range(2):  # not unrolled: the law is long, and compiles once so
         stored += _stored(lattice, axis, b, i, j, p)
+    mass = makeup.mass(lattice, b, i, j, p)
     return vec3(
-        0.5 * p.node_mass * lanes.velocity(lattice, lattice.state.motion, b, i, j).norm_sqr(),
+        0.5 * mass * lanes.velocity(lattice, lattice.state.motion, b, i, j).norm_sqr(),
         stored,
-        p.node_mass * p.gravity * lanes.position(lattice, lattice.state.motion, b, i, j).y,
+        mass * p.gravity * lanes.position(lattice, lattice.state.motion, b, i, j).y,
     )
 
 
@@ -80,4 +84,9 @@ def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_node
     lattice.scratch.history[b, row, 9] = fracture
     for k in ti.static(range(WORKS)):
         lattice.scratch.history[b, row, FIRST_WORK + k] = works[k]
+    if ti.static(lattice.features.turns):
+        turn = lattice.state.turn[b]
+        of_body = vec4(turn.x, turn.u, turn.angle, turn.spin)
+        for k in ti.static(range(len(TURN_COLUMNS))):
+            lattice.scratch.history[b, row, FIRST_OF_TURN + k] = of_body[k]
     lattice.state.clock[b].rows = row + 1

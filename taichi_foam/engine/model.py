@@ -14,13 +14,16 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine.features import Features
+from taichi_foam.engine.features import Features, features_of
+from taichi_foam.engine.grading import A, B, Grading, grading
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
-from taichi_foam.laws.bond import BondLaw
+from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.laws.shape.base import SURFACE_ROWS
-from taichi_foam.scene import Scene
+from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
+from taichi_foam.laws.shape.outline import convex_hull
+from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.filling import filling
 
 # When cross differences are left out (Model.broken_halves).
 EITHER = 0
@@ -53,15 +56,7 @@ MEMBERS = {
     "cell": vec2,  # (dx, dy), also the bonds' lengths
     "area": vec2,  # of the bonds' faces
     "node_mass": ti.f64,
-    # what the length of bonds makes of their limits, see `laws.bond.base.Limit`
-    "tensile_share": vec2,  # limit over that of the law
-    "shear_share": vec2,
-    "tensile_tail": vec2,  # how far a bond holds beyond it, over the limit, at least 1
-    "shear_tail": vec2,
-    "flow_share": vec2,  # time in which worst strains flow, over a step's
     "halves": ti.i32,  # which cross differences Eq. 27 leaves out
-    "cross_dashpot": vec2,  # on the relative velocity of a bond's nodes [N s/m]
-    "excess_dashpot": vec2,  # on its part along the bond, beyond that
     "drag": ti.f64,  # on a node's own velocity [N s/m]
     "gravity": ti.f64,
     "hold_x": ti.i32,  # of the bottom row
@@ -72,6 +67,11 @@ MEMBERS = {
     "impactor": ti.i32,  # whether there is one
     "impactor_x": ti.f64,
     "impactor_half_width": ti.f64,
+    "impactor_height": ti.f64,
+    "impactor_centre": vec2,  # of mass, about the reference point as it starts
+    "impactor_reach": ti.f64,  # furthest point from there
+    "impactor_inertia": ti.f64,
+    "hull_corners": ti.f64,  # in `ModelFields.hull`, as a number: see Layout of whole ones
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
     "impactor_friction": ti.f64,
@@ -92,10 +92,35 @@ MEMBERS = {
 }
 
 
+SHARES = (
+    # what the length of bonds makes of their limits, see `laws.bond.base.Limit`
+    "tensile_share",  # limit over that of the law
+    "shear_share",
+    "tensile_tail",  # how far a bond holds beyond it, over the limit, at least 1
+    "shear_tail",
+    "flow_share",  # time in which worst strains flow, over a step's
+    "cross_dashpot",  # on the relative velocity of a bond's nodes [N s/m]
+    "excess_dashpot",  # on its part along the bond, beyond that
+)
+"""Of the bonds of a foam along one axis."""
+
+
+@cache
+def foam_type(law: type[BondLaw]) -> Any:
+    """Taichi record of a foam: its law's constants as `bond`, SHARES of bonds A and B as `a`, `b`.
+
+    `least_mass` is that of a mass point with bonds of it [kg], and `bond_mass` the same over the
+    mean share of its two faces along an axis. In a plain block both are a whole cell's.
+    """
+    shares = ti.types.struct(**dict.fromkeys(SHARES, ti.f64))
+    masses = dict.fromkeys(("least_mass", "bond_mass"), ti.f64)
+    return ti.types.struct(bond=law.Constants, a=shares, b=shares, **masses)
+
+
 @cache
 def parameters_type(law: type[BondLaw]) -> Any:
-    """Taichi record of a lattice's constants: MEMBERS, and those of its bond law as `bond`."""
-    return ti.types.struct(bond=law.Constants, **MEMBERS)
+    """Taichi record of a lattice's constants: those of its first foam, and MEMBERS."""
+    return ti.types.struct(**foam_type(law).members, **MEMBERS)
 
 
 @dataclass(frozen=True)
@@ -103,30 +128,59 @@ class Model:
     """The constants of a scene, as the device takes them.
 
     numbers    (n,) every member of `parameters_type`, in its order
-    surface    (SURFACE_ROWS, 3) of the impactor, zeros beyond its rows
+    surface    (n, 3) of the impactor, a row of zeros without one
+    hull       (n, 2) corners of its convex hull, if it turns
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
-    table      (TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
+    tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
+    filling    (I, J, 5) mass of each mass point [kg], share of the faces of bonds A and B, reach
+               of the foam's face [m], whether it stands on the base; None: the block is plain
+    foams      (foams, n) every member of `foam_type`; None: there is one
+    places     (2, J) which of them bonds A and B of a row are of
     """
 
     numbers: NDArray[np.float64]
     surface: NDArray[np.float64]
+    hull: NDArray[np.float64] | None
     strengths: NDArray[np.float64] | None
-    table: NDArray[np.float64] | None
+    tables: NDArray[np.float64] | None
+    filling: NDArray[np.float64] | None
+    foams: NDArray[np.float64] | None
+    places: NDArray[np.int32]
 
 
 def model_of(scene: Scene) -> Model:
     """The model of a scene."""
-    record = parameters_type(type(scene.foam.law_for(scene.model)))
-    surface = np.zeros((SURFACE_ROWS, 3))
-    if scene.impactor is not None:
-        rows = scene.impactor.surface()
-        surface[: len(rows)] = rows
+    law, graded = type(scene.foam.law_for(scene.model)), grading(scene)
+    record = parameters_type(law)
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
-        surface=surface,
+        surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
+        hull=_hull(scene) if scene.turns else None,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
-        table=scene.foam.table,
+        tables=_tables(graded),
+        filling=_filled(scene) if features_of(scene).shaped else None,
+        foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
+        places=graded.places,
     )
+
+
+def _tables(graded: Grading) -> NDArray[np.float64] | None:
+    tables = [foam.table for foam in graded.foams]
+    return None if any(table is None for table in tables) else np.array(tables)
+
+
+def _filled(scene: Scene) -> NDArray[np.float64]:
+    filled = filling(scene.block)
+    faces = np.zeros((*filled.mass.shape, 2))
+    faces[:-1, :, A], faces[:, :-1, B] = filled.face_a, filled.face_b
+    parts = filled.mass, faces[..., A], faces[..., B], filled.reach, filled.on_base
+    return np.stack(parts, axis=-1)
+
+
+def _foams(scene: Scene, graded: Grading) -> NDArray[np.float64]:
+    record = foam_type(type(scene.foam.law_for(scene.model)))
+    rows = (_foam(scene, graded, n) for n in range(len(graded.foams)))
+    return np.array([[*_numbers(record, row)] for row in rows])
 
 
 def _numbers(record: Any, values: dict[str, Any]) -> Iterator[float]:
@@ -146,10 +200,16 @@ class ModelFields:
 
     parameters  (batch,) records of `parameters_type`
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
+    hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
-                acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2]
+                acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
+                (batch, I, packs) of the nodes of a shaped block
+    filling     (batch, I, packs) of a shaped block, see `Model`
+    foams       (batch, foams) records of `foam_type`, if there are several
+    graded      (batch, 2 * packs) the same in packs, of bonds A and of bonds B by rows
+    foam_of_row (batch, 2 * rows) which of `foams` bonds A and B of each row are of
     strengths   of A and of B (batch, I, packs), if they are scattered
-    table       (batch, TABLE_ROWS) TABLE_COLUMNS numbers each, of a law that looks things up
+    table       (batch * foams, TABLE_ROWS) TABLE_COLUMNS numbers each, of a law that looks up
     law         the bond law, which knows that table
     """
 
@@ -160,16 +220,53 @@ class ModelFields:
         self.mobility = ti.types.struct(x=pack, y=pack, gravity=pack).field()
         layout.of_lattices(self.parameters)
         layout.listed(SURFACE_ROWS, self.surface)
-        layout.listed(layout.packs, self.mobility)
+        if features.shaped:
+            self.filling = ti.types.struct(mass=pack, face_a=pack, face_b=pack, reach=pack).field()
+            layout.of_nodes(self.mobility, self.filling)
+        else:
+            layout.listed(layout.packs, self.mobility)
+        if features.foams > 1:
+            self._place_foams(layout, features)
+        if features.turns:
+            self.hull = vec2.field()
+            layout.listed(MOST_CORNERS, self.hull)
         if features.scattered:
             self.strengths = (small_pack.field(), small_pack.field())
             layout.of_nodes(*self.strengths)
         self.law = features.law
         if features.law.tabulated:
             self.table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
-            layout.listed(TABLE_ROWS, self.table)
+            layout.of_foams(features.foams, TABLE_ROWS, self.table)
             self.law = features.law.with_table(self.table)
         self.members = list(_members(self.parameters))
+
+    def _place_foams(self, layout: Layout, features: Features) -> None:
+        record = foam_type(type(features.law))
+        pack = layout.pack
+        in_packs = dict.fromkeys(record.members["bond"].members, pack)
+        self.foams = record.field()
+        self.graded = ti.types.struct(
+            bond=ti.types.struct(**in_packs),
+            shares=ti.types.struct(**dict.fromkeys(SHARES, pack)),
+        ).field()
+        self.foam_of_row = ti.field(ti.i32)
+        layout.listed(features.foams, self.foams)
+        layout.listed(2 * layout.packs, self.graded)
+        layout.listed(2 * layout.rows, self.foam_of_row, whole=True)
+        self.foam_members = list(_members(self.foams))
+        packs = list(_members(self.graded))[:: layout.lanes]  # each of its lanes comes by itself
+        self.graded_members = [
+            [
+                (pack[0], source[0])
+                for pack, source in zip(
+                    packs, [*_members(self._of("bond")), *_members(self._of(axis))], strict=True
+                )
+            ]
+            for axis in "ab"
+        ]
+
+    def _of(self, part: str) -> Any:
+        return self.foams.get_member_field(part)
 
 
 def _members(record: Any) -> Iterator[tuple]:
@@ -190,27 +287,16 @@ def parameters_of(scene: Scene) -> dict:
     impactor, base = scene.impactor, scene.base
     stiffness = foam.youngs_modulus * block.thickness  # of a square cell's bond [N/m]
     area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
-    per_length = np.array([area_a / block.dx, area_b / block.dy])
-    along, across = _viscosities(scene)
     drag = numerics.damping_time * stiffness
     contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
-    tension, shear = limits(scene)
-    rates = np.array(rate_shares(scene))
     values = {
-        "bond": foam.constants(model),
+        **_foam(scene, grading(scene), 0),
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": block.node_mass,
-        "tensile_share": [each.share for each in tension],
-        "shear_share": [each.share for each in shear],
-        "tensile_tail": [each.tail for each in tension],
-        "shear_tail": [each.tail for each in shear],
         "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
-        "flow_share": (1.0 / rates).tolist(),
-        "cross_dashpot": (across * per_length * rates).tolist(),
-        "excess_dashpot": ((along - across) * per_length * rates).tolist(),
         "drag": drag if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),
@@ -221,6 +307,11 @@ def parameters_of(scene: Scene) -> dict:
         "impactor": 0,
         "impactor_x": 0.0,
         "impactor_half_width": 0.0,
+        "impactor_height": 0.0,
+        "impactor_centre": [0.0, 0.0],
+        "impactor_reach": 0.0,
+        "impactor_inertia": 1.0,
+        "hull_corners": 0.0,
         "impactor_mass": 1.0,
         "impactor_rate": 0.0,
         "impactor_friction": 0.0,
@@ -242,21 +333,45 @@ def parameters_of(scene: Scene) -> dict:
         "row_interval": scene.output.history_interval,
     }
     if impactor is not None:
+        half_width, height = impactor.box
+        answering = _answering_mass(impactor)
         values |= {
             "impactor": 1,
             "impactor_x": impactor.x,
-            "impactor_half_width": float(np.abs(impactor.outline()[:, 0]).max()),
+            "impactor_half_width": half_width,
+            "impactor_height": height,
             "impactor_mass": impactor.mass,
             "impactor_rate": _impactor_rate(scene, contact),
             "impactor_friction": impactor.friction,
             "surface_rows": len(impactor.surface()),
             "support_stiffness": (
-                contact * impactor.mass / block.node_mass / SLOWNESS**2
-                if base.stops_impactor
-                else 0.0
+                contact * answering / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0
             ),
         }
+    if impactor is not None and scene.turns:
+        values |= {
+            "impactor_centre": impactor.centre_of_mass.tolist(),
+            "impactor_reach": impactor.reach,
+            "impactor_inertia": impactor.moment_of_inertia,
+            "hull_corners": len(_hull(scene)),
+        }
     return values
+
+
+def _hull(scene: Scene) -> NDArray[np.float64]:
+    """Corners of the convex hull of the impactor (n, 2), about its reference point [m]."""
+    assert scene.impactor is not None
+    return convex_hull(scene.impactor.outline())
+
+
+def _answering_mass(impactor: Impactor) -> float:
+    """The least mass [kg] with which any point of an impactor answers a push.
+
+    A free one swings away, a point at r from its centre with 1 / (1/m + r^2/I).
+    """
+    if impactor.guided:
+        return impactor.mass
+    return 1 / (1 / impactor.mass + impactor.reach**2 / impactor.moment_of_inertia)
 
 
 def _impactor_rate(scene: Scene, contact: float) -> float:
@@ -268,17 +383,65 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
     """
     block, impactor = scene.block, scene.impactor
     assert impactor is not None
-    across = min(block.columns, math.floor(impactor.extent / block.dx) + 1)
-    flanks = 2 * min(block.rows, math.ceil(impactor.nose_depth / block.dy))
+    width, depth = impactor.extent, impactor.nose_depth
+    if not impactor.guided:  # with any of its sides
+        width = depth = 2 * impactor.reach
+    across = min(block.columns, math.floor(width / block.dx) + 1)
+    flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
     touching = max(across, flanks)
-    if impactor.mass > HEAVY * touching * block.node_mass:
+    mass = _answering_mass(impactor)
+    if mass > HEAVY * touching * block.node_mass:
         return 0.0
-    return FOLLOWED**2 * touching * contact / impactor.mass
+    return FOLLOWED**2 * touching * contact / mass
 
 
-def _viscosities(scene: Scene) -> tuple[float, float]:
-    """Viscosity [Pa s] of a bond's dashpots along it and across it."""
-    time, foam = scene.numerics.damping_time, scene.foam
+def _foam(scene: Scene, graded: Grading, n: int) -> dict:
+    """Every member of `foam_type` for the foam number `n` of a scene's block, by name."""
+    block, foam = scene.block, graded.foams[n]
+    areas = block.dy * block.thickness, block.dx * block.thickness
+    along, across = _viscosities(scene, foam)
+    tension, shear = limits(foam, block)
+    shares = [
+        {
+            "tensile_share": tension[axis].share,
+            "shear_share": shear[axis].share,
+            "tensile_tail": tension[axis].tail,
+            "shear_tail": shear[axis].tail,
+            "flow_share": 1.0 / rate,
+            "cross_dashpot": across * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
+            "excess_dashpot": (along - across) * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
+        }
+        for axis, rate in enumerate(rate_shares(foam, block))
+    ]
+    return {
+        "bond": foam.constants(scene.model),
+        "a": shares[A],
+        "b": shares[B],
+        **_masses(block, graded.places == n),
+    }
+
+
+def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
+    """See `foam_type`; `here` tells the rows (2, J) whose bonds A and B are of the foam."""
+    filled = filling(block)
+    faces = np.zeros((2, *filled.mass.shape))
+    met = np.zeros(filled.mass.shape, dtype=bool)
+    for axis, shares in enumerate((filled.face_a, filled.face_b)):
+        mine = (shares > 0.0) & here[axis, : shares.shape[1]]
+        for end in (slice(None, -1), slice(1, None)):
+            ends = (end, slice(None)) if axis == A else (slice(None), end)
+            faces[axis][ends] += 0.5 * shares
+            met[ends] |= mine
+    mass = filled.mass[met]
+    return {
+        "least_mass": float(mass.min()),
+        "bond_mass": float(min(mass.max(), (mass / faces.max(axis=0)[met]).min())),
+    }
+
+
+def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
+    """Viscosity [Pa s] of the dashpots of a foam's bonds, along them and across them."""
+    time = scene.numerics.damping_time
     along = time * foam.youngs_modulus
     return {
         "bond": (along, along),
@@ -289,11 +452,28 @@ def _viscosities(scene: Scene) -> tuple[float, float]:
 
 @ti.func
 def fastest_rate(
-    lattice: ti.template(), stiffened: ti.f64, crush: ti.f64, p: ti.template()
+    lattice: ti.template(), b, stiffened: ti.f64, crush: ti.f64, p: ti.template()
 ) -> ti.f64:
     """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
 
     No foam is crushed beyond the strain `-crush`.
+    """
+    rate = 0.0
+    if ti.static(lattice.features.foams > 1):
+        for n in range(lattice.features.foams):
+            rate = ti.max(
+                rate, _fastest_rate(lattice, stiffened, crush, lattice.model.foams[b, n], p)
+            )
+    else:
+        rate = _fastest_rate(lattice, stiffened, crush, p, p)
+    return rate
+
+
+@ti.func
+def _fastest_rate(
+    lattice: ti.template(), stiffened: ti.f64, crush: ti.f64, foam: ti.template(), p: ti.template()
+) -> ti.f64:
+    """The same of the mass points that have bonds of one foam, a record of `foam_type`.
 
     Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
     of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 r k_r of its
@@ -302,31 +482,38 @@ def fastest_rate(
     more than 8 c / m, with eight more of pieces that rub, a drag at C / m.
     """
     per_length = p.area / p.cell
-    elastic = lattice.law.largest_stiffness(p.bond) * per_length.max()
+    elastic = lattice.law.largest_stiffness(foam.bond) * per_length.max()
     shares = ti.static(20.0 if lattice.features.variational else 8.0)
-    modulus = lattice.law.shear_stress(p.bond, 1.0)
+    modulus = lattice.law.shear_stress(foam.bond, 1.0)
     if ti.static(lattice.law.shears_stiffer):
-        modulus = lattice.law.shear_modulus(p.bond, -crush)
+        modulus = lattice.law.shear_modulus(foam.bond, -crush)
     sheared = shares * modulus * per_length.max()
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
         stiffest = elastic + stiffened  # the overstress comes on top
-    stiffness = 4.0 * stiffest + sheared + p.contact_stiffness
+    of_bonds = 4.0 * stiffest + sheared
+    stiffness = of_bonds + p.contact_stiffness
     if ti.static(lattice.features.self_contact):
-        stiffness += 8.0 * lattice.law.contact_stiffness(p.bond) * per_length.max()
+        stiffness += 8.0 * lattice.law.contact_stiffness(foam.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
         ratio = p.cell.max() / p.cell.min()
-        stiffness += 4.0 * ratio * lattice.law.room_stiffness(p.bond) * p.thickness
-    dashpots = ti.max(p.cross_dashpot, p.cross_dashpot + p.excess_dashpot)
-    decay = 4.0 * dashpots.sum() + p.drag
+        stiffness += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
+    dashpots = ti.max(foam.a.cross_dashpot, foam.a.cross_dashpot + foam.a.excess_dashpot)
+    dashpots += ti.max(foam.b.cross_dashpot, foam.b.cross_dashpot + foam.b.excess_dashpot)
+    damped = 4.0 * dashpots
+    decay = damped + p.drag
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
         decay += 8.0 * p.piece_dashpot
-    return ti.max(ti.sqrt(stiffness / p.node_mass + p.impactor_rate), decay / p.node_mass)
+    squared, decays = stiffness / foam.least_mass, decay / foam.least_mass
+    if ti.static(lattice.features.shaped):  # what has little mass has small faces, too
+        squared = of_bonds / foam.bond_mass + (stiffness - of_bonds) / foam.least_mass
+        decays = damped / foam.bond_mass + (decay - damped) / foam.least_mass
+    return ti.max(ti.sqrt(squared + p.impactor_rate), decays)
 
 
 @ti.func
 def automatic_step(
-    lattice: ti.template(), rate: ti.f64, speed: ti.f64, crush: ti.f64, p: ti.template()
+    lattice: ti.template(), b, rate: ti.f64, speed: ti.f64, crush: ti.f64, p: ti.template()
 ) -> ti.f64:
     """Step size [s] for a lattice whose fastest mode has the rate `rate` [1/s].
 
@@ -340,12 +527,12 @@ def automatic_step(
         step = MOST_WAY * cell / speed
     if ti.static(lattice.law.stiffens):
         closing = 2.0 * speed / cell
-        if not _stays_stable(lattice, step, crush, closing, p):
+        if not _stays_stable(lattice, b, step, crush, closing, p):
             # the step and the stiffness at its end depend on one another
             low, high = 0.0, step
             for _ in range(20):
                 middle = 0.5 * (low + high)
-                if _stays_stable(lattice, middle, crush, closing, p):
+                if _stays_stable(lattice, b, middle, crush, closing, p):
                     low = middle
                 else:
                     high = middle
@@ -355,13 +542,27 @@ def automatic_step(
 
 @ti.func
 def _stays_stable(
-    lattice: ti.template(), step: ti.f64, crush: ti.f64, closing: ti.f64, p: ti.template()
+    lattice: ti.template(), b, step: ti.f64, crush: ti.f64, closing: ti.f64, p: ti.template()
 ) -> ti.i32:
     """Whether a step is stable to its end, with a bond that closes from `crush` on [1/s]."""
     strain = -crush - closing * step
     stable = 1
-    if strain < lattice.law.stiffens_below(p.bond) or ti.static(lattice.law.shears_stiffer):
-        _, slope = lattice.law.stiffening(p.bond, strain, strain, 0)
-        rate = fastest_rate(lattice, slope * (p.area / p.cell).max(), -strain, p)
+    if ti.static(lattice.features.foams > 1):
+        for n in range(lattice.features.foams):
+            stable &= _foam_stays_stable(lattice, step, strain, lattice.model.foams[b, n], p)
+    else:
+        stable = _foam_stays_stable(lattice, step, strain, p, p)
+    return stable
+
+
+@ti.func
+def _foam_stays_stable(
+    lattice: ti.template(), step: ti.f64, strain: ti.f64, foam: ti.template(), p: ti.template()
+) -> ti.i32:
+    stable = 1
+    if strain < lattice.law.stiffens_below(foam.bond) or ti.static(lattice.law.shears_stiffer):
+        _, slope = lattice.law.stiffening(foam.bond, strain, strain, 0)
+        stiffened = slope * (p.area / p.cell).max()
+        rate = _fastest_rate(lattice, stiffened, -strain, foam, p)
         stable = ti.i32(step * rate <= RK4_RADIUS)
     return stable

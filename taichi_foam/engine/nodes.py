@@ -6,7 +6,7 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import cells, contact, lanes
+from taichi_foam.engine import cells, contact, lanes, makeup, turning
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
@@ -67,7 +67,7 @@ def node_pack(
             )
     by_bonds = force_x * now.u + force_y * now.v
     tally[b, strip].by_bonds = tally[b, strip].by_bonds - by_bonds
-    if contact.may_touch_bodies(lattice, b, k, now.x, now.y, p):
+    if contact.may_touch_bodies(lattice, b, i, k, now.x, now.y, p):
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
             if j < lattice.rows:
@@ -87,8 +87,8 @@ def node_pack(
         _add_work(lattice, b, strip, DRAG, weight * by_drag)
         force_x -= p.drag * now.u
         force_y -= p.drag * now.v
-    # rows that are held have no mobility: a test for them would cost all others their vectors
-    mobility = lattice.model.mobility[b, k]
+    # what is held has no mobility: a test for it would cost all others their vectors
+    mobility = makeup.mobility(lattice, b, i, k)
     a_x = force_x * mobility.x
     a_y = force_y * mobility.y - mobility.gravity
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
@@ -213,6 +213,9 @@ def node_column(
 def clear_nodes(lattice: ti.template(), b, strip, stage):
     """Start the tally of a strip's nodes."""
     lattice.scratch.contact_force[b, strip] = 0.0
+    if ti.static(lattice.features.turns):
+        lattice.scratch.side_force[b, strip] = 0.0
+        lattice.scratch.torque[b, strip] = 0.0
     lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
         lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
@@ -268,8 +271,25 @@ def contact_force_of_strips(lattice: ti.template(), b) -> ti.f64:
 
 
 @ti.func
+def stage_of_strips(lattice: ti.template(), b, stage, p: ti.template()):
+    """The same stage for the impactor, once all strips have told what they do to it."""
+    if ti.static(lattice.features.turns):
+        free_stage(lattice, b, stage, turning.load_of_strips(lattice, b), p)
+    else:
+        body_stage(lattice, b, stage, contact_force_of_strips(lattice, b), p)
+
+
+@ti.func
+def free_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
+    """A stage for an impactor that turns, once the load of all nodes on it is known."""
+    step = lattice.state.clock[b].step
+    weight, ahead = stage_weight(stage, step), stage_ahead(stage, step)
+    turning.stage(lattice, b, stage, weight, ahead, by_nodes, p)
+
+
+@ti.func
 def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
-    """The same stage for the impactor, once the force of all nodes on it is known [N]."""
+    """A stage for an impactor on rails, once the force of all nodes on it is known [N]."""
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
     force = by_nodes

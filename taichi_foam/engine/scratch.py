@@ -4,19 +4,21 @@ import taichi as ti
 
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 
 HISTORY_ROWS = 256  # kept on the device between two calls
 
 # Members of a GPU's sums over a lattice.
-CONTACT_FORCE = 0  # on the impactor [N]
-MOVED = 1  # furthest squared in this step [m2]
-STIFFEST = 2  # stiffened bond [N/m]
-OVERLAP = 3  # deepest so far in the impactor [m]
-DIVERGING = 4  # less the lowest number of a node that has diverged
-CRUSH = 5  # largest of any bond
-BREAKS = 6  # bonds that break in this step
-ENERGIES = 7  # kinetic, stored, potential [J]; lost by breaking; works
+CONTACT_FORCE = 0  # on the impactor, upwards [N]
+SIDE_FORCE = 1  # and, if it turns, to the right [N]
+TORQUE = 2  # [N m]
+MOVED = 3  # furthest squared in this step [m2]
+STIFFEST = 4  # stiffened bond [N/m]
+OVERLAP = 5  # deepest so far in the impactor [m]
+DIVERGING = 6  # less the lowest number of a node that has diverged
+CRUSH = 7  # largest of any bond
+BREAKS = 8  # bonds that break in this step
+ENERGIES = 9  # kinetic, stored, potential [J]; lost by breaking; works
 ENERGY_SUMS = 13
 SUMS = ENERGIES + ENERGY_SUMS
 
@@ -31,13 +33,14 @@ class ScratchFields:
     tally     what a strip of nodes adds up; a sum over strips has one order on any machine
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
               impactor now [N]; kinetic, stored, potential energy [J]
+    side_force, torque   of each strip on an impactor that turns [N], [N m]
     column_breaks   bonds that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
     cell_push   by which cells push the second ends of both their diagonals [N], kept as `force`
     column_softens  bonds that lose a part of their faces in it
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
-    history   (batch, HISTORY_ROWS, ROW_COLUMNS) rows since the last harvest
+    history   (batch, HISTORY_ROWS, `row_columns`) rows since the last harvest
     sums, totals   of a GPU's blocks, and of the lattice
     """
 
@@ -72,10 +75,13 @@ class ScratchFields:
         self.stiffest, self.contact_force = ti.field(ti.f64), ti.field(ti.f64)
         self.energy = ti.types.vector(3, ti.f64).field()
         layout.of_strips(self.tally, self.stiffest, self.contact_force, self.energy)
+        if features.turns:
+            self.side_force, self.torque = ti.field(ti.f64), ti.field(ti.f64)
+            layout.of_strips(self.side_force, self.torque)
         self.column_breaks = ti.field(ti.i32)
         layout.listed(layout.columns, self.column_breaks, whole=True)
         self.history = ti.field(ti.f64)
-        layout.tabled(HISTORY_ROWS, len(ROW_COLUMNS), self.history)
+        layout.tabled(HISTORY_ROWS, len(row_columns(features.turns)), self.history)
         if layout.on_gpu:
             self.sums, self.totals = ti.field(ti.f64), ti.field(ti.f64)
             layout.tabled(layout.blocks, SUMS, self.sums)

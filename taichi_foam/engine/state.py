@@ -19,6 +19,7 @@ from taichi_foam.engine.strengths import cuts
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import Filling, filling
 
 Array = NDArray[np.float64]
 
@@ -27,10 +28,6 @@ ABSENT = -1
 BROKEN = 0
 WHOLE = 1
 BREAKING = 2  # whole until the end of this step
-
-# A bond runs along its own axis (A along x, B along y); the other axis lies across it.
-A = 0
-B = 1
 
 NEVER = 1e30
 
@@ -67,6 +64,26 @@ class Body:
     rate_v: ti.f64
     force: ti.f64  # on the impactor at the current stage [N]
     support_work: ti.f64  # that the support has taken from it [J]
+
+
+@ti.dataclass
+class Turn:
+    """What else moves of an impactor without rails, see `engine.turning`."""
+
+    x: ti.f64  # how far sideways since the start [m]
+    angle: ti.f64  # turned since the start, counter-clockwise [rad]
+    u: ti.f64  # velocity to the right [m/s]
+    spin: ti.f64  # [rad/s]
+    trial_x: ti.f64
+    trial_angle: ti.f64
+    trial_u: ti.f64
+    trial_spin: ti.f64
+    rate_x: ti.f64  # weighted sums of the RK4 stages
+    rate_angle: ti.f64
+    rate_u: ti.f64
+    rate_spin: ti.f64
+    cosine: ti.f64  # of the trial angle
+    sine: ti.f64
 
 
 @ti.dataclass
@@ -108,6 +125,9 @@ CLOCK = (
 BODY = ("y", "v", "rate_y", "force", "support_work")
 """Members of a body that a state holds."""
 
+TURN = ("x", "angle", "u", "spin", "rate_x", "rate_angle")
+"""Members of a turn that a state holds, if there is one."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -124,6 +144,7 @@ class State:
     intact_a, intact_b          the same, share of a whole bond's face that carries tension and
                     shear: less than 1 only where bonds hold beyond their limits
     clock, body     numbers by name, CLOCK and BODY
+    turn            the same, TURN; empty where impactors do not turn
     work            (strips, WORKS) of each strip of nodes [J], members BONDS to ROOM
     fracture        (strips,) stored energy lost by breaking [J]
     overlap         (strips,) deepest so far in the impactor [m]
@@ -145,6 +166,7 @@ class State:
     intact_b: Array
     clock: Mapping[str, float]
     body: Mapping[str, float]
+    turn: Mapping[str, float]
     work: Array
     fracture: Array
     overlap: Array
@@ -164,7 +186,7 @@ class State:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "State":
         """The state that `to_arrays` gave. Raises KeyError: an array is missing."""
-        nested = {"clock": float, "body": float, "neighbours": np.asarray}
+        nested = {"clock": float, "body": float, "turn": float, "neighbours": np.asarray}
         values: dict[str, Any] = {}
         for field in fields(cls):
             if field.name in nested:
@@ -212,6 +234,8 @@ class State:
             e_min_b=self.worst_b,
             break_time_a=self.break_time_a,
             break_time_b=self.break_time_b,
+            impactor_shift=self.turn.get("x", 0.0),
+            impactor_angle=self.turn.get("angle", 0.0),
         )
 
 
@@ -233,6 +257,9 @@ def initial_state(scene: Scene) -> State:
     if scene.foam.law_for(scene.model).heeds_rate:
         worst = [0.0, 0.0]  # such foam has had no time to flow
     cut = np.where(cuts(scene), 0.0, np.nan)
+    filled = filling(block)
+    cut[:-1, :, 0][filled.face_a == 0.0] = np.nan
+    cut[:, :-1, 1][filled.face_b == 0.0] = np.nan
     clock = dict.fromkeys(CLOCK, 0.0)
     clock["crush"] = max(0.0, *(-strain for strain in start.strains))
     clock["speed"] = float(np.hypot(velocity[..., 0], velocity[..., 1]).max())
@@ -241,6 +268,9 @@ def initial_state(scene: Scene) -> State:
     body = dict.fromkeys(BODY, 0.0)
     body["y"] = NEVER if impactor is None else scene.contact_height + impactor.gap
     body["v"] = 0.0 if impactor is None else -impactor.velocity
+    turn = {}
+    if impactor is not None and scene.turns:
+        turn = dict.fromkeys(TURN, 0.0) | {"u": impactor.velocity_x, "spin": impactor.spin}
     return State(
         position=position,
         velocity=velocity,
@@ -248,15 +278,16 @@ def initial_state(scene: Scene) -> State:
         stretch=np.zeros((columns, rows, 2)),
         room=np.full((columns, rows), NEVER),
         surface=np.zeros((columns, rows)),
-        hold=np.ones((columns - 1, rows - 1)),
-        worst_a=np.full((columns - 1, rows), worst[0]),
-        worst_b=np.full((columns, rows - 1), worst[1]),
+        hold=_held(filled),
+        worst_a=np.where(filled.face_a > 0.0, worst[0], 0.0),
+        worst_b=np.where(filled.face_b > 0.0, worst[1], 0.0),
         break_time_a=cut[:-1, :, 0],
         break_time_b=cut[:, :-1, 1],
         intact_a=np.ones((columns - 1, rows)),
         intact_b=np.ones((columns, rows - 1)),
         clock=clock,
         body=body,
+        turn=turn,
         work=np.zeros((0, WORKS)),
         fracture=np.zeros(0),
         overlap=np.zeros(0),
@@ -276,7 +307,8 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
     stretch[..., 1] = cushion.floor_stretch
     body = dict(start.body)
     if scene.impactor is not None:
-        body["y"] = height_beneath(cushion.position, scene.impactor) + scene.impactor.gap
+        body["y"] = height_beneath(cushion.position, scene.impactor, filling(scene.block).there)
+        body["y"] += scene.impactor.gap
     clock = {name: getattr(cushion, name) for name in ("stiffest", "crush", "speed", "broken")}
     return replace(
         start,
@@ -298,6 +330,12 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
     )
 
 
+def _held(filled: Filling) -> Array:
+    """What cells hold of their room's pressure at the start: 0 where a corner has no foam."""
+    there = filled.there
+    return (there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]).astype(float)
+
+
 def _product(vectors: Array, matrix: Array) -> Array:
     """matrix . vector for each of `vectors`, in one order of sums on every machine."""
     x, y = vectors[..., 0], vectors[..., 1]
@@ -314,7 +352,7 @@ class StateFields:
                see State. The condition of a whole one is then what will be left after this step
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
-    body, clock, work, fracture, overlap   see State
+    body, turn, clock, work, fracture, overlap   see State
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
                candidates; their nodes; positions, velocities and radii; how many a column has
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
@@ -342,6 +380,9 @@ class StateFields:
         layout.of_nodes(self.bond_a, self.bond_b, self.slip)
         self.body, self.clock = Body.field(), Clock.field()
         layout.of_lattices(self.body, self.clock)
+        if features.turns:
+            self.turn = Turn.field()
+            layout.of_lattices(self.turn)
         self.work = ti.types.vector(WORKS, ti.f64).field()
         self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
         layout.of_strips(self.work, self.fracture, self.overlap)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.base import Limit
+from taichi_foam.laws.bond import BondFoam, Limit
 from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.layers import loose_rows
 
 
 def strengths(scene: Scene) -> NDArray[np.float64]:
@@ -25,19 +26,19 @@ def strengths(scene: Scene) -> NDArray[np.float64]:
     return drawn / math.gamma(1 + 1 / modulus)
 
 
-def limits(scene: Scene) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
+def limits(foam: BondFoam, block: Block) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
     """Those of bonds A and B in tension, and in shear, see `BondFoam.limits`."""
-    a, b = (scene.foam.limits(length) for length in (scene.block.dx, scene.block.dy))
+    a, b = (foam.limits(length) for length in (block.dx, block.dy))
     return (a[0], b[0]), (a[1], b[1])
 
 
-def rate_shares(scene: Scene) -> tuple[float, float]:
+def rate_shares(foam: BondFoam, block: Block) -> tuple[float, float]:
     """What of the strain rate of bonds A and B counts: that over the foam's crush band.
 
     Foam crushes a row of cells at a time, between an impactor and foam that is at rest: in half
     the cell the rate is twice as high, and so would be what heeds it.
     """
-    block, band = scene.block, scene.foam.crush_band
+    band = foam.crush_band
     a, b = (1.0 if band is None else length / band for length in (block.dx, block.dy))
     return _snapped(a), _snapped(b)
 
@@ -48,10 +49,14 @@ def _snapped(share: float) -> float:
 
 
 def cuts(scene: Scene) -> NDArray[np.bool_]:
-    """Whether each bond is cut through at the start, (columns, rows, 2) as in `strengths`."""
+    """Whether each bond is cut through at the start, (columns, rows, 2) as in `strengths`.
+
+    Saw cuts, and the interfaces of loose layers.
+    """
     found = np.zeros((scene.block.columns, scene.block.rows, 2), dtype=bool)
     for cut in scene.start.cuts:
         found |= _crossed(scene.block, *cut)
+    found[:, loose_rows(scene.block), 1] = True
     return found
 
 

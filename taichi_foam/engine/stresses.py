@@ -87,6 +87,8 @@ def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
     if snapshot.stress is not None:
         return snapshot.stress
     start = initial_state(scene)
+    moved = {"x": snapshot.impactor_shift, "angle": snapshot.impactor_angle}
+    turn = {**start.turn, **moved} if scene.turns else start.turn
     instant = replace(
         start,
         position=np.asarray(snapshot.position, dtype=np.float64),
@@ -97,11 +99,12 @@ def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
         break_time_b=snapshot.break_time_b,
         clock={**start.clock, "stiffest": 0.0},
         body={**start.body, "y": snapshot.impactor_y if scene.impactor is not None else NEVER},
+        turn=turn,
     )
     block = scene.block
     with borrowed(1, block.columns, block.rows, features_of(scene)) as lattice:
         load(lattice, 0, scene, instant)
         try:
-            return virial.stresses(lattice, 0)
+            return virial.stresses(lattice, 0, block)
         finally:
             unload(lattice, 0)

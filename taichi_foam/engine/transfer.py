@@ -8,6 +8,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.engine import breaking, lanes, stepping, virial
+from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
@@ -18,15 +19,16 @@ from taichi_foam.engine.state import (
     CLOCK,
     EMPTY,
     NEVER,
+    TURN,
     WORKS,
     State,
     initial_state,
 )
+from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.laws.shape.base import SURFACE_ROWS
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Block, Scene
 
 Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Table = ti.types.ndarray(dtype=ti.f64, ndim=2)
@@ -62,10 +64,17 @@ def unload(lattice: Lattice, b: int) -> None:
 def put_model(lattice: Lattice, b: int, model: Model) -> None:
     """Set the constants of lattice `b`."""
     _put_numbers(lattice, b, model.numbers, model.surface)
+    if model.hull is not None:
+        _put_hull(lattice, b, model.hull)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
-    if model.table is not None:
-        _put_table(lattice, b, model.table)
+    if model.filling is not None:
+        _put_filling(lattice, b, model.filling)
+    if model.tables is not None:
+        for n, table in enumerate(model.tables):
+            _put_table(lattice, b, n, table)
+    if model.foams is not None:
+        _put_foams(lattice, b, model.foams, model.places.ravel())
 
 
 @ti.kernel
@@ -80,19 +89,72 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 member[b] = ti.i32(numbers[n])
             else:
                 member[b] = numbers[n]
-    for row in range(SURFACE_ROWS):
+    for row in range(surface.shape[0]):
         for c in ti.static(range(3)):
             lattice.model.surface[b, row][c] = surface[row, c]
-    for k in range(lattice.packs):
+    if ti.static(not lattice.features.shaped):
+        for k in range(lattice.packs):
+            p = lattice.model.parameters[b]
+            for lane in range(lattice.lanes):
+                j = k * lattice.lanes + lane
+                free = 1.0 / p.node_mass
+                moves_y = not (p.hold_y and j == 0)
+                lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
+                lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
+                falls = moves_y and j < lattice.rows
+                lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
+
+
+@ti.kernel
+def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
+    """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
+    for i in range(-1, lattice.columns + 1):
         p = lattice.model.parameters[b]
+        for k in range(-1, lattice.packs + 1):
+            for lane in range(lattice.lanes):
+                j = k * lattice.lanes + lane
+                mass, face_a, face_b, reach = 0.0, 0.0, 0.0, 0.0
+                x, y, gravity = 0.0, 0.0, 0.0
+                if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
+                    mass, reach = filling[i, j, 0], filling[i, j, 3]
+                    face_a, face_b = filling[i, j, 1], filling[i, j, 2]
+                    stands = filling[i, j, 4] > 0.0
+                    if mass > 0.0:
+                        x = ti.select(p.hold_x and stands, 0.0, 1.0 / mass)
+                        y = ti.select(p.hold_y and stands, 0.0, 1.0 / mass)
+                        gravity = ti.select(y > 0.0, p.gravity, 0.0)
+                lattice.model.filling[b, i, k].mass[lane] = mass
+                lattice.model.filling[b, i, k].face_a[lane] = face_a
+                lattice.model.filling[b, i, k].face_b[lane] = face_b
+                lattice.model.filling[b, i, k].reach[lane] = reach
+                lattice.model.mobility[b, i, k].x[lane] = x
+                lattice.model.mobility[b, i, k].y[lane] = y
+                lattice.model.mobility[b, i, k].gravity[lane] = gravity
+
+
+@ti.kernel
+def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNumbers):
+    """The foams, and each bond's own by rows; a pack's spare lanes have those of the last row."""
+    for foam in range(lattice.features.foams):
+        for n in ti.static(range(len(lattice.model.foam_members))):
+            lattice.model.foam_members[n][0][b, foam] = foams[foam, n]
+        if ti.static(lattice.features.law.tabulated):
+            lattice.model.foams[b, foam].bond.place = b * lattice.features.foams + foam
+    for n in range(2 * lattice.rows):
+        lattice.model.foam_of_row[b, n] = places[n]
+    for k in range(lattice.packs):
         for lane in range(lattice.lanes):
-            j = k * lattice.lanes + lane
-            free = 1.0 / p.node_mass
-            moves_y = not (p.hold_y and j == 0)
-            lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
-            lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
-            falls = moves_y and j < lattice.rows
-            lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
+            j = ti.min(k * lattice.lanes + lane, lattice.rows - 1)
+            for axis in ti.static(range(2)):
+                foam = places[axis * lattice.rows + j]
+                for pair in ti.static(lattice.model.graded_members[axis]):
+                    pair[0][b, axis * lattice.packs + k][lane] = pair[1][b, foam]
+
+
+@ti.kernel
+def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
+    for n in range(hull.shape[0]):
+        lattice.model.hull[b, n] = vec2(hull[n, 0], hull[n, 1])
 
 
 @ti.kernel
@@ -106,11 +168,14 @@ def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
 
 
 @ti.kernel
-def _put_table(lattice: ti.template(), b: ti.i32, table: Table):
-    lattice.model.parameters[b].bond.place = b
+def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
+    """That of one of the block's foams; the first one is also what is asked without a place."""
+    place = b * lattice.features.foams + foam
+    if foam == 0:
+        lattice.model.parameters[b].bond.place = place
     for row in range(TABLE_ROWS):
         for column in ti.static(range(TABLE_COLUMNS)):
-            lattice.model.table[b, row][column] = table[row, column]
+            lattice.model.table[place, row][column] = table[row, column]
 
 
 def put(lattice: Lattice, b: int, state: State) -> None:
@@ -126,6 +191,8 @@ def put(lattice: Lattice, b: int, state: State) -> None:
     arrays = (*nodes, state.room, state.surface, state.hold, *bonds, state.intact_a, state.intact_b)
     _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
     _put_rest(lattice, b, strips, numbers)
+    if lattice.features.turns:
+        _put_turn(lattice, b, np.array(_values(state.turn, TURN)))
     if lattice.features.self_contact:
         _put_neighbours(lattice, b, state.neighbours)
 
@@ -188,7 +255,13 @@ def _put_nodes(
                         broken_at = break_times[i, j]
                         intact = ti.static((intact_a, intact_b)[axis])[i, j]
                         condition = ti.cast(intact, ti.f32)
-                        if not ti.math.isnan(broken_at):
+                        if ti.static(lattice.features.shaped):
+                            face = lattice.model.filling[b, i, k].face_a[lane]
+                            if ti.static(axis == B):
+                                face = lattice.model.filling[b, i, k].face_b[lane]
+                            if face == 0.0:
+                                condition = ti.cast(ABSENT, ti.f32)
+                        if condition > ABSENT and not ti.math.isnan(broken_at):
                             condition = BROKEN
                         else:
                             broken_at = 0.0
@@ -226,6 +299,36 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
         lattice.state.clock[b].pause = 0.0
 
 
+@ti.kernel
+def _put_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
+    for _ in range(1):
+        for n in ti.static(range(len(TURN))):
+            member = ti.static(lattice.state.turn.get_member_field(TURN[n]))
+            member[b] = numbers[n]
+        turn = lattice.state.turn[b]
+        turn.trial_x, turn.trial_angle, turn.trial_u, turn.trial_spin = (
+            turn.x, turn.angle, turn.u, turn.spin,
+        )  # fmt: skip
+        turn.sine, turn.cosine = elementary.sine_cosine(turn.angle)
+        lattice.state.turn[b] = turn
+
+
+@ti.kernel
+def _take_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
+    for _ in range(1):
+        for n in ti.static(range(len(TURN))):
+            numbers[n] = ti.static(lattice.state.turn.get_member_field(TURN[n]))[b]
+
+
+def _turn(lattice: Lattice, b: int) -> dict[str, float]:
+    """The members of a turn by name, none where impactors do not turn."""
+    if not lattice.features.turns:
+        return {}
+    numbers = np.empty(len(TURN))
+    _take_turn(lattice, b, numbers)
+    return dict(zip(TURN, numbers.tolist(), strict=True))
+
+
 def take(lattice: Lattice, b: int) -> State:
     """The state of lattice `b` between two steps."""
     nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
@@ -250,6 +353,7 @@ def take(lattice: Lattice, b: int) -> State:
         intact_b=bonds[:, :-1, 5].copy(),
         clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
         body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
+        turn=_turn(lattice, b),
         work=strips[:, :WORKS].copy(),
         fracture=strips[:, WORKS].copy(),
         overlap=strips[:, WORKS + 1].copy(),
@@ -257,12 +361,12 @@ def take(lattice: Lattice, b: int) -> State:
     )
 
 
-def snapshot(lattice: Lattice, b: int, with_stress: bool = False) -> Snapshot:
-    """What a viewer sees of lattice `b` between two steps, with or without stresses."""
+def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
+    """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
     nodes = np.empty((lattice.columns, lattice.rows, 4))
     bonds = np.empty((lattice.columns, lattice.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
-    height = lattice.state.body[b].y
+    height, turn = lattice.state.body[b].y, _turn(lattice, b)
     return Snapshot(
         time=lattice.state.clock[b].time,
         impactor_y=np.nan if height == NEVER else height,
@@ -272,7 +376,9 @@ def snapshot(lattice: Lattice, b: int, with_stress: bool = False) -> Snapshot:
         e_min_b=bonds[:, :-1, 1].copy(),
         break_time_a=bonds[:-1, :, 2].copy(),
         break_time_b=bonds[:, :-1, 3].copy(),
-        stress=virial.stresses(lattice, b) if with_stress else None,
+        impactor_shift=turn.get("x", 0.0),
+        impactor_angle=turn.get("angle", 0.0),
+        stress=None if stressed is None else virial.stresses(lattice, b, stressed),
     )
 
 
@@ -290,7 +396,7 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                 bond = ti.static(lattice.state.bonds[c])
                 bonds[i, j, c] = bond[b, i, k].worst[lane]
                 broken_at = ti.cast(bond[b, i, k].break_time[lane], ti.f64)
-                if breaking.is_whole(lattice, c, b, i, j):
+                if bond[b, i, k].condition[lane] != BROKEN:  # nor what never was
                     broken_at = ti.math.nan
                 bonds[i, j, 2 + c] = broken_at
                 if bonds.shape[2] > 4:
@@ -437,9 +543,9 @@ def set_pause(lattice: ti.template(), times: Numbers):
 
 
 def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
-    """Where every lattice stands (REPORT), and its rows (n, ROW_COLUMNS) since the last harvest."""
+    """Where every lattice stands (REPORT), and its rows (n, k) since the last harvest."""
     report = np.empty((lattice.batch, len(REPORT)))
-    rows = np.empty((lattice.batch, HISTORY_ROWS, len(ROW_COLUMNS)))
+    rows = np.empty((lattice.batch, HISTORY_ROWS, len(row_columns(lattice.features.turns))))
     _harvest(lattice, report, rows)
     standing = dict(zip(REPORT, report.T, strict=True))
     return standing, [rows[b, : int(n)].copy() for b, n in enumerate(standing["rows"])]
@@ -465,6 +571,6 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
         report[b, 7] = clock.bad_node
         report[b, 8] = overlap
         for r in range(clock.rows):
-            for n in ti.static(range(len(ROW_COLUMNS))):
+            for n in ti.static(range(len(row_columns(lattice.features.turns)))):
                 rows[b, r, n] = lattice.scratch.history[b, r, n]
         lattice.state.clock[b].rows = 0

@@ -17,9 +17,12 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import bonds, breaking, cells, contact, lanes
+from taichi_foam.engine import bonds, breaking, cells, contact, lanes, makeup
+from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import Lattice
-from taichi_foam.engine.state import ABSENT, A, B
+from taichi_foam.engine.state import ABSENT
+from taichi_foam.scene.block import Block
+from taichi_foam.scene.filling import filling
 
 Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 
@@ -34,15 +37,29 @@ vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
 
 
-def stresses(lattice: Lattice, b: int) -> NDArray[np.float32]:
-    """Stress xx, yy and xy [Pa] at each node of lattice `b` between two steps, (I, J, 3)."""
+def stresses(lattice: Lattice, b: int, block: Block) -> NDArray[np.float32]:
+    """Stress xx, yy and xy [Pa] at each node of lattice `b` between two steps, (I, J, 3).
+
+    It is 0 where the `block` has no foam.
+    """
     found = np.zeros((lattice.columns, lattice.rows, 3))
     if lattice.on_gpu:
         _gpu_forces(lattice, b, MIDDLE)
         _gpu_sums(lattice, b, MIDDLE, NOTHING, found)
     else:
         _cpu_sums(lattice, b, MIDDLE, NOTHING, found)
+    if not block.is_rectangle:
+        found /= _shares(block)[..., None]
     return found.astype(np.float32)
+
+
+def _shares(block: Block) -> NDArray[np.float64]:
+    """Foam of each mass point over a whole cell's, (I, J); infinite where there is none."""
+    filled = filling(block)
+    held = filled.owner[..., 0] >= 0
+    total = np.zeros_like(filled.share)
+    np.add.at(total, tuple(filled.owner[held].T), filled.share[held])
+    return np.where(filled.there, total, np.inf)
 
 
 @ti.func
@@ -171,7 +188,7 @@ def _add_node(
                 second = vec2(push[sweep, place, k].x2[lane], push[sweep, place, k].y2[lane])
                 reaction += second
     across, upright, _ = _cell(lattice, b, i, j, p)
-    if p.hold_y and j == 0:
+    if makeup.is_held(lattice, b, i, j, p):
         if not p.hold_x:
             reaction.x = 0.0
         sums -= _half(upright, reaction)
@@ -206,7 +223,8 @@ def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> ve
     motion = ti.static(lattice.scratch.trial)
     away = contact.node_at(motion, b, here) - contact.node_at(motion, b, there)
     closing = contact.velocity_at(motion, b, here) - contact.velocity_at(motion, b, there)
-    return _half(away, contact.piece_push(lattice, away, closing, touch, p))
+    push = contact.piece_push(lattice, b, one, two, away, closing, touch, p)
+    return _half(away, push)
 
 
 @ti.func

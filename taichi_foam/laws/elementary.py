@@ -1,4 +1,4 @@
-"""Exponential, logarithm and power in plain float64 arithmetic, of scalars and vectors alike.
+"""Exponential, logarithm, power and sine in plain float64 arithmetic, of scalars and vectors alike.
 
 SPIR-V, and so Vulkan, has these in 32 bits only. Every backend takes them from here, the CPU too,
 so that all agree to rounding: they are sums, products, one division, comparisons, selections and
@@ -31,6 +31,16 @@ SQRT_2 = math.sqrt(2.0)
 LEAST_BINARY = -1021
 # Powers of two, their inverses and their logarithms: enough to bring any number down to 1.
 HALVINGS = tuple((2.0**k, 2.0**-k, float(k)) for k in (512, 256, 128, 64, 32, 16, 8, 4, 2, 1))
+
+# pi / 2 as a sum: the first part has 33 bits, so that its product with fewer than 2^20 is exact.
+HALF_PI_HIGH = math.floor(0.5 * math.pi * 2.0**32) / 2.0**32
+HALF_PI_LOW = (0.5 * math.pi - HALF_PI_HIGH) + 6.123233995736766e-17
+PER_HALF_PI = 2.0 / math.pi
+
+# Taylor's coefficients in r^2: of sin(r) / r - 1, from 1/17! to -1/3!, and of cos(r) - 1, from
+# 1/16! to -1/2!. For |r| <= pi / 4 the rest is below 2^-58.
+SINE_SERIES = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(8, 0, -1))
+COSINE_SERIES = tuple((-1) ** k / math.factorial(2 * k) for k in range(8, 0, -1))
 
 # Taylor's coefficients: of exp(r) - 1, from 1/13! to 1; and of log((1 + s) / (1 - s)) / s - 2 in
 # s^2, from 2/21 to 2/3. For |r| <= ln(2) / 2 and |s| <= 0.172 the rest is below 2^-57 of the whole.
@@ -105,6 +115,30 @@ def log(x):
     y = ti.select(x < SMALLEST, -ti.math.inf, y)
     y = ti.select(x < 0.0, ti.math.nan, y)
     return ti.select(x > LARGEST, x, y)
+
+
+@ti.func
+def sine_cosine(x):
+    """Sine and cosine of an angle [rad] within 1e-16 for |x| up to 1e5, NaN of NaN.
+
+    The sine is odd and the cosine even to the last bit.
+    """
+    size = ti.abs(x)
+    # |x| = n pi / 2 + r with |r| <= pi / 4
+    n = ti.floor(size * PER_HALF_PI + 0.5)
+    r = (size - n * HALF_PI_HIGH) - n * HALF_PI_LOW
+    square = r * r
+    odd, even = SINE_SERIES[0], COSINE_SERIES[0]
+    for k in ti.static(range(1, len(SINE_SERIES))):
+        odd = odd * square + SINE_SERIES[k]
+        even = even * square + COSINE_SERIES[k]
+    sine, cosine = r + r * (odd * square), 1.0 + even * square
+    quarter = ti.cast(n, ti.i32) & 3
+    swapped = (quarter & 1) == 1
+    found_sine, found_cosine = ti.select(swapped, cosine, sine), ti.select(swapped, sine, cosine)
+    found_sine = ti.select((quarter >= 2) != (x < 0.0), -found_sine, found_sine)
+    found_cosine = ti.select(quarter == 1 or quarter == 2, -found_cosine, found_cosine)
+    return found_sine, found_cosine
 
 
 @ti.func

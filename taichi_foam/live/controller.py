@@ -30,7 +30,7 @@ from taichi_foam.live.messages import (
 )
 from taichi_foam.live.session import Session
 from taichi_foam.records.ending import Ending
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 from taichi_foam.results.result import Result
 
 if TYPE_CHECKING:
@@ -181,7 +181,9 @@ class Controller:
         """What the current drop has given until now; the same object until there is more."""
         if self.result is not None:
             return self.result
-        rows = np.empty((0, len(ROW_COLUMNS))) if self._session is None else self._session.rows
+        rows = np.empty((0, len(row_columns(self.scene.turns))))
+        if self._session is not None:
+            rows = self._session.rows
         if self._so_far is None or len(self._so_far.history["time_s"]) != len(rows):
             history = history_of(self.scene, rows)
             self._so_far = Result(self.scene, history, [self.snapshot], {})

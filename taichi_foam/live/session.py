@@ -42,7 +42,7 @@ from taichi_foam.live.messages import (
     Start,
     Step,
 )
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 
 if TYPE_CHECKING:
     from taichi_foam.results.result import Result
@@ -78,6 +78,7 @@ class Session:
         self.ended = True
         self.result: Result | None = None
         self._rows: list[np.ndarray] = []
+        self._columns = row_columns(False)
         self._pace: float | None = None
         self._unsettled = _UNSETTLED
         self._is_asked = False
@@ -110,7 +111,7 @@ class Session:
         self.drop += 1
         self.last = self.result = None
         self.paused = self.ended = False
-        self._rows = []
+        self._rows, self._columns = [], row_columns(scene.turns)
         self._send(Start(self.drop, scene, keeping))
         return self.drop
 
@@ -157,10 +158,10 @@ class Session:
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n, 18) of the current drop's history, for `analysis.history.history_of`."""
+        """Rows (n, k) of the current drop's history, for `analysis.history.history_of`."""
         if len(self._rows) > 1:
             self._rows = [np.concatenate(self._rows)]
-        return self._rows[0] if self._rows else np.empty((0, len(ROW_COLUMNS)))
+        return self._rows[0] if self._rows else np.empty((0, len(self._columns)))
 
     def poll(self, timeout: float = 0.0) -> list[Event]:
         """What has come, in order; waits up to `timeout` [s] if there is nothing.

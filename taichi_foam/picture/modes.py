@@ -124,7 +124,8 @@ def _fastest(scene: Scene) -> float:
     fastest = max(fastest, strain * math.sqrt(foam.youngs_modulus / block.density))
     if impactor is not None:
         fall = 2 * scene.numerics.gravity * impactor.gap
-        fastest = max(fastest, math.sqrt(impactor.velocity**2 + fall))
+        sideways = impactor.velocity_x**2
+        fastest = max(fastest, math.sqrt(impactor.velocity**2 + sideways + fall))
     return fastest or 1.0
 
 

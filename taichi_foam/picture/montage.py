@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
@@ -139,8 +140,8 @@ def strip(
     low, high = np.array([x[0], y[0]]) - pad, np.array([x[1], y[1]]) + pad
     for snapshot in snapshots:
         met = np.any(np.all((snapshot.position > low) & (snapshot.position < high), axis=-1))
-        if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
-            outline = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+        outline = impactor_now(snapshot, scene)
+        if outline is not None:
             met |= np.all((outline.max(axis=0) > low) & (outline.min(axis=0) < high))
         if met:
             return round(1.6 * text)

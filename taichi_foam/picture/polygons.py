@@ -40,7 +40,7 @@ def paint(
     theme: colours.Theme = colours.THEMES["light"],
     threads: int | None = None,
 ) -> None:
-    """Fill quadrilaterals and one convex outline over `image`, in place.
+    """Fill quadrilaterals and one outline over `image`, in place.
 
     Args:
         image: uint8 (h, w, 3).
@@ -53,7 +53,7 @@ def paint(
         order: indices in the order of painting, later ones on top, (n,).
         grid_line, crack_line: their widths [pixels], half of a grid line on either cell; without
             a width cells have no grid line of their own.
-        shape: convex outline (m, 2) [m], counter-clockwise, on top of all; m may be 0.
+        shape: outline (m, 2) [m], convex or not, on top of all; m may be 0.
         shape_line: width of the line inside its edge [pixels].
         theme: tones of the outline.
         threads: CPU threads to draw on; default all that Taichi was started with.
@@ -117,7 +117,7 @@ def _to_samples(points: NDArray[np.float64], view: View) -> NDArray[np.float64]:
 
 
 def _inset(outline: NDArray[np.float64], by: float) -> NDArray[np.float64]:
-    """A convex outline with each edge moved inwards by `by` (any unit)."""
+    """An outline with each edge moved inwards by `by` (any unit)."""
     if len(outline) == 0:
         return outline
     ahead = np.roll(outline, -1, axis=0) - outline
@@ -176,20 +176,29 @@ def _fill_quad(samples: ti.template(), x, y, clip, colour: int):
 
 @ti.func
 def _fill_outline(samples: ti.template(), points: ti.template(), n: int, clip, colour: int):
-    """Fill a convex outline of `n` points (n, 2) in samples, within `clip`."""
+    """Fill an outline of `n` points (n, 2) in samples, within `clip`.
+
+    A row is filled between its crossings, taken in pairs from the left.
+    """
     lowest, highest = 1e9, -1e9
     for k in range(n):
         lowest, highest = ti.min(lowest, points[k, 1]), ti.max(highest, points[k, 1])
     for row in range(ti.max(clip[1], _sample(lowest)), ti.min(clip[3], _sample(highest))):
         level = row + 0.5
-        start, end = 1e9, -1e9
-        for k in range(n):
-            m = (k + 1) % n
-            if (points[k, 1] <= level) != (points[m, 1] <= level):
-                at = _crossing(points[k, 0], points[k, 1], points[m, 0], points[m, 1], level)
-                start, end = ti.min(start, at), ti.max(end, at)
-        if start < end:
-            _fill_row(samples, row, start, end, clip, colour)
+        before, last, inside = -1e9, -1, False
+        for _ in range(n):
+            start, edge = 1e9, -1  # the next crossing: further right, or as far by a later edge
+            for k in range(n):
+                m = (k + 1) % n
+                if (points[k, 1] <= level) != (points[m, 1] <= level):
+                    at = _crossing(points[k, 0], points[k, 1], points[m, 0], points[m, 1], level)
+                    if (at > before or (at == before and k > last)) and at < start:
+                        start, edge = at, k
+            if edge < 0:
+                break
+            if inside:
+                _fill_row(samples, row, before, start, clip, colour)
+            before, last, inside = start, edge, not inside
 
 
 @ti.func

@@ -19,6 +19,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from taichi_foam.analysis import cells
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours
 from taichi_foam.picture.figures import MOTION, ledger_layers
@@ -235,8 +236,8 @@ def _draw(
         ),
         autolim=False,
     )  # fmt: skip
-    if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
-        outline = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+    outline = impactor_now(snapshot, scene)
+    if outline is not None:
         steel, edge = _tone(tones.steel), _tone(tones.steel_edge)
         axis.add_patch(Polygon(outline, facecolor=steel, edgecolor=edge, linewidth=0.8, zorder=4))
 

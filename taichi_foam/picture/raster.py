@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis import cells
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset
 from taichi_foam.picture.inset import Curve
@@ -221,9 +222,7 @@ def draw(
         sides = np.zeros_like(sides)
         if look.grid:
             strokes |= _coarse_grid(*level.shape, GRID_APART / smallest) << GRID_BITS
-    outer = np.empty((0, 2))
-    if scene.impactor is not None and math.isfinite(snapshot.impactor_y):
-        outer = scene.impactor.outline() + np.array([scene.impactor.x, snapshot.impactor_y])
+    outer = impactor_now(snapshot, scene)
     paint(
         image,
         view,
@@ -236,7 +235,7 @@ def draw(
         order=_outside_in(*level.shape),
         grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
-        shape=outer,
+        shape=np.empty((0, 2)) if outer is None else outer,
         shape_line=2.5 * unit,
         theme=look.tones,
         threads=threads,

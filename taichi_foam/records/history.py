@@ -32,6 +32,17 @@ ROW_COLUMNS: tuple[str, ...] = (
 )  # fmt: skip
 """What the engine writes on the device in each row, in order."""
 
+TURN_COLUMNS: tuple[str, ...] = (
+    "x", "u",                                   # impactor: sideways since the start [m], m/s
+    "angle", "spin",                            # rad, rad/s
+)  # fmt: skip
+"""What follows in the rows of an impactor that turns."""
+
+
+def row_columns(turns: bool) -> tuple[str, ...]:
+    """What the engine writes for an impactor that turns, or for any other scene."""
+    return ROW_COLUMNS + TURN_COLUMNS if turns else ROW_COLUMNS
+
 
 @dataclass(frozen=True)
 class Column:
@@ -41,8 +52,9 @@ class Column:
     unit        SI; empty for a count
     label       in tables and on the page
     meaning     what it is, with its sign
-    source      members of the device's row that it comes from, see ROW_COLUMNS; their sum unless
+    source      members of the device's row that it comes from, see `row_columns`; their sum unless
                 `analysis.history.history_of` says otherwise
+    turns       whether only a history with an impactor that turns has it
     is_integer  whether history.csv holds whole numbers
     shown       on the axes of figures: unit, and how many of it one SI unit is
     """
@@ -52,6 +64,7 @@ class Column:
     label: str
     meaning: str
     source: tuple[str, ...]
+    turns: bool = False
     is_integer: bool = False
     shown: tuple[str, float] | None = None
 
@@ -78,6 +91,16 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "the same, smoothed: CFC 180, zero phase", ("time", "v")),
     Column("contact_force_N", "N", "contact force",
            "of the foam on the impactor, upwards", ("force",)),
+    Column("displacement_x_m", "m", "sideways displacement",
+           "of the impactor's centre of mass from its start, positive to the right", ("x",),
+           turns=True, shown=("cm", 1e2)),
+    Column("velocity_x_m_s", "m/s", "sideways velocity",
+           "of the impactor's centre of mass, positive to the right", ("u",), turns=True),
+    Column("angle_rad", "rad", "angle",
+           "how far the impactor has turned since its start, counter-clockwise", ("angle",),
+           turns=True, shown=("°", 57.29577951308232)),
+    Column("spin_rad_s", "rad/s", "spin",
+           "turn of the impactor per time, counter-clockwise", ("spin",), turns=True),
     Column("impactor_kinetic_J", "J", "impactor, kinetic",
            "kinetic energy of the impactor", ("v",)),
     Column("foam_kinetic_J", "J", "foam, kinetic",
@@ -107,8 +130,8 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
 )}  # fmt: skip
 """Columns of the history by name, in order."""
 
-HISTORY_COLUMNS = tuple(COLUMNS)
-"""Names of the columns, in order."""
+HISTORY_COLUMNS = tuple(name for name, column in COLUMNS.items() if not column.turns)
+"""Names of the columns that every history has, in order."""
 
 ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
 """The ledger's entries in order, and last what they leave unaccounted for."""
@@ -141,21 +164,25 @@ LEDGER = (
 class History(dict[str, Array]):
     """Columns (n,) by name, in SI units; `history["time_s"]` is also `history.time_s`.
 
+    Those of an impactor that turns are all there, or none is.
+
     Raises ValueError when a column is missing, unknown or of another length.
     """
 
     def __init__(self, columns: Mapping[str, Array]) -> None:
-        if set(columns) != set(HISTORY_COLUMNS):
-            odd = sorted(set(columns) ^ set(HISTORY_COLUMNS))
+        turning = any(column.turns and name in columns for name, column in COLUMNS.items())
+        names = tuple(COLUMNS) if turning else HISTORY_COLUMNS
+        if set(columns) != set(names):
+            odd = sorted(set(columns) ^ set(names))
             raise ValueError(f"history columns missing or unknown: {', '.join(odd)}")
         if len({np.shape(column) for column in columns.values()}) != 1:
             raise ValueError("history columns differ in length")
-        super().__init__({name: columns[name] for name in HISTORY_COLUMNS})
+        super().__init__({name: columns[name] for name in names})
 
     def __getattr__(self, name: str) -> Array:
         if name in self:
             return self[name]
-        raise AttributeError(f"a history has no column {name!r}; it has {', '.join(COLUMNS)}")
+        raise AttributeError(f"this history has no column {name!r}; it has {', '.join(self)}")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
@@ -174,7 +201,7 @@ class History(dict[str, Array]):
     @property
     def units(self) -> dict[str, str]:
         """Unit of each column by its name; empty for a count."""
-        return {name: column.unit for name, column in COLUMNS.items()}
+        return {name: COLUMNS[name].unit for name in self}
 
     def to_pandas(self) -> pandas.DataFrame:
         """The history as a frame, a column for each of `COLUMNS`; `frame.attrs["units"]` has units.

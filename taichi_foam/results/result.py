@@ -3,12 +3,14 @@
 A result folder holds
 
     scene.toml     the resolved scene; it runs again by itself
-    history.csv    one row per history interval, one column per entry of HISTORY_COLUMNS; every
+    history.csv    one row per history interval, one column per entry of COLUMNS; every
                    number written so that it reads back exactly
     snapshots.npz  the lattice at N instants (NumPy's open zip format); block of I x J mass points
-        format        ()            1
+        format        ()            2
         time          (N,)          s
         impactor_y    (N,)          m     height of the impactor's lowest point, NaN without one
+        impactor_shift  (N,)        m     how far it has moved sideways since the start
+        impactor_angle  (N,)        rad   how far it has turned, counter-clockwise
         position      (N,I,J,2)     m     x, y of mass point (i, j)
         velocity      (N,I,J,2)     m/s
         e_min_a       (N,I-1,J)     -     worst compressive strain so far of A(i,j), <= 0
@@ -23,7 +25,7 @@ A result folder holds
     summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
     manifest.json  sizes and checksums of all files, see `results.manifest`
 
-The arrays of snapshots.npz but `time` and `impactor_y` have 32 bits where
+The arrays of snapshots.npz but time and those of the impactor have 32 bits where
 output.snapshot_precision is "single".
 """
 
@@ -42,19 +44,19 @@ import numpy as np
 
 from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
-from taichi_foam.records.history import COLUMNS, HISTORY_COLUMNS, History
+from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.packed import check_numbers, check_shapes
-from taichi_foam.results.snapshot_file import record_type, shapes
+from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
 
-_FORMAT = 1
+_FORMAT = 2
 _LONGEST_SUMMARY = 10_000_000
 # without these there is no result
 _FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
@@ -173,7 +175,7 @@ def storage_bytes(scene: Scene) -> int:
     """
     rows = scene.numerics.latest_end / scene.output.history_interval + 2
     state = 16 * 8 * scene.block.columns * scene.block.rows
-    return int(2 * snapshots_bytes(scene) + state + 25 * len(HISTORY_COLUMNS) * rows) + 100_000
+    return int(2 * snapshots_bytes(scene) + state + 25 * len(COLUMNS) * rows) + 100_000
 
 
 def snapshots_bytes(scene: Scene) -> int:
@@ -201,13 +203,13 @@ def _check_whole(root: Path) -> None:
 
 def _write_history(path: Path, history: History) -> None:
     columns = []
-    for name, column in COLUMNS.items():
+    for name, each in history.items():
         # tolist gives Python floats, whose repr is the shortest text that reads back the same.
-        values = np.asarray(history[name], dtype=np.float64).tolist()
-        columns.append(map(int if column.is_integer else repr, values))
+        values = np.asarray(each, dtype=np.float64).tolist()
+        columns.append(map(int if COLUMNS[name].is_integer else repr, values))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HISTORY_COLUMNS)
+        writer.writerow(history)
         writer.writerows(zip(*columns, strict=True))
 
 
@@ -277,10 +279,5 @@ def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
             raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
         arrays = {name: archive[name] for name in there}
     return [
-        Snapshot(
-            float(arrays["time"][n]),
-            float(arrays["impactor_y"][n]),
-            *(arrays[name][n] for name in [*there][2:]),
-        )
-        for n in range(len(arrays["time"]))
+        snapshot_of({name: arrays[name][n] for name in there}) for n in range(len(arrays["time"]))
     ]

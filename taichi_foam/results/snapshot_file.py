@@ -8,7 +8,7 @@ machine. A result has them in `snapshots.npz`.
 from __future__ import annotations
 
 import mmap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, overload
@@ -31,7 +31,7 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
     """
     columns, rows = scene.block.columns, scene.block.rows
     nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    found = dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b), strict=False))
+    found = dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b, (), ()), strict=False))
     return {**found, "stress": (columns, rows, 3)} if scene.output.keeps_stress else found
 
 
@@ -41,9 +41,12 @@ def record_type(scene: Scene) -> np.dtype[Any]:
     Stresses, which pictures show, have 32 bits.
     """
     precise = np.float32 if scene.output.snapshot_precision == "single" else np.float64
-    kinds = {"time": np.float64, "impactor_y": np.float64, "stress": np.float32}
+    kinds = {"stress": np.float32}
     return np.dtype(
-        [(name, kinds.get(name, precise), shape) for name, shape in shapes(scene).items()]
+        [
+            (name, kinds.get(name, precise) if shape else np.float64, shape)
+            for name, shape in shapes(scene).items()
+        ]
     )
 
 
@@ -54,6 +57,14 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
     values = vars(snapshot)
     arrays = {name: np.float32(values[name]) for name, shape in shapes(scene).items() if shape}
     return Snapshot(**{**values, **arrays})
+
+
+def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
+    """The snapshot of its numbers and arrays by name."""
+    given: dict[str, Any] = {
+        name: each if np.ndim(each) else float(each) for name, each in values.items()
+    }
+    return Snapshot(**given)
 
 
 class _Records:
@@ -119,8 +130,7 @@ class SnapshotFile(Sequence[Snapshot]):
             part._records, part._chosen = self._records, self._chosen[index]
             return part
         record = self._records.read(self._chosen[index])
-        time, impactor_y, *arrays = (record[name] for name in self._records.names)
-        return Snapshot(float(time), float(impactor_y), *arrays)
+        return snapshot_of({name: record[name] for name in self._records.names})
 
     def append(self, snapshot: Snapshot) -> None:
         """Write one more. Raises OSError: those before it stay as they are."""

@@ -7,6 +7,7 @@ are derived from these, or are those of the paper's foam: each such key stands i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -15,8 +16,7 @@ from pydantic import Field, ValidationError
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part
-from taichi_foam.scene.block import Block
-from taichi_foam.scene.options import Model, Numerics
+from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
 _READINGS = frozenset({"crush_band", "crushed_strength"})
 """Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""
@@ -31,7 +31,11 @@ _ELSEWHERE = {
 }
 """What describes a foam and stands in other parts of a scene, and what it is unless given."""
 
-_PARTS: Mapping[str, type[Part]] = {"block": Block, "numerics": Numerics, "model": Model}
+_WHOLE = re.compile(r"block(\.layers(\[\d+\])?)?")
+"""Keys of layers, together or one by one."""
+
+_PARTS = ("block", "numerics", "model")
+"""Parts of a scene that have such values besides the foam."""
 
 
 class Assumed(Part):
@@ -42,28 +46,45 @@ class Assumed(Part):
 
 
 def completed(data: Any) -> Any:
-    """Raw data of a scene with what it assumes of a foam of one's own."""
+    """Raw data of a scene with what it assumes of foams of one's own."""
     if not isinstance(data, Mapping):
         return data
-    kind, earlier = FOAMS.kind_of(data.get("foam")), data.get("assumed")
-    if kind is None or not isinstance(earlier, list | tuple | None):
+    earlier = data.get("assumed")
+    if not isinstance(earlier, list | tuple | None):
         return data  # what is wrong with it is said where it is checked
-    given = _given(data.get("foam"))
+    found = [_unsaid(data, head, earlier) for head in heads_of_foams(data)]
+    if all(entries is None for entries in found):
+        return data
+    return {**data, "assumed": (*(earlier or ()), *(each for one in found for each in one or ()))}
+
+
+def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] | None:
+    """What raw data assumes of one of its foams and has not said yet; None: it is the paper's."""
+    foam = at(data, f"{head}foam")
+    kind = FOAMS.kind_of(None if foam is NOTHING else foam)
+    if kind is None:
+        return None
+    given = _given(foam)
+    known = {_key(each) for each in earlier or ()}
+    of_layers = {key for key in known if str(key).startswith("block.layers[")}
+    if head:
+        said = any(key.startswith(f"{head}foam.") for key in of_layers)
+    else:  # a list without entries says that all of it was given
+        said = earlier is not None and (not known or bool(known - of_layers))
     if "plateau_stress" in given:
         given |= {"yield_strain"}
-    elif earlier is None and not any(
-        _value(data["foam"], key) != kind.model_fields[key].default
+    elif not said and not any(
+        at(foam, key) != kind.model_fields[key].default
         for key in given & {*_own(kind), *_implied(kind)}
     ):
-        return data
-    known = {_key(each) for each in earlier or ()}
-    found = [
+        return None
+    return [
         Assumed(key=key, why=why)
-        for key, why in _unless_given(kind).items()
+        for key, why in _unless_given(kind, head).items()
         if key not in known
-        and key.rpartition(".")[2] not in (given if key.startswith("foam.") else _around(data, key))
+        and key.rpartition(".")[2]
+        not in (given if key.startswith(f"{head}foam.") else _around(data, key))
     ]
-    return {**data, "assumed": (*(earlier or ()), *found)}
 
 
 def given_data(scene: Any) -> dict[str, Any]:
@@ -72,72 +93,126 @@ def given_data(scene: Any) -> dict[str, Any]:
     Of the paper's foam nothing was given. What a foam file assumes stays, with its entry.
     """
     data = scene.model_dump(exclude_none=True)
-    kind, foam = type(scene.foam), scene.foam
-    reasons = _unless_given(kind)
-    if scene.assumed is None:
-        left = {f"foam.{key}" for key in _own(kind)} | _ELSEWHERE.keys()
-        left = {key for key in left if _of(scene, key) == _default(kind, key)}
-    else:
-        left = {each.key for each in scene.assumed if each.why == reasons.get(each.key)}
-        data["assumed"] = [each for each in data["assumed"] if each["key"] not in left]
-        try:  # a value that somebody wrote over what was assumed is given
-            rest = {key: data["foam"][key] for key in data["foam"] if f"foam.{key}" not in left}
-            fresh = kind.model_validate(rest)
-            left = {
-                key
-                for key in left
-                if not key.startswith("foam.") or getattr(fresh, key[5:]) == getattr(foam, key[5:])
-            }
-        except ValidationError:
-            left = {key for key in left if not key.startswith("foam.")}
-    for key in left:
-        part, _, last = key.partition(".")
-        data[part].pop(last, None)
+    unsaid = {key for head in heads_of_foams(scene) for key in _not_given(scene, data, head)}
+    if scene.assumed is not None:
+        data["assumed"] = [each for each in data["assumed"] if each["key"] not in unsaid]
+        if not data["assumed"] and _is_papers(scene, ""):
+            del data["assumed"]  # without entries it would say that all of [foam] was given
+    for key in unsaid:
+        part, _, last = key.rpartition(".")
+        at(data, part).pop(last, None)
     return data
 
 
-def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Take from nested data of a scene what described a foam that `values` are about to replace.
+def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
+    """Keys that nobody gave of one of a scene's foams, whose nested data is `data`."""
+    foam = at(scene, f"{head}foam")
+    kind, own = type(foam), f"{head}foam."
+    reasons = _unless_given(kind, head)
+    entries = {each.key for each in scene.assumed or () if each.why == reasons.get(each.key)}
+    if _is_papers(scene, head):
+        return {
+            key for key in (*(own + key for key in _own(kind)), *_around_foam(head))
+            if at(scene, key) == _default(scene, key)
+        }  # fmt: skip
+    try:  # a value that somebody wrote over what was assumed is given
+        table = at(data, f"{head}foam")
+        fresh = kind.model_validate({key: table[key] for key in table if own + key not in entries})
+    except ValidationError:
+        return {key for key in entries if not key.startswith(own)}
+    return {
+        key
+        for key in entries
+        if not key.startswith(own)
+        or getattr(fresh, key[len(own) :]) == getattr(foam, key[len(own) :])
+    }
 
-    A name, a file or a whole foam replaces it, and so does a curve where there was none.
+
+def _is_papers(scene: Any, head: str) -> bool:
+    """Whether nobody gave one of a scene's foams, so that it is the paper's."""
+    if scene.assumed is None:
+        return True
+    if not head and len(list(heads_of_foams(scene))) == 1:
+        return False  # it is of it that the scene says what is assumed
+    foam = at(scene, f"{head}foam")
+    described = {f"{head}foam.{key}" for key in type(foam).model_fields} | _around_foam(head).keys()
+    return not any(each.key in described for each in scene.assumed) and all(
+        getattr(foam, key) == type(foam).model_fields[key].default for key in _own(type(foam))
+    )
+
+
+def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Take from nested data of a scene what described foams that `values` are about to replace.
+
+    A name, a file or a whole foam replaces one, and so does a curve where there was none.
 
     Raises:
         UserError: `values` say what is assumed, which only the program does.
     """
     if any(key.partition(".")[0].partition("[")[0] == "assumed" for key in values):
         raise UserError("assumed: written by the program; give the keys that it names instead")
-    foam = data.get("foam")
-    named = {"foam", "foam.like"} & values.keys()
+    _forget_layers(data, values)
+    for head in list(heads_of_foams(data)):
+        _make_way(data, values, head)
+
+
+def _forget_layers(data: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Take what is assumed of layers that `values` replace as a whole."""
+    whole = tuple(
+        key if key.endswith("]") else "block.layers[" for key in values if _WHOLE.fullmatch(key)
+    )
+    entries = list(_entries(data.get("assumed")))
+    left = [each for each in entries if not str(_key(each)).startswith(whole)]
+    if left:
+        data["assumed"] = left
+    elif entries:
+        del data["assumed"]
+
+
+def _make_way(data: dict[str, Any], values: Mapping[str, Any], head: str) -> None:
+    place = at(data, head.rstrip("."))
+    foam = place.get("foam")
+    named = {f"{head}foam", f"{head}foam.like"} & values.keys()
     kind = FOAMS.kind_of(foam)
-    curved = "foam.curve" in values and kind is not None and not _implied(kind)
+    curved = f"{head}foam.curve" in values and kind is not None and not _implied(kind)
     if not (named or curved):
         return
-    for entry in _entries(data.pop("assumed", None)):
-        part, _, last = str(_key(entry)).partition(".")
-        if isinstance(data.get(part), dict):
-            data[part].pop(last, None)
-    data["foam"] = {}
+    entries = list(_entries(data.pop("assumed", None)))
+    gone = [each for each in entries if not head or str(_key(each)).startswith(head)]
+    left = [each for each in entries if each not in gone]
+    if not head:  # what is assumed of layers stays
+        left = [each for each in gone if str(_key(each)).startswith("block.layers[")]
+        gone = [each for each in gone if each not in left]
+    for entry in gone:
+        part, _, last = str(_key(entry)).rpartition(".")
+        if isinstance(table := at(data, part), dict):
+            table.pop(last, None)
+    if left:
+        data["assumed"] = left
+    place["foam"] = {}
     if curved and not named and isinstance(foam, dict):
-        data["foam"] = {key: foam[key] for key in _KEPT & foam.keys()}
+        place["foam"] = {key: foam[key] for key in _KEPT & foam.keys()}
 
 
 def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Nested data of a scene whose `values` have just been changed: what is assumed no longer."""
-    foam = data.get("foam")
-    if not isinstance(foam, dict):
-        return
-    if values.get("foam.plateau_stress") is not None and "foam.yield_strain" not in values:
-        foam.pop("yield_strain", None)
-    kind = FOAMS.kind_of(foam)
-    own = (
-        {f"foam.{key}" for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
-    )
-    changed = any(key in own or key.startswith("foam.curve.") for key in values)
-    if changed and "foam.source" not in values:
-        foam.pop("source", None)  # it is that foam no longer
+    for head in heads_of_foams(data):
+        _settle(at(data, f"{head}foam"), f"{head}foam.", values)
     if data.get("assumed"):
         entries = _entries(data["assumed"])
         data["assumed"] = [each for each in entries if _key(each) not in values]
+
+
+def _settle(foam: Any, head: str, values: Mapping[str, Any]) -> None:
+    if not isinstance(foam, dict):
+        return
+    if values.get(f"{head}plateau_stress") is not None and f"{head}yield_strain" not in values:
+        foam.pop("yield_strain", None)
+    kind = FOAMS.kind_of(foam)
+    own = {head + key for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
+    changed = any(key in own or key.startswith(f"{head}curve.") for key in values)
+    if changed and f"{head}source" not in values:
+        foam.pop("source", None)  # it is that foam no longer
 
 
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
@@ -146,25 +221,25 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
         f"assumed.key = {each.key!r}: must be the key of a value of block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
-        if each.key.partition(".")[0] not in ("foam", *_PARTS) or _of(scene, each.key) is scene
+        if each.key.partition(".")[0] not in ("foam", *_PARTS) or at(scene, each.key) is NOTHING
     ]
 
 
-def _unless_given(kind: type[BondFoam]) -> dict[str, str]:
+def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, and what they are unless given."""
-    return {f"foam.{key}": why for key, why in kind.unless_given.items()} | _ELSEWHERE
+    own = {f"{head}foam.{key}": why for key, why in kind.unless_given.items()}
+    return {**own, **_around_foam(head)}
 
 
-def _of(scene: Any, key: str) -> Any:
-    """The value of a dotted key; the scene itself if there is no such value."""
-    part, _, last = key.partition(".")
-    fields = type(getattr(scene, part)).model_fields
-    return getattr(getattr(scene, part), last) if last in fields else scene
+def _around_foam(head: str) -> Mapping[str, str]:
+    """Those that stand beside the foam's table."""
+    return {f"{head}density": "that of the block"} if head else _ELSEWHERE
 
 
-def _default(kind: type[BondFoam], key: str) -> Any:
-    part, _, last = key.partition(".")
-    return (kind if part == "foam" else _PARTS[part]).model_fields[last].default
+def _default(scene: Any, key: str) -> Any:
+    """The default of a value of a scene."""
+    part, _, last = key.rpartition(".")
+    return type(at(scene, part)).model_fields[last].default
 
 
 def _entries(value: Any) -> Iterable[Any]:
@@ -186,12 +261,7 @@ def _implied(kind: type[BondFoam]) -> set[str]:
 
 
 def _around(data: Mapping[str, Any], key: str) -> frozenset[str]:
-    return _given(data.get(key.partition(".")[0]))
-
-
-def _value(part: Any, key: str) -> Any:
-    """The value of a part, or in its raw data."""
-    return part[key] if isinstance(part, Mapping) else getattr(part, key)
+    return _given(at(data, key.rpartition(".")[0]))
 
 
 def _given(part: Any) -> frozenset[str]:

@@ -1,20 +1,61 @@
-"""The block that is hit: its size, its lattice, its density."""
+"""The block that is hit: its size and outline, its lattice, its density and layers."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from itertools import pairwise
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from taichi_foam.parts import Part, quantity
+from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.scene import outlines
 
 MAX_NODES = 4_000_000
+MOST_CORNERS = 2000
+MOST_LAYERS = 100
+MOST_HOLES = 1000
+
+_Coordinate = Annotated[float, Field(ge=-5, le=5)]
+_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
+_Outline = Annotated[tuple[_Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
+_Hole = Annotated[tuple[_Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
+
+_CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
+
+
+class Layer(Part):
+    """A level band of the block, of a foam or a density of its own."""
+
+    bottom: float = quantity(..., "m", "lower face of the layer, up from the block's bottom",
+                             at_least=0, below=5)  # fmt: skip
+    top: float = quantity(..., "m", "upper face of the layer", above=0, at_most=5)
+    foam: Annotated[BondFoam, FOAMS] | None = Field(
+        default=None,
+        description="its foam, as [foam] takes it; none: that of [foam]",
+        json_schema_extra={"allowed": "none, a table as [foam], a name of the library, or a file"},
+    )
+    density: Annotated[float, Field(ge=1, le=5000)] | None = quantity(
+        None,
+        "kg/m3",
+        "density of its foam; none: block.density",
+        allowed="none, or at least 1 and at most 5000 kg/m3",
+    )
+    interface: Literal["bonded", "loose"] = choice(
+        "bonded",
+        "what holds it to the foam below and above: bonded: it is one piece with it; "
+        "loose: it only lies there",
+    )
 
 
 class Block(Part):
-    """A rectangular block, its lattice of mass points and its density (paper, Table 6, Fig. 14)."""
+    """A block on its lattice of mass points, its density and layers (paper, Table 6, Fig. 14).
+
+    It is a rectangle, or what an outline with holes leaves of it.
+    """
 
     width: float = quantity(0.2, "m", "width of the block", at_least=1e-4, at_most=5)
     height: float = quantity(0.1, "m", "height of the block", at_least=1e-4, at_most=5)
@@ -43,6 +84,35 @@ class Block(Part):
         fix="the paper uses 40 by 20",
     )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
+    outline: _Outline = quantity(
+        (),
+        "m",
+        "corners [x, y] of the foam, in order along a simple polygon within the rectangle, on the "
+        "base at y = 0; none: the whole rectangle",
+        allowed=f"a list of 3 to {MOST_CORNERS:,} corners [x, y], each from -5 to 5 m",
+        fix=_CORNERS_FIX,
+    )
+    holes: Annotated[tuple[_Hole, ...], Field(strict=False, max_length=MOST_HOLES)] = quantity(
+        (),
+        "m",
+        "holes through the thickness, each a list of corners as the outline",
+        allowed=f"up to {MOST_HOLES:,} lists of 3 to {MOST_CORNERS:,} corners [x, y], each from -5 "
+        "to 5 m",
+        fix=_CORNERS_FIX,
+    )
+    layers: Annotated[tuple[Layer, ...], Field(strict=False, max_length=MOST_LAYERS)] = Field(
+        default=(),
+        description="level bands of other foams or densities; elsewhere [foam] and density hold",
+        json_schema_extra={"allowed": f"a list of up to {MOST_LAYERS} tables with bottom and top"},
+    )
+    lattice_angle_deg: float = quantity(
+        0.0,
+        "deg",
+        "turn of the lattice under the outline, counter-clockwise, about the outline's middle; "
+        "width and height are then the lattice's",
+        at_least=-90,
+        at_most=90,
+    )
 
     @model_validator(mode="after")
     def _check_size(self) -> Block:
@@ -52,6 +122,14 @@ class Block(Part):
                 f"{self.columns * self.rows:,} mass points; at most {MAX_NODES:,}; "
                 "take fewer columns or rows"
             )
+        if 0 < len(self.outline) < 3:
+            raise ValueError(
+                f"block.outline: {len(self.outline)} corners; at least 3 make an outline; give "
+                "more, or none for the whole rectangle"
+            )
+        found = [*_problems_of_outline(self), *_problems_of_layers(self)]
+        if found:
+            raise ValueError("\n".join(found))
         return self
 
     @property
@@ -66,12 +144,131 @@ class Block(Part):
 
     @property
     def node_mass(self) -> float:
-        """Mass of a mass point [kg]: that of its cell, rho dX dY Z."""
+        """Mass of a mass point whose cell is whole, of the block's density [kg]: rho dX dY Z."""
         return self.density * self.dx * self.dy * self.thickness
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners [x, y] of the foam's outline [m], those of the rectangle if none are given."""
+        half, top = self.width / 2, self.height
+        return self.outline or ((-half, 0.0), (half, 0.0), (half, top), (-half, top))
+
+    @property
+    def is_rectangle(self) -> bool:
+        """Whether foam fills the whole lattice."""
+        return not self.outline and not self.holes
 
     @property
     def positions(self) -> NDArray[Any]:
         """Reference positions of the mass points, (columns, rows, 2) [m]."""
         x = (np.arange(self.columns) - 0.5 * (self.columns - 1)) * self.dx
         y = (np.arange(self.rows) + 0.5) * self.dy
-        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        return self.turned(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+
+    def turned(self, points: NDArray[Any]) -> NDArray[Any]:
+        """Points (..., 2) [m] of the lattice where they are once it has been turned."""
+        if self.lattice_angle_deg == 0:
+            return points
+        return self._middle + (points - [0.0, self.height / 2]) @ self._turn.T
+
+    def on_lattice(self, points: NDArray[Any]) -> NDArray[Any]:
+        """Points (..., 2) [m] as they lie on the lattice: `turned` backwards."""
+        if self.lattice_angle_deg == 0:
+            return points
+        return [0.0, self.height / 2] + (points - self._middle) @ self._turn
+
+    @property
+    def _turn(self) -> NDArray[np.float64]:
+        angle = math.radians(self.lattice_angle_deg)
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, -s], [s, c]])
+
+    @property
+    def _middle(self) -> NDArray[np.float64]:
+        """Of the outline [m]: there a turned lattice has its own."""
+        points = np.array(self.corners)
+        return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def _problems_of_outline(block: Block) -> list[str]:
+    """Say why the outline and the holes are none, or do not lie on the lattice."""
+    if block.is_rectangle and block.lattice_angle_deg == 0:
+        return []
+    found = outlines.problems(block.corners, block.holes)
+    if found:
+        return found
+    points = np.array(block.corners)
+    least = outlines.TOLERANCE * max(block.width, block.height)
+    if abs(points[:, 1].min()) > least:
+        return [
+            f"block.outline: its lowest corner is at y = {points[:, 1].min():.4g} m; it must be "
+            "at 0, where the base is; shift the outline"
+        ]
+    lying = block.on_lattice(points)
+    low, high = lying.min(axis=0), lying.max(axis=0)
+    half = block.width / 2
+    if (
+        low[0] >= -half - least
+        and high[0] <= half + least
+        and low[1] >= -least
+        and high[1] <= block.height + least
+    ):
+        return []
+    if block.lattice_angle_deg == 0:
+        return [
+            f"block.outline: spans x = {low[0]:.4g} to {high[0]:.4g} m and y = {low[1]:.4g} to "
+            f"{high[1]:.4g} m; must be within x = {-half:.4g} to {half:.4g} m and y = 0 to "
+            f"{block.height:.4g} m, the block's rectangle; enlarge block.width and block.height, "
+            "and columns and rows with them; lengths are in metres"
+        ]
+    width, height = 2 * np.abs(lying - [0.0, block.height / 2]).max(axis=0)
+    return [
+        f"block.lattice_angle_deg = {block.lattice_angle_deg:g}: the outline leaves the turned "
+        f"lattice; it needs block.width = {width:.4g} m and block.height = {height:.4g} m at "
+        "least; enlarge them, and columns and rows with them"
+    ]
+
+
+def _problems_of_layers(block: Block) -> list[str]:
+    """Say why the layers cannot be those of this block."""
+    found = []
+    least = outlines.TOLERANCE * block.height
+    ordered = sorted(enumerate(block.layers), key=lambda each: each[1].bottom)
+    for number, layer in ordered:
+        key = f"block.layers[{number}]"
+        if layer.top <= layer.bottom:
+            found.append(
+                f"{key}.top = {layer.top:g}: must be above its bottom at {layer.bottom:g} m; both "
+                "count up from the block's bottom"
+            )
+        elif layer.top > block.height + least:
+            found.append(
+                f"{key}.top = {layer.top:g}: above the block; must be at most block.height = "
+                f"{block.height:g} m; lengths are in metres"
+            )
+        elif not np.any(rows_of(block, layer)):
+            found.append(
+                f"{key}: {layer.bottom:g} to {layer.top:g} m holds no middle of a row of cells, "
+                f"which are {block.dy:.4g} m high; take block.rows = "
+                f"{math.ceil(block.height / (layer.top - layer.bottom))} or more"
+            )
+    for (first, below), (second, above) in pairwise(ordered):
+        if above.bottom < below.top - least:
+            found.append(
+                f"block.layers[{second}].bottom = {above.bottom:g}: inside of block.layers[{first}]"
+                f", which reaches up to {below.top:g} m; layers must not overlap; raise the one or "
+                "lower the other"
+            )
+    if block.layers and block.lattice_angle_deg != 0:
+        found.append(
+            f"block.lattice_angle_deg = {block.lattice_angle_deg:g}: must be 0 with block.layers, "
+            "which are rows of the lattice; leave one of the two out"
+        )
+    return found
+
+
+def rows_of(block: Block, layer: Layer) -> NDArray[np.bool_]:
+    """Rows (J,) of cells that belong to a layer: their middles lie in it."""
+    middle = (np.arange(block.rows) + 0.5) * block.dy
+    least = outlines.TOLERANCE * block.height
+    return (middle >= layer.bottom - least) & (middle < layer.top - least)

@@ -1,33 +1,54 @@
-"""What the foam of a block fills: mass of each mass point, share of each bond's face."""
+"""What the foam of a block fills: mass of each mass point, share of each bond's face.
+
+Cells are cut by the outline. One that is less than half full has no mass point: what it holds goes
+to a neighbour.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.scene import outlines
 from taichi_foam.scene.block import Block
 
+if TYPE_CHECKING:
+    from shapely import Polygon
+
 Array = NDArray[np.float64]
+
+LEAST = 0.25
+"""Share of a cell from which on it has a mass point."""
+
+NO_FACE = 1e-6
+"""Share of a face below which it is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """A block on its lattice of I x J cells, one mass point in each.
+    """A block on its lattice of I x J cells, one mass point in each that is half full or more.
 
     mass    (I, J) of the mass points [kg]; 0: there is none
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
     face_b  (I, J-1) the same of B(i, j)
     reach   (I, J) from a mass point to the foam's nearest face [m], negative where it lies outside;
-            inside the block half a cell
+            inside of the block half a cell, sqrt(dX dY) / 2
+    share   (I, J) of each cell's area that is foam
+    on_base (I, J) whether the foam of a mass point lies on the base
+    owner   (I, J, 2) cell of the mass point that has what a cell holds; (-1, -1): it holds nothing
     """
 
     mass: Array
     face_a: Array
     face_b: Array
     reach: Array
+    share: Array
+    on_base: NDArray[np.bool_]
+    owner: NDArray[np.int64]
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -35,13 +56,275 @@ class Filling:
         return self.mass > 0.0
 
 
-@lru_cache(maxsize=64)
 def filling(block: Block) -> Filling:
     """What the foam of a block fills."""
+    return _kept(block)  # type: ignore[arg-type]  # pydantic's frozen classes do have a hash
+
+
+@lru_cache(maxsize=64)
+def _kept(block: Block) -> Filling:
+    if block.is_rectangle:
+        return _whole(block)
+    return _cut(block, in_cells(block))
+
+
+def in_cells(block: Block) -> Polygon:
+    """The foam's polygon on the lattice, in cells: cell (i, j) is the square from (i, j) on."""
+
+    def placed(corners: outlines.Corners) -> Array:
+        left_edge = np.array([-block.width / 2, 0.0])
+        cells = (block.on_lattice(np.array(corners)) - left_edge) / [block.dx, block.dy]
+        near = np.round(cells)
+        return np.where(np.abs(cells - near) < outlines.TOLERANCE * block.columns, near, cells)
+
+    return outlines.polygon(placed(block.corners), map(placed, block.holes))
+
+
+def _whole(block: Block) -> Filling:
+    """A rectangle, all of whose cells are full."""
     columns, rows = block.columns, block.rows
+    area = np.ones((columns, 1)) * np.diff(_levels(block))
+    there = np.ones((columns, rows), dtype=bool)
+    x = np.minimum(np.arange(columns), np.arange(columns)[::-1]) + 0.5
+    y = np.minimum(np.arange(rows), np.arange(rows)[::-1]) + 0.5
+    edge = np.minimum.outer(x * block.dx, y * block.dy)
+    on_base = np.zeros_like(there)
+    on_base[:, 0] = True
     return Filling(
-        mass=np.full((columns, rows), block.node_mass),
+        mass=_mass(block, area),
         face_a=np.ones((columns - 1, rows)),
         face_b=np.ones((columns, rows - 1)),
-        reach=np.full((columns, rows), 0.5 * min(block.dx, block.dy)),
+        reach=_reach(block, edge, there, there),
+        share=np.ones((columns, rows)),
+        on_base=on_base,
+        owner=_own((columns, rows)),
     )
+
+
+def _cut(block: Block, shape: Polygon) -> Filling:
+    """What an outline leaves of the cells."""
+    columns, rows = block.columns, block.rows
+    across, levels = np.arange(columns + 1.0), _levels(block)
+    area = outlines.shares(shape, across, levels)
+    starts = np.searchsorted(levels, np.arange(rows))
+    share = np.add.reduceat(area, starts, axis=1)
+    up = np.arange(rows + 1.0)
+    inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
+    inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
+    there = share >= LEAST - outlines.TOLERANCE
+    owner = _owners(share, there, inner_a, inner_b)
+    mass = np.zeros((columns, rows))
+    held = share > 0
+    np.add.at(mass, tuple(owner[held].T), _mass(block, area)[held])
+    face_a, face_b = _faces(owner, inner_a, 0), _faces(owner, inner_b, 1)
+    on_base = np.zeros((columns, rows), dtype=bool)
+    on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
+    edge = _signed_distance(block)
+    return Filling(
+        mass=mass,
+        face_a=face_a,
+        face_b=face_b,
+        reach=_reach(block, edge, there, share >= 1.0),
+        share=share,
+        on_base=on_base,
+        owner=owner,
+    )
+
+
+def _levels(block: Block) -> Array:
+    """Heights [cells] at which rows of cells and layers begin and end, rising."""
+    rows = np.arange(block.rows + 1.0)
+    faces = [each / block.dy for layer in block.layers for each in (layer.bottom, layer.top)]
+    between = [
+        face
+        for face in sorted(set(faces))
+        if np.abs(rows - face).min() > outlines.TOLERANCE * block.rows
+    ]
+    return np.sort(np.concatenate([rows, between]))
+
+
+def _mass(block: Block, area: Array) -> Array:
+    """Mass (I, J) [kg] of the foam in each cell, of its area between `_levels`."""
+    levels = _levels(block)
+    middle = (levels[:-1] + levels[1:]) / 2 * block.dy
+    density = np.full(len(middle), block.density)
+    for layer in block.layers:
+        if layer.density is not None:
+            density[(middle >= layer.bottom) & (middle < layer.top)] = layer.density
+    mass = (density * block.dx * block.dy * block.thickness) * area
+    return np.add.reduceat(mass, np.searchsorted(levels, np.arange(block.rows)), axis=1)
+
+
+def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArray[np.int64]:
+    """Cell (I, J, 2) whose mass point has what each cell holds; (-1, -1) of an empty one.
+
+    Its own; else the neighbour's with which it shares the longest face; else the nearest.
+    """
+    own = _own(share.shape)
+    longest = np.full(share.shape, NO_FACE)
+    owner = np.where(there[..., None], own, -1)
+    lost = (share > 0) & ~there
+    for step, faces in (((0, -1), b), ((0, 1), b), ((-1, 0), a), ((1, 0), a)):
+        here, other = _pair(step)
+        better = np.zeros_like(lost)
+        better[here] = lost[here] & there[other] & (faces > longest[here])
+        whole = np.zeros_like(longest)
+        whole[here] = faces
+        longest = np.where(better, whole, longest)
+        owner[better] = own[better] + step
+    far = lost & (owner[..., 0] < 0)
+    if far.any() and there.any():
+        from scipy.spatial import KDTree
+
+        owner[far] = own[there][KDTree(own[there]).query(own[far])[1]]
+    return owner
+
+
+def _own(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """The number of each cell itself, (I, J, 2)."""
+    return np.moveaxis(np.indices(shape), 0, -1)
+
+
+def _pair(step: tuple[int, int]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Cells that have a neighbour in a direction, and these neighbours, as slices."""
+    here = tuple(slice(max(0, -each), -each if each > 0 else None) for each in step)
+    other = tuple(slice(max(0, each), each if each < 0 else None) for each in step)
+    return here, other  # type: ignore[return-value]
+
+
+def _faces(owner: NDArray[np.int64], inner: Array, axis: int) -> Array:
+    """Faces of the bonds along an axis: those between the cells that their mass points have."""
+    step = np.array([axis == 0, axis == 1], dtype=np.int64)
+    count = np.array(owner.shape[:2])
+    found = np.zeros(tuple(count - step))
+    first = owner[:-1] if axis == 0 else owner[:, :-1]
+    second = owner[1:] if axis == 0 else owner[:, 1:]
+    joined = (first[..., 0] >= 0) & ((second - first) == step).all(axis=-1)
+    np.add.at(found, tuple(first[joined].T), inner[joined])
+    return np.where(found > NO_FACE, found, 0.0)
+
+
+def _on_base(block: Block, shape: Polygon, share: Array) -> NDArray[np.bool_]:
+    """Cells (I, J) with foam that lies on the base: on edges of the outline at y = 0."""
+    import shapely
+
+    found = np.zeros(share.shape, dtype=bool)
+    level = np.array(block.corners)[:, 1] <= outlines.TOLERANCE * block.height
+    corners = np.array(shape.exterior.coords)[:-1]
+    ground = shapely.MultiLineString(
+        [corners[[k, (k + 1) % len(corners)]] for k in np.flatnonzero(level & np.roll(level, -1))]
+    )
+    if ground.is_empty:
+        return found
+    low, high = np.array(ground.bounds).reshape(2, 2)
+    low = np.maximum(np.floor(low).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(high).astype(int) + 1, share.shape)
+    i, j = (each.ravel() for each in np.mgrid[low[0] : high[0], low[1] : high[1]])
+    held = share[i, j] > 0
+    i, j = i[held], j[held]
+    lying = shapely.length(shapely.intersection(ground, shapely.box(i, j, i + 1, j + 1)))
+    found[i, j] = lying > NO_FACE
+    return found
+
+
+def _signed_distance(block: Block) -> Array:
+    """Distance (I, J) of cells' middles from the outline [m], negative outside of it."""
+    import shapely
+
+    whole = outlines.polygon(block.corners, block.holes)
+    points = shapely.points(block.positions)
+    shapely.prepare(whole)
+    away = shapely.distance(points, whole.boundary)
+    return np.where(shapely.covers(whole, points), away, -away)
+
+
+def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
+    """See `Filling`; `edge` is the distance from the outline [m]."""
+    for half in (0.5 * block.dx, 0.5 * block.dy):
+        edge = np.where(np.abs(edge - half) < outlines.TOLERANCE * half, half, edge)
+    around = np.pad(there, 1)
+    inside = full & np.logical_and.reduce(
+        [around[2:, 1:-1], around[:-2, 1:-1], around[1:-1, 2:], around[1:-1, :-2]]
+    )
+    return np.where(inside, 0.5 * np.sqrt(block.dx * block.dy), edge)
+
+
+def problems(block: Block) -> list[str]:
+    """Say in whole sentences why the lattice cannot hold the block's outline."""
+    if block.is_rectangle:
+        return []
+    filled = filling(block)
+    more = "take more block.columns and block.rows, or make it wider"
+    if not filled.there.any():
+        return [f"block.outline: fills no cell of the lattice by half; {more}"]
+    cell = f"a cell of {block.dx:.3g} x {block.dy:.3g} m"
+    where = _without_mass_point(filled)
+    if where is not None:
+        x, y = block.positions[where]
+        return [
+            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than half of "
+            f"{cell}, and would not be there; {more}"
+        ]
+    part = _parts(filled)
+    sizes = np.bincount(part)
+    if len(sizes) > 1:
+        x, y = block.positions[filled.there][part == sizes.argmin()].mean(axis=0)
+        return [
+            f"block.outline: the lattice is in {len(sizes)} parts, one of them around "
+            f"x = {x:.4g} m, y = {y:.4g} m: what joins it to the others is thinner than {cell}; "
+            f"{more}"
+        ]
+    return []
+
+
+def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
+    """A cell of a clump of foam, larger than a cell, that no mass point beside it has."""
+    from scipy import ndimage
+
+    away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
+    far = (filled.share > 0) & (away > 1)
+    label = np.zeros(far.shape, dtype=np.int64)
+    ndimage.label(far, output=label)
+    if label.max() == 0:
+        return None
+    size = ndimage.sum_labels(filled.share, label, np.arange(1, label.max() + 1))
+    if size.max() <= 1.0:
+        return None
+    i, j = np.argwhere(label == size.argmax() + 1)[0]
+    return int(i), int(j)
+
+
+def _parts(filled: Filling) -> NDArray[np.int64]:
+    """The part, of those that bonds join, of each mass point."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    number = np.cumsum(filled.there.ravel()).reshape(filled.there.shape) - 1
+    a, b = filled.face_a > 0, filled.face_b > 0
+    first = np.concatenate([number[:-1][a], number[:, :-1][b]])
+    second = np.concatenate([number[1:][a], number[:, 1:][b]])
+    count = int(filled.there.sum())
+    joined = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    return connected_components(joined, directed=False)[1]
+
+
+def thin_parts(block: Block) -> tuple[float, float] | None:
+    """A place [m] where foam is thinner than two cells; None if there is none.
+
+    Thin is what is gone when the foam is narrowed by a cell's larger side all around, and then
+    widened by as much. Less than a cell of it, as at a tip, does not count.
+    """
+    if block.is_rectangle:
+        return None
+    import shapely
+
+    foam = outlines.polygon(block.corners, block.holes)
+    side = max(block.dx, block.dy) * (1.0 - outlines.TOLERANCE)
+    with_corners = {"join_style": "mitre", "mitre_limit": 5.0}
+    core = foam.buffer(-side, **with_corners).buffer(side * (1.0 + 1e-6), **with_corners)
+    thin = shapely.get_parts(foam.difference(core))
+    areas = shapely.area(thin)
+    if not len(thin) or areas.max() <= block.dx * block.dy:
+        return None
+    middle = thin[areas.argmax()].representative_point()
+    return middle.x, middle.y

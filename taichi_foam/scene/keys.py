@@ -66,8 +66,27 @@ def parts(scene: type[Part]) -> dict[str, type[Part]]:
     }
 
 
+@lru_cache
+def listed(scene: type[Part]) -> dict[str, type[Part]]:
+    """Classes of which a scene's parts hold lists, by the key of the list and "[]"."""
+    found = {}
+    for head, part in parts(scene).items():
+        for name, field in part.model_fields.items():
+            if kind := listed_in(field):
+                found[f"{head}.{name}[]"] = kind
+    return found
+
+
+def listed_in(field: FieldInfo) -> type[Part] | None:
+    """The class of the parts that a field has a list of; None: it is no such list."""
+    kinds = get_args(field.annotation) if get_origin(field.annotation) is tuple else ()
+    first = kinds[0] if kinds else None
+    return first if isinstance(first, type) and issubclass(first, Part) else None
+
+
 def all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
     """Yield every class that a scene can hold, with the key that it stands under."""
+    yield from listed(scene).items()
     yield from parts(scene).items()
     for name, registry in CHOSEN.items():
         yield from ((name, kind) for kind in registry.values())
@@ -84,6 +103,9 @@ def keys(scene: type[Part]) -> Iterator[Key]:
         elif name in parts(scene):
             fields = parts(scene)[name].model_fields
             yield from (_key(f"{name}.{last}", field) for last, field in fields.items())
+            for head, kind in listed(scene).items():
+                if head.startswith(f"{name}."):
+                    yield from (_key(f"{head}.{k}", f) for k, f in kind.model_fields.items())
         else:
             yield _key(name, field)
 

@@ -32,7 +32,7 @@ FINEST = 500
 """A test of more points is read as means of so many equal parts of its strain."""
 
 _WORDS = {"strain": ("strain", "epsilon", "eps", "ε"), "stress": ("stress", "sigma", "σ")}
-_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
+IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?$")
 
 
@@ -77,10 +77,10 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
     or NaN where a number should be, unknown units, and whatever a `Curve` refuses.
     """
     columns = columns or Columns()
-    rows = _rows(path)
-    heads = None if all(_is_number(cell) for cell in rows[0][1] if cell) else rows[0][1]
+    rows = read_rows(path)
+    heads = None if all(is_number(cell) for cell in rows[0][1] if cell) else rows[0][1]
     body = rows if heads is None else rows[1:]
-    if heads is not None and len(body) > 1 and not any(_is_number(c) for c in body[0][1] if c):
+    if heads is not None and len(body) > 1 and not any(is_number(c) for c in body[0][1] if c):
         heads, body = [" ".join(pair) for pair in zip(heads, body[0][1], strict=False)], body[1:]
     if not body:
         raise UserError(f"{path}: no numbers; needs lines of strain and stress below the header")
@@ -101,7 +101,7 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
             )
         said[key] = unit
         factor = 1.0 if unit is None else known[unit.lower().replace("²", "2")]
-        values[key] = factor * np.array([_value(path, line, row, at[key]) for line, row in body])
+        values[key] = factor * np.array([number_in(path, line, row, at[key]) for line, row in body])
     _check_order(path, body, values["strain"])
     strain, stress = _thinned(values["strain"], values["stress"], finest)
     try:
@@ -113,11 +113,11 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
     return CompressionTest(upright["strain"], upright["stress"], said, curve)
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Number and cells of each line that says something."""
+def read_rows(path: Path, needs: str = "strain and stress") -> list[tuple[int, list[str]]]:
+    """Number and cells of each line that says something. Raises UserError: it cannot be read."""
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin the test")
+            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin it out")
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
@@ -133,7 +133,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise UserError(f"{path}: empty; needs lines of strain and stress")
+        raise UserError(f"{path}: empty; needs lines of {needs}")
     between = _separator([line for _, line in lines[:20]])
     if between is None:
         return [(number, line.split()) for number, line in lines]
@@ -157,7 +157,8 @@ def _separator(lines: Sequence[str]) -> str | None:
     return "," if all("," in line for line in lines) else None
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, finite or not."""
     return _NUMBER.match(cell) is not None or cell.lower().lstrip("+-") in ("nan", "inf")
 
 
@@ -174,7 +175,7 @@ def _column(path: Path, heads: Sequence[str] | None, key: str, given: str | int 
             )
         return list(_WORDS).index(key)
     if given is not None:
-        plain = [_IN_BRACKETS.sub("", head).strip().lower() for head in heads]
+        plain = [IN_BRACKETS.sub("", head).strip().lower() for head in heads]
         found = [n for n, head in enumerate(plain) if given.lower() == head]
         found = found or [n for n, head in enumerate(heads) if given.lower() in head.lower()]
     else:
@@ -193,14 +194,15 @@ def _unit(heads: Sequence[str] | None, at: int) -> str | None:
     """The unit in a header's brackets, or its last word; None where it says none."""
     if heads is None:
         return None
-    bracketed = _IN_BRACKETS.search(heads[at])
+    bracketed = IN_BRACKETS.search(heads[at])
     if bracketed:
         return bracketed[1]
     *_, last = re.split(r"[\s_,/]+", heads[at].strip().lower()) or [""]
     return last if last in STRAIN_UNITS or last in STRESS_UNITS else None
 
 
-def _value(path: Path, line: int, cells: Sequence[str], at: int) -> float:
+def number_in(path: Path, line: int, cells: Sequence[str], at: int) -> float:
+    """The number in a cell. Raises UserError: text, or not finite."""
     cell = cells[at] if at < len(cells) else ""
     try:
         value = float(cell.replace(",", "."))

@@ -13,12 +13,14 @@ from pydantic_core import ErrorDetails
 
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, hints_of
-from taichi_foam.scene.keys import CHOSEN, all_parts, parts
+from taichi_foam.scene.keys import CHOSEN, all_parts, listed, listed_in, parts
 
 _CLOSE = 0.8
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
 
-_TURNING = "an impactor moves straight down and does not turn"
+_INERTIA = "impactor.inertia, about the centre of mass, in kg m2"
+_SPIN = "impactor.spin is what it starts with, in rad/s; impactor.guided = false lets it turn"
+_TILT = "impactor.rotation_deg is the turn that it starts with, counter-clockwise"
 _CURVE = "foam.curve is the file of a compression test; it makes foam.law tabulated"
 _CONCEPTS = {
     "fall_height": "impactor.drop_height is the height of a fall",
@@ -26,12 +28,12 @@ _CONCEPTS = {
     "speed": "impactor.velocity is what it starts with, impactor.drop_height the height of a fall",
     "weight": "impactor.mass, in kilograms",
     "g": "numerics.gravity, in m/s2",
-    "angular_velocity": _TURNING,
-    "inertia": _TURNING,
-    "moment_of_inertia": _TURNING,
-    "rotation": _TURNING,
-    "spin": _TURNING,
-    "tilt": _TURNING,
+    "angular_velocity": _SPIN,
+    "spin": _SPIN,
+    "inertia": _INERTIA,
+    "moment_of_inertia": _INERTIA,
+    "rotation": _TILT,
+    "tilt": _TILT,
     "curve": _CURVE,
     "stress_strain": _CURVE,
 }
@@ -141,11 +143,13 @@ def _root(title: str, scene: type[Part]) -> tuple[str, type[Part]]:
 def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> Iterator[str]:
     """Yield the line or lines of one of pydantic's details."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
-    if kind == "value_error":
-        yield from str(context["error"]).splitlines()
-        return
     path, owner, field = _locate(error.title, detail["loc"], scene)
-    registry = CHOSEN.get(path, SHAPES)
+    if kind == "value_error":
+        head = _head_of_foam(path)
+        for line in str(context["error"]).splitlines():
+            yield f"{head}{line}" if line.startswith("foam.") else line
+        return
+    registry = CHOSEN.get(path.rpartition(".")[2], SHAPES)
     tag, tags = registry.tag, ", ".join(registry)
     if kind == "extra_forbidden":
         yield _unknown_key(path, owner, scene)
@@ -178,19 +182,29 @@ def _locate(
     """
     path, owner = _root(title, scene)
     field: FieldInfo | None = None
+    among = listed(scene).values()
     for step in location:
+        chosen = CHOSEN.get(path.rpartition(".")[2], {})
         if isinstance(step, int):
             path += f"[{step}]"
+            if field and (kind := listed_in(field)):
+                owner, field = kind, None
         elif owner is scene and step in parts(scene):
             path, owner = step, parts(scene)[step]
-        elif path in CHOSEN and step in CHOSEN[path]:
-            owner = CHOSEN[path][step]
-        elif owner is scene and step in CHOSEN:
-            path, owner = step, next(iter(CHOSEN[step].values()))
+        elif field is None and step in chosen:
+            owner = chosen[step]
+        elif field is None and step in CHOSEN and (owner is scene or owner in among):
+            path, owner = f"{path}.{step}".lstrip("."), next(iter(CHOSEN[step].values()))
         elif field is None:
             path = f"{path}.{step}" if path else step
             field = owner.model_fields.get(step)
     return path, owner, field
+
+
+def _head_of_foam(path: str) -> str:
+    """What stands before `foam` in a path: nothing but in a list of parts that have foams."""
+    head, between, _ = path.partition("].foam")
+    return f"{head}]." if between else ""
 
 
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:

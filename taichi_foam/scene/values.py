@@ -14,6 +14,7 @@ from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, fall
 from taichi_foam.scene.messages import key_shown, shown
+from taichi_foam.scene.paths import steps
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
 
@@ -47,7 +48,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     (`fall.settle`), and some of a foam's values for others (`assumed.settle`). Raises UserError for
     a key that is malformed, or below one that has no keys of its own.
     """
-    found = copy.deepcopy(dict(data))
+    found = _listed(dict(data))
     assumed.make_way(found, values)
     for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
         if not all(key.split(".")) or key.count(".") > DEEPEST:
@@ -56,6 +57,15 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
     fall.settle(found, values)
     assumed.settle(found, values)
     return found
+
+
+def _listed(value: Any) -> Any:
+    """A copy of raw data, down to its values, whose lists can be changed."""
+    if isinstance(value, Mapping):
+        return {key: _listed(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_listed(each) for each in value]
+    return copy.deepcopy(value)
 
 
 def by_key(data: Mapping[str, Any], head: str = "") -> dict[str, Any]:
@@ -68,35 +78,61 @@ def by_key(data: Mapping[str, Any], head: str = "") -> dict[str, Any]:
 
 
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested dictionaries, making tables on the way."""
-    *heads, last = key.split(".")
-    table = data
-    for head in heads:
-        if table.get(head) is None:
-            table[head] = {}
-        table = table[head]
-        if not isinstance(table, dict):
+    """Set a dotted key in nested dictionaries and lists, making tables on the way."""
+    *heads, last = steps(key)
+    table: Any = data
+    for step in heads:
+        if isinstance(step, int):
+            table = _place(table, step, key)
+            continue
+        if isinstance(table, dict) and table.get(step) is None:
+            table[step] = {}
+        if not isinstance(table, dict) or not isinstance(table[step], dict | list):
             raise UserError(
-                f"{key_shown(key)}: unknown key; {key_shown(head)} has no keys of its own"
+                f"{key_shown(key)}: unknown key; {key_shown(str(step))} has no keys of its own"
             )
+        table = table[step]
     if key == "impactor.shape" and isinstance(value, str) and value in SHAPES:
         # Keys of the old shape that the new one lacks would be refused as unknown.
         for old in table.keys() - SHAPES[value].model_fields.keys():
             del table[old]
-    if key == "foam" and isinstance(value, str):
+    if last == "foam" and isinstance(value, str):
         value = {"like": value}
+    if isinstance(last, int):
+        _place(table, last, key)
+    elif not isinstance(table, dict):
+        raise UserError(f"{key_shown(key)}: a list has no keys; say which of it, [0] the first")
     table[last] = _plain(value)
+
+
+def _place(listed: Any, number: int, key: str) -> Any:
+    """What a list has in a place. Raises UserError: it is none, or has no such place."""
+    if not isinstance(listed, list):
+        raise UserError(f"{key_shown(key)}: unknown key; only lists have places [0], [1] and so on")
+    if number >= len(listed):
+        raise UserError(
+            f"{key_shown(key)}: the list has {len(listed)} entries, counted from [0]; give the "
+            "whole list to make it longer"
+        )
+    return listed[number]
 
 
 def _plain(value: Any) -> Any:
     """A part as its data, and a NumPy number as Python's: scenes take no other types."""
+    if isinstance(value, BondFoam):  # what was not given is to be told from what was
+        kept = value.model_fields_set | {FOAMS.tag}
+        return {key: _plain(each) for key, each in _values(value) if key in kept}
     if isinstance(value, Part):
-        dumped = value.model_dump(exclude_none=True)
-        if not isinstance(value, BondFoam):
-            return dumped
-        # what was not given is to be told from what was
-        return {key: dumped[key] for key in dumped if key in {*value.model_fields_set, FOAMS.tag}}
+        return {key: _plain(each) for key, each in _values(value)}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
     return value.item() if isinstance(value, np.generic) else value
+
+
+def _values(part: Part) -> list[tuple[str, Any]]:
+    """Those of a part that are not none, by name."""
+    given = ((name, getattr(part, name)) for name in type(part).model_fields)
+    return [(name, value) for name, value in given if value is not None]
 
 
 def _value(word: str) -> Any:

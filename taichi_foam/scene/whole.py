@@ -15,9 +15,10 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall, sources
+from taichi_foam.scene import assumed, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.block import Block
+from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.values import changed
@@ -108,12 +109,14 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
+        unfilled = filling.problems(self.block)
         problems = [
             *_problems_of_foam(self),
+            *_problems_of_layers(self),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *(_problems_of_fall(self) or _problems_of_contact(self)),
+            *(unfilled or _problems_of_fall(self) or _problems_of_contact(self)),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -149,13 +152,33 @@ class Scene(Part):
         return assumed.given_data(self)
 
     @property
+    def turns(self) -> bool:
+        """Whether there is an impactor that moves and turns in the plane."""
+        return self.impactor is not None and not self.impactor.guided
+
+    @property
     def contact_height(self) -> float:
-        """Height of the impactor's lowest point at first contact [m]: the top row's."""
-        return self.block.height - self.block.dy / 2
+        """Height of the impactor's lowest point at first contact [m].
+
+        The top row's; of a block with an outline that of the highest mass point under it.
+        """
+        if self.block.is_rectangle:
+            return self.block.height - self.block.dy / 2
+        X = self.block.positions[filling.filling(self.block).there]
+        if self.impactor is not None:
+            x = self.impactor.x + self.impactor.outline()[:, 0]
+            X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
+        return float(X[:, 1].max(initial=0.0))
 
 
-for registry in (FOAMS, SHAPES):  # a law or a shape that comes later
-    registry.watchers.append(lambda: Scene.model_rebuild(force=True))
+def _rebuild() -> None:
+    """Let scenes know a law or a shape that came later."""
+    for part in (Layer, Block, Scene):
+        part.model_rebuild(force=True)
+
+
+for registry in (FOAMS, SHAPES):
+    registry.watchers.append(_rebuild)
 
 
 def _problems_of_foam(scene: Scene) -> list[str]:
@@ -169,13 +192,33 @@ def _problems_of_foam(scene: Scene) -> list[str]:
     return []
 
 
+def _problems_of_layers(scene: Scene) -> list[str]:
+    """Say which layers' foams do not go together with the block's."""
+    law = scene.foam.law_for(scene.model)
+    return [
+        f"block.layers[{number}].foam: of another law, or of other options of it "
+        f"({', '.join(_differing(law, other))}); all foams of a block need the same; give "
+        f"block.layers[{number}].foam what [foam] has, or a curve each (foam.curve)"
+        for number, layer in enumerate(scene.block.layers)
+        if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+    ]
+
+
+def _differing(one: object, other: object) -> list[str]:
+    """In what two laws differ, in the words of their options."""
+    if type(one) is not type(other):
+        return [type(other).__name__.lower()]
+    return [key for key, value in vars(other).items() if value != vars(one)[key]]
+
+
 def _problems_of_start(scene: Scene) -> list[str]:
     problems = []
+    limit = max(foam.landmarks.limit for foam in foams_of(scene)[0])
     for axis, strain in zip("xy", scene.start.strains, strict=True):
-        if strain <= scene.foam.landmarks.limit:
+        if strain <= limit:
             problems.append(
                 f"start.deformation_gradient: strain {strain:.3g} along {axis}; must be above "
-                f"the foam's limit of {scene.foam.landmarks.limit:g}; compress it less"
+                f"the foam's limit of {limit:g}; compress it less"
             )
     return problems
 
@@ -217,23 +260,23 @@ def _problems_of_contact(scene: Scene) -> list[str]:
     impactor = scene.impactor
     if impactor is None:
         return []
-    corners = _starting_corners(scene)
-    left, right = corners[:, 0].min(), corners[:, 0].max()
-    outline = impactor.outline()
-    low, high = impactor.x + outline[:, 0].min(), impactor.x + outline[:, 0].max()
+    points = _starting_points(scene)
+    left, right = points[:, 0].min(), points[:, 0].max()
+    low, high = _ends_at_arrival(scene, impactor)
     if high <= left or low >= right:
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; the impactor spans "
             f"{low:.4g} to {high:.4g} m, the block's mass points {left:.4g} to {right:.4g} m; "
             "bring impactor.x nearer to 0"
         ]
-    if scene.start.is_at_rest and not _meets_a_column(scene, low, high):
+    if scene.start.is_at_rest and not _meets_a_column(scene, points[:, 0], low, high):
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; with {high - low:.4g} m of "
             f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; "
             "take more block.columns or a wider impactor"
         ]
-    above = scene.contact_height + impactor.gap - corners[:, 1].max()
+    under = points if scene.block.is_rectangle else points[_between(points[:, 0], low, high)]
+    above = scene.contact_height + impactor.gap - under[:, 1].max(initial=0.0)
     if above < -1e-9 * scene.block.height:
         return [
             f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, which "
@@ -245,15 +288,13 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
-    if impactor.velocity == 0 and g == 0:
+    if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
             "(positive downwards), or give impactor.drop_height"
         ]
-    # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
-    speed = math.sqrt(impactor.velocity**2 + 2 * g * impactor.gap)
-    arrival = 2 * impactor.gap / (impactor.velocity + speed) if impactor.gap > 0 else 0.0
-    if arrival >= scene.numerics.latest_end:
+    arrival = _arrival(scene, impactor)
+    if impactor.spin == 0 and arrival >= scene.numerics.latest_end:
         key = "time_limit" if scene.numerics.end == "rebound" else "end"
         return [
             f"impactor.gap = {impactor.gap:g}: never touches the block; at {impactor.velocity:g} "
@@ -263,18 +304,51 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
     return []
 
 
-def _starting_corners(scene: Scene) -> np.ndarray:
-    """Positions (4, 2) [m] of the lattice's corner mass points at the start."""
+def _arrival(scene: Scene, impactor: Impactor) -> float:
+    """Time [s] at which an impactor that does not turn has used up its gap; infinite if never."""
+    # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
+    speed = math.sqrt(impactor.velocity**2 + 2 * scene.numerics.gravity * impactor.gap)
+    if impactor.gap == 0:
+        return 0.0
+    return 2 * impactor.gap / (impactor.velocity + speed) if speed > 0 else math.inf
+
+
+def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
+    """The furthest left and right [m] that an impactor can be when it meets the block's top.
+
+    One that spins meets it with any of its sides, and somewhat earlier or later.
+    """
+    if impactor.spin == 0:
+        outline = impactor.outline()[:, 0]
+        way = impactor.velocity_x and impactor.velocity_x * _arrival(scene, impactor)
+        return impactor.x + outline.min() + way, impactor.x + outline.max() + way
+    middle = impactor.x + impactor.centre_of_mass[0]
+    way = impactor.velocity_x and impactor.velocity_x * scene.numerics.latest_end
+    ends = (middle, middle + way)
+    return min(ends) - impactor.reach, max(ends) + impactor.reach
+
+
+def _starting_points(scene: Scene) -> np.ndarray:
+    """Positions (n, 2) [m] of mass points at the start: of a rectangle's corners, or of all."""
     block = scene.block
-    half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
-    origin = np.array([0.0, low])
-    X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    if block.is_rectangle:
+        half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
+        X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
+    else:
+        X = block.positions[filling.filling(block).there]
+    origin = np.array([0.0, block.dy / 2])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 
-def _meets_a_column(scene: Scene, low: float, high: float) -> bool:
-    """Whether a column of mass points lies strictly between two positions [m]."""
+def _between(x: np.ndarray, low: float, high: float) -> np.ndarray:
+    return (x > low) & (x < high)
+
+
+def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> bool:
+    """Whether mass points, some of which are at `x`, lie strictly between two positions [m]."""
     block = scene.block
+    if not block.is_rectangle:
+        return bool(_between(x, low, high).any())
     first = math.floor(low / block.dx + (block.columns - 1) / 2) + 1
     position = (max(first, 0) - (block.columns - 1) / 2) * block.dx
     return position < high

@@ -114,8 +114,8 @@ NAMES: tuple[str, ...] = tuple(TESTS)
 # paper does not give: shape, sizes and mass (section 3.1), offset and gap, which were none. The
 # velocity may differ by as much as that of an ensemble's runs does.
 _CONDITIONS: Mapping[str, tuple[str, ...]] = {
-    # The specimens. Columns and rows are a mesh.
-    "block": ("width", "height", "thickness", "density"),
+    # The specimens. Columns, rows and the lattice's angle are a mesh.
+    "block": ("width", "height", "thickness", "density", "outline", "holes", "layers"),
     # Table 1. The other constants of the law (locking, Eq. 26's a and b, strength of crushed foam,
     # rate, scatter) were not measured: the paper chooses them, or leaves them open.
     "foam": (

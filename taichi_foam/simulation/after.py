@@ -12,6 +12,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import filling
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
@@ -54,7 +55,9 @@ class After:
         height = None
         if scene.impactor is not None:
             try:
-                height = height_beneath(result.cushion.position, scene.impactor)
+                height = height_beneath(
+                    result.cushion.position, scene.impactor, filling(scene.block).there
+                )
             except ValueError as error:
                 raise UserError(
                     f"impactor.x = {scene.impactor.x:g}: {error}, as {name} has left the block. "

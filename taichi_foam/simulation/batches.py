@@ -29,7 +29,7 @@ from taichi_foam.errors import LongRunWarning, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.ending import Ending
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import ROW_COLUMNS, row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
@@ -160,7 +160,9 @@ class Run:
                 break
             before -= len(rows)
             late.append(rows[max(since - before, 0) :])
-        return np.concatenate(late[::-1]) if late else np.empty((0, len(ROW_COLUMNS)))
+        if late:
+            return np.concatenate(late[::-1])
+        return np.empty((0, len(row_columns(self.scene.turns))))
 
     def checkpoint(self, state: State, wall: Wall) -> Checkpoint:
         """The run as it stands, in the state that its lattice has."""
@@ -331,7 +333,10 @@ class Slots:
         return self._snapshot(b, run)
 
     def _snapshot(self, b: int, run: Run) -> Snapshot:
-        return transfer.snapshot(self._lattice, b, run.scene.output.keeps_stress)
+        scene = run.scene
+        return transfer.snapshot(
+            self._lattice, b, scene.block if scene.output.keeps_stress else None
+        )
 
     def clear_ended(self) -> None:
         """Make room where runs have ended."""

@@ -53,7 +53,7 @@ class Checkpoint:
     """A run between two calls of the engine.
 
     arch         what it is computed on: states of a CPU and of a GPU are laid out differently
-    rows         (n, ROW_COLUMNS) of the history so far
+    rows         (n, `row_columns`) of the history so far
     snapshots    so far, on disk
     seconds      wall time that the engine has taken
     node_stages  that it has computed

@@ -37,48 +37,48 @@ def downwards(i: int, j: int) -> float:
 
 
 def test_an_intact_block_is_one_piece(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL)) == 1
+    assert pieces(make_snapshot(SMALL), SMALL) == 1
 
 
 def test_a_through_crack_makes_two_pieces(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL, a=column(3, range(6)))) == 2
+    assert pieces(make_snapshot(SMALL, a=column(3, range(6))), SMALL) == 2
 
 
 def test_a_crack_that_stops_short_makes_none(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL, a=column(3, range(1, 6)))) == 1
+    assert pieces(make_snapshot(SMALL, a=column(3, range(1, 6))), SMALL) == 1
 
 
 def test_crumbs_below_five_percent_do_not_count(make_snapshot) -> None:
     # 48 nodes: a corner of 2 nodes is 4.2 %, one of 3 is 6.3 %.
     two = make_snapshot(SMALL, a=[(0, 5), (0, 4)], b=[(0, 3)])
     three = make_snapshot(SMALL, a=[(0, 5), (0, 4), (0, 3)], b=[(0, 2)])
-    assert pieces(two) == 1
-    assert pieces(three) == 2
+    assert pieces(two, SMALL) == 1
+    assert pieces(three, SMALL) == 2
 
 
 def test_exactly_five_percent_counts(make_snapshot) -> None:
     block = Block(columns=10, rows=2)  # one node is 5 %
-    assert pieces(make_snapshot(block, a=[(0, 1)], b=[(0, 0)])) == 2
+    assert pieces(make_snapshot(block, a=[(0, 1)], b=[(0, 0)]), block) == 2
 
 
 def test_powder_has_no_pieces(make_snapshot) -> None:
     block = Block(columns=10, rows=10)
     a, b = product(range(9), range(10)), product(range(10), range(9))
-    assert pieces(make_snapshot(block, a=a, b=b)) == 0
+    assert pieces(make_snapshot(block, a=a, b=b), block) == 0
 
 
 def test_sizes_are_shares_of_the_mass_points(make_snapshot) -> None:
     """A corner of two nodes, and a cut between columns 3 and 4 of 8: 24, 22 and 2 of 48."""
     snapshot = make_snapshot(SMALL, a=[(0, 5), (0, 4), *column(3, range(6))], b=[(0, 3)])
-    assert piece_sizes(snapshot) == pytest.approx([24 / 48, 22 / 48, 2 / 48])
-    assert piece_sizes(make_snapshot(SMALL)) == pytest.approx([1.0])
+    assert piece_sizes(snapshot, SMALL) == pytest.approx([24 / 48, 22 / 48, 2 / 48])
+    assert piece_sizes(make_snapshot(SMALL), SMALL) == pytest.approx([1.0])
 
 
 def test_parts_without_the_rows_that_hold_them_together(make_snapshot) -> None:
     """A crack that leaves the bottom row whole parts what is above it."""
     snapshot = make_snapshot(SMALL, a=column(3, range(1, 6)))
-    assert np.ptp(parts(snapshot)) == 0
-    above = parts(snapshot, bottom_rows=1)
+    assert np.ptp(parts(snapshot, SMALL)) == 0
+    above = parts(snapshot, SMALL, bottom_rows=1)
     assert above.shape == (8, 5)
     assert np.ptp(above[:4]) == np.ptp(above[4:]) == 0
     assert above[0, 0] != above[4, 0]

@@ -69,7 +69,7 @@ def test_points_without_bonds_are_no_foam(make_result, make_snapshot) -> None:
     def found(broken_a: list, broken_b: list) -> tuple[float, list[str]]:
         snapshot = make_snapshot(block, a=broken_a, b=broken_b)
         result = make_result(scene=scene, snapshots=[snapshot])
-        return soundness.loose_share(snapshot), result.warnings
+        return soundness.loose_share(snapshot, block), result.warnings
 
     assert found(a, []) == (0.0, [])
     share, sentences = found(a, [bond for bond in b if bond[0] < 2])  # two columns of four

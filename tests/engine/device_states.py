@@ -23,7 +23,17 @@ from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.layout import BLOCK_NODES, THREADS
-from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
+from taichi_foam.laws.bond import Curve
+from taichi_foam.scene import (
+    Base,
+    Block,
+    FlatBlock,
+    Numerics,
+    Output,
+    Scene,
+    TabulatedFoam,
+    Wedge,
+)
 from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run_many
 
@@ -69,7 +79,7 @@ def breaking_scenes() -> list[Scene]:
 
 
 def option_scenes() -> list[Scene]:
-    """The same with every option, on a block with a cut, in each reading of Eq. 27.
+    """The same with every option, on a block with a cut, in each reading of Eq. 27, off the rails.
 
     At a third of the speed: in STEPS_BEFORE the foam flows, and breaks little.
     """
@@ -81,7 +91,9 @@ def option_scenes() -> list[Scene]:
                 "model": EVERYTHING["model"].model_copy(
                     update={"broken_halves": readings[b % len(readings)]}
                 ),
-                "impactor": scene.impactor.model_copy(update={"velocity": 4.0 + 0.1 * b}),
+                "impactor": scene.impactor.model_copy(
+                    update={"velocity": 4.0 + 0.1 * b, "guided": False, "spin": 20.0 * b - 60.0}
+                ),
             }
         )
         for b, scene in enumerate(breaking_scenes())
@@ -97,8 +109,41 @@ def big_scenes() -> list[Scene]:
         for impactor, parts in (
             (Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=150.0), {}),
             (FlatBlock(width=0.02, mass=0.1, velocity=120.0, rotation_deg=20), {}),
-            (FlatBlock(width=0.02, mass=0.1, velocity=60.0, rotation_deg=20), EVERYTHING),
+            (
+                FlatBlock(width=0.02, mass=0.1, velocity=60.0, rotation_deg=20, guided=False),
+                EVERYTHING,
+            ),
         )
+    ]
+
+
+def pad_scenes() -> list[Scene]:
+    """A pad with oblique sides and a hole, of two foams by their curves, on a floor."""
+    columns, rows = SMALL
+    width, height = 0.005 * columns, 0.005 * rows
+    half, strain = 0.5 * width, (0, 0.05, 0.6, 0.8, 0.9)
+    soft, stiff = (
+        TabulatedFoam(curve=Curve(strain=strain, stress=[plateau * s for s in (0, 1, 1.2, 3, 9)]))
+        for plateau in (120e3, 200e3)
+    )
+    block = Block(
+        width=width,
+        height=height,
+        columns=columns,
+        rows=rows,
+        outline=[(-half, 0), (half, 0), (0.6 * half, height), (-0.7 * half, height)],
+        holes=[[(-0.01, 0.03), (0.012, 0.03), (0.0, 0.052)]],
+        layers=[{"bottom": 0.06, "top": height, "foam": stiff, "density": 40.0}],
+    )
+    return [
+        Scene(
+            block=block,
+            foam=soft,
+            impactor=FlatBlock(width=0.05, mass=0.1, velocity=velocity),
+            base=Base(kind="floor"),
+            numerics=Numerics(end=2.0e-3, gravity=9.81),
+        )
+        for velocity in (8.0, 9.0)
     ]
 
 
@@ -131,6 +176,8 @@ def _states(lattice: Lattice, count: int) -> States:
         "velocity": np.stack([each.velocity for each in snapshots]),
         "e_min_a": np.stack([each.e_min_a for each in snapshots]),
         "impactor_y": np.array([each.impactor_y for each in snapshots]),
+        "impactor_angle": np.array([each.impactor_angle for each in snapshots]),
+        "impactor_shift": np.array([each.impactor_shift for each in snapshots]),
         "time": np.array([each.time for each in snapshots]),
         "broken": np.array([each.broken_a.sum() + each.broken_b.sum() for each in snapshots]),
     }
@@ -153,14 +200,17 @@ def misplaced() -> np.ndarray:
 
     Taichi packs Vulkan's fields without padding, and such a number is read from another address.
     """
-    with borrowed(LATTICES, *SMALL, features_of(breaking_scenes()[0])) as lattice:
-        named = [
-            (name, scalar)
-            for part in (lattice.model, lattice.state, lattice.scratch)
-            for name, field in vars(part).items()
-            for scalar in _scalars(field)
-            if scalar.dtype == ti.f64
-        ]
+    pads = pad_scenes()
+    named = []
+    for count, scene in ((LATTICES, breaking_scenes()[0]), (len(pads), pads[0])):
+        with borrowed(count, *SMALL, features_of(scene)) as lattice:
+            named += [
+                (name, scalar)
+                for part in (lattice.model, lattice.state, lattice.scratch)
+                for name, field in vars(part).items()
+                for scalar in _scalars(field)
+                if scalar.dtype == ti.f64
+            ]
     return np.array([name for name, scalar in named if _is_misplaced(scalar)], dtype=str)
 
 
@@ -195,6 +245,7 @@ def everything() -> States:
         "ensemble": ensemble(),
         "options": states_of(option_scenes(), STEPS_BEFORE),
         "big": states_of(big_scenes(), STEPS_BIG),
+        "pad": states_of(pad_scenes(), STEPS_BEFORE),
     }
     named = {f"{part}/{name}": x for part, xs in parts.items() for name, x in xs.items()}
     device = str(runtime.settings().get("device", ""))

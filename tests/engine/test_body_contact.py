@@ -4,16 +4,21 @@ import math
 
 import numpy as np
 import pytest
+import shapely
+import shapely.ops
 from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.scene import (
     Base,
     Cylinder,
+    Ellipse,
     FlatBlock,
     Foam,
     Impactor,
+    IShape,
     Model,
+    Outline,
     Polygon,
     Wedge,
 )
@@ -38,6 +43,18 @@ SHAPES = {
         vertices=((0, 0), (0.02, 0), (0.02, 0.015), (0.01, 0.03), (0, 0.02)),
         rotation_deg=40,
     ),
+    "i-shape": IShape(velocity=SLOW, width=0.04, height=0.05, flange=0.006, web=0.01),
+    "i-shape tilted": IShape(
+        velocity=SLOW, width=0.04, height=0.05, flange=0.006, web=0.01, rotation_deg=-25
+    ),
+    "outline": Outline(
+        velocity=SLOW,
+        vertices=((0, 0), (0.012, 0.013), (0.03, -0.004), (0.032, 0.03), (0.013, 0.018), (0, 0.03)),
+        rotation_deg=12,
+    ),
+    "ellipse": Ellipse(velocity=SLOW, width=0.035, height=0.02, rotation_deg=25),
+    "upright ellipse": Ellipse(velocity=SLOW, width=0.02, height=0.06, rotation_deg=-10, x=0.003),
+    "round ellipse": Ellipse(velocity=SLOW, width=0.03, height=0.03, rotation_deg=33),
 }
 
 
@@ -50,16 +67,34 @@ def depth_and_normal(impactor: Impactor, point: np.ndarray) -> tuple[float, np.n
         away = point - [0.0, impactor.radius]
         length = float(np.linalg.norm(away))
         return impactor.radius - length, away / length
-    outline = impactor.outline()
-    best, nearest, inside = math.inf, np.zeros(2), True
-    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        edge = end - start
-        t = np.clip((point - start) @ edge / (edge @ edge), 0.0, 1.0)
-        foot = start + t * edge
-        inside &= bool(edge[0] * (point - start)[1] - edge[1] * (point - start)[0] > 0)
-        if (distance := float(np.linalg.norm(point - foot))) < best:
-            best, nearest = distance, foot
-    return (best if inside else -best), (nearest - point) / best
+    if isinstance(impactor, Ellipse):
+        return from_ellipse(impactor, point)
+    outline = shapely.Polygon(impactor.outline())
+    place = shapely.Point(point)
+    nearest = shapely.ops.nearest_points(outline.exterior, place)[0]
+    away = np.array([nearest.x, nearest.y]) - point
+    depth = float(np.linalg.norm(away))
+    return (depth if outline.contains(place) else -depth), away / depth
+
+
+def from_ellipse(ellipse: Ellipse, point: np.ndarray) -> tuple[float, np.ndarray]:
+    """The same by minimising over the ellipse's own angle, from the best of many."""
+    a, b, t = ellipse.width / 2, ellipse.height / 2, math.radians(ellipse.rotation_deg)
+    level = math.hypot(a * math.sin(t), b * math.cos(t))
+    turn = np.array([[math.cos(t), -math.sin(t)], [math.sin(t), math.cos(t)]])
+    own = turn.T @ (point - [0.0, level])
+
+    def away(angle: float) -> np.ndarray:
+        return np.array([a * math.cos(angle), b * math.sin(angle)]) - own
+
+    best = min(np.linspace(0, 2 * math.pi, 400), key=lambda angle: float(away(angle) @ away(angle)))
+    for _ in range(20):  # Newton, on the tangent's component
+        tangent = np.array([-a * math.sin(best), b * math.cos(best)])
+        bend = -np.array([a * math.cos(best), b * math.sin(best)])
+        best -= (away(best) @ tangent) / (tangent @ tangent + away(best) @ bend)
+    inside = (own[0] / a) ** 2 + (own[1] / b) ** 2 < 1
+    depth = float(np.linalg.norm(away(best)))
+    return (depth if inside else -depth), turn @ away(best) / depth
 
 
 @pytest.mark.parametrize("name", SHAPES)

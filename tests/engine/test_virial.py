@@ -34,7 +34,7 @@ def deformed(gradient: list, **parts: object) -> tuple:
 
 def stresses(scene, **start: object) -> np.ndarray:
     with bench(scene, **start) as loaded:
-        return virial.stresses(loaded.lattice, 0).astype(float)
+        return virial.stresses(loaded.lattice, 0, scene.block).astype(float)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_stresses_change_no_bit_of_a_run() -> None:
     with bench(scene) as loaded:
         for _ in range(1500):
             loaded.step(1)
-            found = virial.stresses(loaded.lattice, 0)
+            found = virial.stresses(loaded.lattice, 0, scene.block)
         taken = transfer.take(loaded.lattice, 0)
     assert np.isfinite(found).all()
     assert len(without.neighbours["pairs"]) > 0

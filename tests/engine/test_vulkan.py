@@ -59,7 +59,8 @@ def states(tmp_path_factory: pytest.TempPathFactory) -> tuple[States, States]:
 
 def assert_close(one: States, other: States, steps: int) -> None:
     """Equal to rounding, on the scale of each quantity."""
-    for name in ("time", "impactor_y", "position", "velocity", "e_min_a"):
+    names = ("time", "impactor_y", "position", "velocity", "e_min_a")
+    for name in (*names, "impactor_angle", "impactor_shift"):
         scale = np.abs(one[name]).max()
         np.testing.assert_allclose(
             other[name], one[name], rtol=0, atol=steps * ROUNDING * scale, err_msg=name
@@ -77,6 +78,13 @@ def test_the_record_names_the_device(states: tuple[States, States]) -> None:
 
 def test_no_float_lies_where_vulkan_misreads_it(states: tuple[States, States]) -> None:
     assert states[1]["misplaced"].size == 0, states[1]["misplaced"]
+
+
+def test_a_pad_of_two_foams_agrees_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:
+    """Masses, faces and foams by place."""
+    on_cpu, on_vulkan = states
+    assert np.abs(part(on_cpu, "pad")["e_min_a"]).max() > 0.0
+    assert_close(part(on_cpu, "pad"), part(on_vulkan, "pad"), STEPS_BEFORE)
 
 
 def test_blocks_agree_with_the_cpu_to_rounding_before_failure(

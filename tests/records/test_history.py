@@ -20,6 +20,7 @@ from taichi_foam.records.history import (
     HISTORY_COLUMNS,
     LEDGER,
     ROW_COLUMNS,
+    row_columns,
 )
 from taichi_foam.scene import Scene, Wedge
 
@@ -27,7 +28,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "results.md"
 
 
 def test_names_end_with_their_unit() -> None:
-    in_names = {"m/s²": "m_s2", "m/s": "m_s"}
+    in_names = {"m/s²": "m_s2", "m/s": "m_s", "rad/s": "rad_s"}
     for column in COLUMNS.values():
         if column.unit:
             assert column.name.endswith("_" + in_names.get(column.unit, column.unit))
@@ -35,7 +36,7 @@ def test_names_end_with_their_unit() -> None:
 
 def test_every_member_of_a_row_goes_into_a_column_and_no_other() -> None:
     used = {member for column in COLUMNS.values() for member in column.source}
-    assert used == set(ROW_COLUMNS)
+    assert used == set(row_columns(turns=True))
 
 
 def test_layers_hold_the_ledger_but_gravity() -> None:

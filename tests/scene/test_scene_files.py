@@ -94,6 +94,10 @@ hits = {
     "gap": st.just(0.0),
     "velocity": floats(1e-3, 500),
     "drop_height": st.none(),  # it would say another velocity
+    "guided": st.just(False),
+    "velocity_x": floats(-500, 500),
+    "inertia": st.none() | floats(1e-9, 1e6),
+    "centre": st.none() | st.tuples(floats(-5, 5), floats(-5, 5)),
 }
 impactors = st.one_of(
     parts(FlatBlock, width=floats(0.1, 5), **hits, rotation_deg=floats(-80, 80)),
@@ -120,6 +124,10 @@ scenes = st.builds(
         width=floats(0.09, 0.2),
         columns=st.integers(4, 2000),
         rows=st.integers(2, 2000),
+        outline=st.just(()),
+        holes=st.just(()),
+        layers=st.just(()),
+        lattice_angle_deg=st.just(0.0),
     ),
     foam=foams(),
     impactor=impactors,

@@ -107,9 +107,12 @@ def test_the_impactor_starts_its_gap_above_the_block_as_it_lies(again: Result) -
 
 def test_height_beneath_a_plate_is_that_of_the_highest_point() -> None:
     position = np.array([[[-0.02, 0.5], [0.0, 0.3]], [[0.004, 0.4], [0.02, 0.9]]])
-    assert height_beneath(position, FlatBlock(width=0.02)) == 0.4
+    there = np.ones((2, 2), dtype=bool)
+    assert height_beneath(position, FlatBlock(width=0.02), there) == 0.4
+    there[1, 0] = False
+    assert height_beneath(position, FlatBlock(width=0.02), there) == 0.3
     with pytest.raises(ValueError, match="beneath"):
-        height_beneath(position, FlatBlock(width=0.02, x=1.0))
+        height_beneath(position, FlatBlock(width=0.02, x=1.0), there)
 
 
 def test_the_ledger_of_a_later_drop_closes(broken: Result, drops: list[Result]) -> None:

@@ -260,7 +260,6 @@ class Tabulated(Crushing):
 
         Below 0 and beyond the last row the first and the last line go on.
         """
-        place = ti.cast(c.place, ti.i32)
         last = ti.static(TABLE_ROWS - 2)
         along = -e * (TABLE_ROWS - 1.0)
         row = ti.cast(elementary.smaller(elementary.larger(along, 0.0), 1.0 * last), ti.i32)
@@ -268,9 +267,11 @@ class Tabulated(Crushing):
         width = ti.static(_width(e))
         if ti.static(width > 0):
             for lane in ti.static(range(width)):
+                place = ti.cast(_of_lane(c.place, lane), ti.i32)
                 here[lane] = self.table[place, row[lane]][column]
                 following[lane] = self.table[place, row[lane] + 1][column]
         else:
+            place = ti.cast(c.place, ti.i32)
             here = self.table[place, row][column]
             following = self.table[place, row + 1][column]
         rise = following - here
@@ -326,6 +327,14 @@ class Tabulated(Crushing):
         stress, _ = self._looked_up(c, e, STRESS)
         mean = 0.5 * (self.table[place, row][STRESS] + stress)
         return self.table[place, row][ENERGY] + mean * (along - row) / (TABLE_ROWS - 1.0)
+
+
+@ti.func
+def _of_lane(value: ti.template(), lane: ti.template()):
+    """A lane of a pack, or a number that all lanes share."""
+    if ti.static(_width(value) > 0):
+        return value[lane]
+    return value
 
 
 def _width(value: Any) -> int:

@@ -1,20 +1,28 @@
-"""What every impactor is: a rigid body that moves straight down, as thick as the block.
+"""What every impactor is: a rigid body, as thick as the block, on guide rails or free in the plane.
 
-It gives its outline about a reference point at its mid-width (x = 0) and its lowest level (y = 0).
+It gives its outline about a reference point at its mid-width (x = 0) and its lowest level (y = 0),
+as it starts.
 """
 
+import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
 
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.parts import Part, quantity
+from taichi_foam.parts import Part, choice, quantity
 
-SURFACE_ROWS = 16
+SURFACE_ROWS = 1024
 """Rows of numbers that a surface may have."""
+
+MOST_CORNERS = SURFACE_ROWS // 2
+"""Corners that an outline may have."""
+
+_Coordinate = Annotated[float, Field(ge=-5, le=5)]
 
 vec3 = ti.types.vector(3, ti.f64)
 
@@ -38,8 +46,8 @@ class Control:
 class Impactor(Part):
     """Fields and measures that every shape has. A shape's own class adds `shape` and its sizes.
 
-    It gives its outline. The contact of a convex polygon follows from that; a curved one gives its
-    own `distance`, with the numbers of `surface`.
+    It gives its corners. The contact of a convex polygon follows from them; a curved one gives its
+    own `distance`, with the numbers of `surface`, and what else its corners give too roughly.
     """
 
     label: ClassVar[str]
@@ -74,20 +82,139 @@ class Impactor(Part):
         fix="below 0 the impactor would start inside the block; "
         "0 is first contact; lengths are in metres",
     )
+    rotation_deg: float = quantity(
+        0.0,
+        "deg",
+        "turn at the start, counter-clockwise; impactor.x and impactor.gap are then those of the "
+        "turned outline's mid-width and lowest level",
+        at_least=-180,
+        at_most=180,
+    )
+    guided: bool = choice(
+        True,
+        "true: guide rails, it moves straight down and does not turn; "
+        "false: it moves and turns freely in the plane",
+    )
+    spin: float = quantity(
+        0.0,
+        "rad/s",
+        "turn per time at the start, counter-clockwise (guided = false only)",
+        at_least=-1000,
+        at_most=1000,
+    )
+    velocity_x: float = quantity(
+        0.0,
+        "m/s",
+        "sideways velocity at the start, to the right (guided = false only)",
+        at_least=-500,
+        at_most=500,
+        fix="speeds are in metres per second (3030 mm/s is 3.03)",
+    )
+    inertia: float | None = quantity(
+        None,
+        "kg m2",
+        "moment of inertia about the centre of mass (guided = false only)",
+        above=0,
+        at_most=1e6,
+        unless="that of a uniform plate with the outline and the mass, about its centroid",
+    )
+    centre: Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)] | None = quantity(
+        None,
+        "m",
+        "centre of mass [x, y], in the frame of the shape's corners, or about the mid-width and "
+        "lowest level of a shape that has none, in either case before the turn by "
+        "impactor.rotation_deg (guided = false only)",
+        allowed="two numbers [x, y], each from -5 to 5 m",
+        unless="the centroid of the outline",
+    )
     shape: str
+
+    @model_validator(mode="after")
+    def _check_rails(self) -> "Impactor":
+        if self.guided:
+            moves = {"spin": self.spin, "velocity_x": self.velocity_x}
+            moves |= {"inertia": self.inertia, "centre": self.centre}
+            problems = [
+                f"impactor.{key} = {list(value) if isinstance(value, tuple) else f'{value:g}'}: "
+                "guide rails let the impactor only move straight down; set impactor.guided = "
+                "false, or leave it out"
+                for key, value in moves.items()
+                if value
+            ]
+            if problems:
+                raise ValueError("\n".join(problems))
+        return self
+
+    def corners(self) -> np.ndarray:
+        """Return the vertices (n, 2) [m] before any turn, counter-clockwise, in a frame of its own.
+
+        A shape with left-right symmetry has it to the last bit.
+        """
+        raise NotImplementedError
+
+    def origin(self) -> np.ndarray:
+        """Return the point (2,) of that frame from which `centre` counts [m]."""
+        return geometry.foot(self.corners())
+
+    def foot(self) -> np.ndarray:
+        """Return mid-width and lowest level (2,) of the shape turned about its frame's origin."""
+        return geometry.foot(geometry.rotated(self.corners(), self.rotation_deg))
 
     def outline(self) -> np.ndarray:
         """Return the vertices (n, 2) [m], counter-clockwise, about mid-width and lowest level.
 
-        An outline with left-right symmetry is symmetric to the last bit.
+        It is turned by `rotation_deg`. An outline with left-right symmetry is symmetric to the last
+        bit.
         """
-        raise NotImplementedError
+        return geometry.placed(geometry.rotated(self.corners(), self.rotation_deg), self.foot())
+
+    def outline_at(self, height: float, shift: float = 0.0, angle: float = 0.0) -> np.ndarray:
+        """Return the vertices (n, 2) [m] where a body is that has moved.
+
+        Args:
+            height, shift: of the reference point, carried along with the centre of mass: height,
+                and how far it has moved sideways [m].
+            angle: how far the body has turned since the start, counter-clockwise [rad].
+        """
+        outline = self.outline()
+        if angle != 0.0:
+            centre = self.centre_of_mass
+            outline = geometry.rotated(outline - centre, math.degrees(angle)) + centre
+        return outline + np.array([self.x + shift, height])
+
+    @property
+    def centre_of_mass(self) -> np.ndarray:
+        """Centre of mass (2,) at the start, about mid-width and lowest level [m]."""
+        if self.centre is None:
+            return geometry.centroid(self.outline())
+        given = self.origin() + np.array(self.centre)
+        return geometry.rotated(given[None], self.rotation_deg)[0] - self.foot()
+
+    @property
+    def squared_gyration(self) -> float:
+        """That of a uniform plate about its centroid: moment of inertia over mass [m2]."""
+        return geometry.squared_gyration(self.outline())
+
+    @property
+    def moment_of_inertia(self) -> float:
+        """About the centre of mass [kg m2]."""
+        return self.mass * self.squared_gyration if self.inertia is None else self.inertia
+
+    @property
+    def reach(self) -> float:
+        """The furthest that any of its points is from the centre of mass [m]."""
+        return float(np.hypot(*(self.outline() - self.centre_of_mass).T).max())
+
+    @property
+    def box(self) -> tuple[float, float]:
+        """Half the width and the height of the outline [m]."""
+        outline = self.outline()
+        return float(np.abs(outline[:, 0]).max()), float(outline[:, 1].max())
 
     @property
     def nose_depth(self) -> float:
         """Displacement from first contact at which the full width is in [m]; 0 for a flat face."""
-        chain = geometry.lower_chain(self.outline())
-        return float(max(chain[0, 1], chain[-1, 1]))
+        return float(geometry.lower_chain(self.outline())[:, 1].max())
 
     @property
     def extent(self) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike
 
+from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Control, Impactor, vec3
 from taichi_foam.parts import quantity
 
@@ -29,13 +30,23 @@ class Cylinder(Impactor):
         0.025, "m", "radius", at_least=1e-4, at_most=2, fix="lengths are in metres (25 mm is 0.025)"
     )
 
-    def outline(self) -> np.ndarray:
+    def corners(self) -> np.ndarray:
         """Return a regular polygon on the circle [m], for drawing; see the base class."""
         half = OUTLINE_VERTICES // 2
         angle = np.arange(1, half) * (math.pi / half)
         x, y = self.radius * np.sin(angle), self.radius * (1 - np.cos(angle))
         right, left = np.column_stack([x, y]), np.column_stack([-x, y])[::-1]
         return np.vstack([[[0.0, 0.0]], right, [[0.0, 2 * self.radius]], left])
+
+    def foot(self) -> np.ndarray:
+        """Return the lowest point of the turned circle [m]; see the base class."""
+        middle = np.array([[0.0, self.radius]])
+        return geometry.rotated(middle, self.rotation_deg)[0] - middle[0]
+
+    @property
+    def squared_gyration(self) -> float:
+        """That of a disc [m2]; see the base class."""
+        return self.radius**2 / 2
 
     @property
     def nose_depth(self) -> float:

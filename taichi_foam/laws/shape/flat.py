@@ -4,7 +4,6 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Control, Impactor
 from taichi_foam.parts import quantity
 
@@ -19,12 +18,8 @@ class FlatBlock(Impactor):
         0.05, "m", "width of the face, before turning", at_least=1e-4, at_most=5
     )
     height: float = quantity(0.10, "m", "height", at_least=1e-4, at_most=5)
-    rotation_deg: float = quantity(
-        0.0, "deg", "turn, counter-clockwise", at_least=-180, at_most=180
-    )
 
-    def outline(self) -> np.ndarray:
-        """Return the four vertices [m]; see the base class."""
+    def corners(self) -> np.ndarray:
+        """Return the four vertices about the middle [m]; see the base class."""
         x, y = self.width / 2, self.height / 2
-        corners = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
-        return geometry.placed(geometry.rotated(corners, self.rotation_deg))
+        return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])

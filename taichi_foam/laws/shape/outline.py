@@ -1,4 +1,4 @@
-"""Plane geometry of impactors: convex outlines, their symmetry, and the volume that they crush.
+"""Plane geometry of impactors: outlines, their symmetry and mass, and the volume that they crush.
 
 An outline is an array (n, 2) of vertices [m], counter-clockwise with y upwards.
 """
@@ -53,22 +53,28 @@ def distance_inside(hull: np.ndarray, point: np.ndarray) -> float:
 
 def rotated(points: np.ndarray, degrees: float) -> np.ndarray:
     """Return the points turned counter-clockwise about the origin; quarter turns are exact."""
-    quarter, rest = divmod(degrees, 90.0)
+    quarter = round(degrees / 90.0)  # the rest, -45 to 45: the other way round to the last bit
+    rest = degrees - 90.0 * quarter
     cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
-    for _ in range(int(quarter) % 4):
+    for _ in range(quarter % 4):
         cosine, sine = -sine, cosine
     x, y = points[:, 0], points[:, 1]
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def placed(points: np.ndarray) -> np.ndarray:
-    """Return the outline with its mid-width at x = 0, its lowest point at y = 0, and mirrored.
+def foot(points: np.ndarray) -> np.ndarray:
+    """Return the point (2,) at mid-width and lowest level."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array([(low[0] + high[0]) / 2, low[1]])
+
+
+def placed(points: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """Return the outline about `origin`, its mid-width and lowest level, and mirrored.
 
     An outline that is its own mirror image but for rounding is made so to the last bit, so that
     a symmetric impact stays symmetric to the last bit too.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
-    result = points - np.array([(low[0] + high[0]) / 2, low[1]])
+    result = points - origin
     least = TOLERANCE * size(points)
     result[np.abs(result[:, 1]) < least, 1] = 0.0
     mirror_image = result * np.array([-1.0, 1.0])
@@ -80,23 +86,82 @@ def placed(points: np.ndarray) -> np.ndarray:
     return np.column_stack([(x - x[partner]) / 2, (y + y[partner]) / 2])
 
 
-def lower_chain(outline: np.ndarray) -> np.ndarray:
-    """Return the part of a convex outline that faces down, (k, 2), from left end to right end."""
-    least = TOLERANCE * size(outline)
+def is_mirrored(outline: np.ndarray) -> bool:
+    """Whether an outline is its own mirror image to the last bit."""
+    return {(-x, y) for x, y in outline.tolist()} == {(x, y) for x, y in outline.tolist()}
+
+
+def area(outline: np.ndarray) -> float:
+    """Area that an outline encloses [m2]; below zero if it goes clockwise."""
     x, y = outline[:, 0], outline[:, 1]
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
-    def lowest_at(edge: float) -> int:
-        at_edge = np.abs(x - edge) <= least
-        return int(np.argmin(np.where(at_edge, y, np.inf)))
 
-    first, last = lowest_at(x.min()), lowest_at(x.max())
-    return np.roll(outline, -first, axis=0)[: (last - first) % len(outline) + 1]
+def centroid(outline: np.ndarray) -> np.ndarray:
+    """Return the centre (2,) of the area within an outline [m]."""
+    about = outline[0]
+    start = outline - about  # near its own corners, so that little cancels
+    end = np.roll(start, -1, axis=0)
+    twice = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    found = about + ((start + end) * twice[:, None]).sum(axis=0) / (3 * twice.sum())
+    if is_mirrored(outline):
+        found[0] = 0.0
+    return found
+
+
+def squared_gyration(outline: np.ndarray) -> float:
+    """Polar second moment of the area about its centre, over the area [m2]."""
+    start = outline - centroid(outline)
+    end = np.roll(start, -1, axis=0)
+    twice = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    moment = np.sum((start**2 + start * end + end**2).sum(axis=1) * twice) / 12
+    return float(moment / (0.5 * twice.sum()))
+
+
+def lower_chain(outline: np.ndarray) -> np.ndarray:
+    """Return the part of an outline that one sees from below, (k, 2), from left end to right end.
+
+    Where it jumps, behind an overhang, two points have one x.
+    """
+    least = TOLERANCE * size(outline)
+    ahead = np.roll(outline, -1, axis=0)
+    left = np.where((outline[:, 0] <= ahead[:, 0])[:, None], outline, ahead)
+    right = np.where((outline[:, 0] <= ahead[:, 0])[:, None], ahead, outline)
+    chain: list[np.ndarray] = []
+    last = -1
+    for low, high in pairwise(np.unique(outline[:, 0])):
+        if high - low <= least:
+            continue
+        middle = 0.5 * (low + high)
+        spans = np.flatnonzero((left[:, 0] < middle) & (middle < right[:, 0]))
+        share = (middle - left[spans, 0]) / (right[spans, 0] - left[spans, 0])
+        level = left[spans, 1] + share * (right[spans, 1] - left[spans, 1])
+        edge = int(spans[np.argmin(level)])
+        start, end = (_at(left[edge], right[edge], x, least) for x in (low, high))
+        if edge == last:
+            chain[-1] = end
+            continue
+        if not chain or np.abs(start - chain[-1]).max() > least:
+            chain.append(start)
+        chain.append(end)
+        last = edge
+    return np.array(chain)
+
+
+def _at(left: np.ndarray, right: np.ndarray, x: float, least: float) -> np.ndarray:
+    """Where an edge is at `x`: one of its ends, as it is, or a point between them."""
+    for end in (left, right):
+        if abs(end[0] - x) <= least:
+            return end
+    share = (x - left[0]) / (right[0] - left[0])
+    return np.array([x, left[1] + share * (right[1] - left[1])])
 
 
 def swept_area(outline: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Area [m2] that a convex body going straight down has swept below its lowest starting level.
+    """Area [m2] that a body going straight down has swept below its lowest starting level.
 
-    Above the depth where its full width is in, the body counts as continuing straight up.
+    What has once been swept stays so: above its lower side the body counts as continuing straight
+    up.
 
     Args:
         outline: (n, 2) with its lowest point at y = 0 [m].
@@ -107,7 +172,7 @@ def swept_area(outline: np.ndarray, depth: np.ndarray) -> np.ndarray:
     for (x0, y0), (x1, y1) in pairwise(chain):
         low, high = min(y0, y1), max(y0, y1)
         wet = np.clip(depth, low, high) - low
-        if high > low:
+        if high > low and x1 > x0:
             total += (x1 - x0) * wet**2 / (2 * (high - low))
         total += (x1 - x0) * np.maximum(depth - high, 0.0)
     return total

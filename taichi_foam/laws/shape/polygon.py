@@ -6,8 +6,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.laws.shape.base import SURFACE_ROWS, Impactor
+from taichi_foam.laws.shape.base import Impactor
 from taichi_foam.parts import quantity
+
+MOST_VERTICES = 16
 
 _Coordinate = Annotated[float, Field(ge=-2, le=2)]
 _Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
@@ -20,17 +22,14 @@ class Polygon(Impactor):
     label: ClassVar[str] = "polygon"
     vertices: Annotated[
         tuple[_Corner, ...],
-        Field(strict=False, min_length=3, max_length=SURFACE_ROWS),
+        Field(strict=False, min_length=3, max_length=MOST_VERTICES),
     ] = quantity(
         ...,
         "m",
         "corners (x, y), in any order and about any origin",
-        allowed=f"3 to {SURFACE_ROWS} corners [x, y], each from -2 to 2 m",
+        allowed=f"3 to {MOST_VERTICES} corners [x, y], each from -2 to 2 m",
         fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
         "[0.05, 0.05], [0, 0.05]]",
-    )
-    rotation_deg: float = quantity(
-        0.0, "deg", "turn, counter-clockwise", at_least=-180, at_most=180
     )
 
     @model_validator(mode="after")
@@ -68,7 +67,10 @@ class Polygon(Impactor):
         """Width of the turned polygon [m]."""
         return float(np.ptp(self.outline()[:, 0]))
 
-    def outline(self) -> np.ndarray:
-        """Return the corners [m], counter-clockwise; see the base class."""
-        hull = geometry.convex_hull(np.array(self.vertices))
-        return geometry.placed(geometry.rotated(hull, self.rotation_deg))
+    def corners(self) -> np.ndarray:
+        """Return the corners as given [m], counter-clockwise; see the base class."""
+        return geometry.convex_hull(np.array(self.vertices))
+
+    def origin(self) -> np.ndarray:
+        """Return the origin of the given corners."""
+        return np.zeros(2)

@@ -29,16 +29,16 @@ class Wedge(Impactor):
 
     @model_validator(mode="after")
     def _check_height(self) -> "Wedge":
-        if self.height <= self.nose_depth:
+        if self.height <= self.tip_depth:
             raise ValueError(
-                f"impactor.height = {self.height:g}: must be above {self.nose_depth:.4g} m, the "
+                f"impactor.height = {self.height:g}: must be above {self.tip_depth:.4g} m, the "
                 f"depth of a tip of {self.angle_deg:g} degrees and {self.shank_width:g} m width; "
                 "raise it, or take a larger impactor.angle_deg"
             )
         return self
 
     @property
-    def nose_depth(self) -> float:
+    def tip_depth(self) -> float:
         """Depth of the tip [m]: half the width over the tangent of half the angle."""
         # tan(45 degrees) falls one bit short of 1 in floating point; the paper's tip is W/2 deep.
         slope = 1.0 if self.angle_deg == 90 else math.tan(math.radians(self.angle_deg / 2))
@@ -49,7 +49,7 @@ class Wedge(Impactor):
         """Width of the shank [m]."""
         return self.shank_width
 
-    def outline(self) -> np.ndarray:
+    def corners(self) -> np.ndarray:
         """Return the five vertices [m], tip first; see the base class."""
-        x, shoulder, top = self.shank_width / 2, self.nose_depth, self.height
+        x, shoulder, top = self.shank_width / 2, self.tip_depth, self.height
         return np.array([[0.0, 0.0], [x, shoulder], [x, top], [-x, top], [-x, shoulder]])

@@ -1,0 +1,98 @@
+"""What the foam of a place is: its constants, the share of its cells that it fills.
+
+In a plain block of one foam they are the same everywhere, and kernels read them from the block's
+constants. Elsewhere they differ from mass point to mass point (`Features.shaped`), and from row to
+row and from axis to axis (`Features.foams`).
+"""
+
+import taichi as ti
+
+from taichi_foam.engine import lanes
+from taichi_foam.engine.grading import A
+
+
+@ti.func
+def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
+    """The law's constants for a pack of bonds along `axis`: numbers, or packs of them."""
+    if ti.static(lattice.features.foams > 1):
+        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.packs) + k].bond
+    return p.bond
+
+
+@ti.func
+def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
+    """What the length of a pack's bonds along `axis` makes of their limits and dashpots."""
+    if ti.static(lattice.features.foams > 1):
+        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.packs) + k].shares
+    if ti.static(axis == A):
+        return p.a
+    return p.b
+
+
+@ti.func
+def constants_at(lattice: ti.template(), axis, b, j, p: ti.template()):
+    """The law's constants for a bond of row `j` along an axis that is known at run time only."""
+    if ti.static(lattice.features.foams > 1):
+        foam = lattice.model.foam_of_row[b, axis * lattice.rows + j]
+        return lattice.model.foams[b, foam].bond
+    return p.bond
+
+
+@ti.func
+def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template()):
+    """Area of the faces of a pack of bonds along `axis` [m2]: a number, or a pack."""
+    area = p.area[axis]
+    if ti.static(not lattice.features.shaped):
+        return area
+    if ti.static(axis == A):
+        return area * lattice.model.filling[b, i, k].face_a
+    return area * lattice.model.filling[b, i, k].face_b
+
+
+@ti.func
+def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
+    """Reference volume [m3] that a bond stands for."""
+    found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
+    if ti.static(lattice.features.shaped):
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        filling = lattice.model.filling[b, i, k]
+        found *= ti.select(axis == A, filling.face_a[lane], filling.face_b[lane])
+    return found
+
+
+@ti.func
+def mass(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+    """Mass of a mass point [kg]; 0 where there is none."""
+    found = p.node_mass
+    if ti.static(lattice.features.shaped):
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        found = lattice.model.filling[b, i, k].mass[lane]
+    return found
+
+
+@ti.func
+def mobility(lattice: ti.template(), b, i, k):
+    """What forces on a pack of mass points are multiplied by, and gravity; see `ModelFields`."""
+    if ti.static(lattice.features.shaped):
+        return lattice.model.mobility[b, i, k]
+    return lattice.model.mobility[b, k]
+
+
+@ti.func
+def is_there(lattice: ti.template(), b, i, j) -> ti.i32:
+    """Whether a mass point stands for any foam."""
+    found = 1
+    if ti.static(lattice.features.shaped):
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        found = ti.i32(lattice.model.filling[b, i, k].mass[lane] > 0.0)
+    return found
+
+
+@ti.func
+def is_held(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
+    """Whether the base holds a mass point, or there is none: bodies do not touch it."""
+    found = ti.i32(p.hold_y and j == 0)
+    if ti.static(lattice.features.shaped):
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        found = ti.i32(lattice.model.mobility[b, i, k].y[lane] == 0.0)
+    return found

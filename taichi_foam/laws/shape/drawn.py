@@ -1,0 +1,78 @@
+"""Any outline as impactor, convex or not, as one draws it."""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from taichi_foam.laws.shape import outline as geometry
+from taichi_foam.laws.shape.base import MOST_CORNERS
+from taichi_foam.laws.shape.edges import Edged, counter_clockwise
+from taichi_foam.parts import quantity
+
+_Coordinate = Annotated[float, Field(ge=-5, le=5)]
+_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
+
+
+class Outline(Edged):
+    """Any outline that does not cross itself: of a product, out of a drawing."""
+
+    shape: Literal["outline"] = "outline"
+    label: ClassVar[str] = "outline"
+    vertices: Annotated[
+        tuple[_Corner, ...],
+        Field(strict=False, min_length=3, max_length=MOST_CORNERS),
+    ] = quantity(
+        ...,
+        "m",
+        "corners (x, y) in order along the outline, either way round, about any origin; in their "
+        "place `file` names a CSV file with a column of each, their unit in the header",
+        allowed=f"3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
+        fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
+        "[0.05, 0.05], [0, 0.05]]",
+    )
+
+    @model_validator(mode="after")
+    def _check_simple(self) -> "Outline":
+        import shapely  # takes a while to load, and most scenes do without
+
+        points = np.array(self.vertices)
+        extent = geometry.size(points)
+        if extent < 1e-4:
+            raise ValueError(
+                f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
+                "lengths are in metres"
+            )
+        least = geometry.TOLERANCE * extent
+        for k, vertex in enumerate(points):
+            near = np.flatnonzero(np.linalg.norm(points[:k] - vertex, axis=1) <= least)
+            if near.size:
+                closing = near[0] == 0 and k == len(points) - 1
+                raise ValueError(
+                    f"impactor.vertices[{k}] = {list(self.vertices[k])}: repeats an earlier "
+                    f"corner; each must be given once{_CLOSES if closing else ''}; leave it out"
+                )
+        if not shapely.LinearRing(points).is_simple:
+            said = shapely.explain_validity(shapely.Polygon(points)).partition("[")[2].rstrip("]")
+            place = ", ".join(f"{float(each):.4g}" for each in said.split())
+            raise ValueError(
+                f"impactor.vertices: the outline crosses or touches itself near [{place}]; it must "
+                "be one simple outline; give its corners in order along it"
+            )
+        if abs(geometry.area(points)) <= least * extent:
+            raise ValueError(
+                "impactor.vertices: all on one line; they must enclose an area; "
+                "move one of them off the line"
+            )
+        return self
+
+    def corners(self) -> np.ndarray:
+        """Return the corners as given [m], counter-clockwise; see the base class."""
+        return counter_clockwise(np.array(self.vertices))
+
+    def origin(self) -> np.ndarray:
+        """Return the origin of the given corners."""
+        return np.zeros(2)
+
+
+_CLOSES = ", the outline closes by itself"
