@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import breaking, lanes, stepping, virial
+from taichi_foam.engine import breaking, driving, lanes, stepping, virial
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
@@ -66,6 +66,8 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
     _put_numbers(lattice, b, model.numbers, model.surface)
     if model.hull is not None:
         _put_hull(lattice, b, model.hull)
+    if model.pulse is not None:
+        _put_pulse(lattice, b, model.pulse)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
     if model.filling is not None:
@@ -101,6 +103,9 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 moves_y = not (p.hold_y and j == 0)
                 lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
                 lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
+                if ti.static(lattice.features.shaken):  # noqa: SIM102 - the static test stands alone
+                    if j >= lattice.rows:
+                        lattice.model.mobility[b, k].y[lane] = 0.0
                 falls = moves_y and j < lattice.rows
                 lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
 
@@ -155,6 +160,12 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
 def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
     for n in range(hull.shape[0]):
         lattice.model.hull[b, n] = vec2(hull[n, 0], hull[n, 1])
+
+
+@ti.kernel
+def _put_pulse(lattice: ti.template(), b: ti.i32, pulse: Table):
+    for n in range(pulse.shape[0]):
+        lattice.model.pulse[b, n] = vec2(pulse[n, 0], pulse[n, 1])
 
 
 @ti.kernel
@@ -297,6 +308,10 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
         lattice.state.clock[b].rows = 0
         lattice.state.clock[b].active = 0
         lattice.state.clock[b].pause = 0.0
+        if ti.static(lattice.features.shaken):
+            p = lattice.model.parameters[b]
+            now = driving.pulse_at(lattice, b, lattice.state.clock[b].time, p)
+            lattice.scratch.shake[b] = now
 
 
 @ti.kernel

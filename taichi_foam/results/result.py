@@ -20,6 +20,7 @@ A result folder holds
         stress        (N,I,J,3)     Pa    xx, yy, xy about mass point (i, j), with output.stress
     cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
                    (x, y) in m in the reference configuration, the longest first
+    compression.csv  of a crosshead: nominal strain and stress (Pa), compression positive
     state.npz      the block as the run has left it, for the next impact on it: what
                    `records.cushion.Cushion` holds; not of a run that was interrupted or failed
     summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
@@ -111,11 +112,14 @@ class Result(Record):
         `not_measured`, and the data are complete.
         """
         # Here, since measures bring SciPy along, which takes half a second to load.
+        from taichi_foam.analysis.compression import compression_curve
         from taichi_foam.analysis.fragments import cracks
 
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
+        if (curve := compression_curve(self)) is not None:
+            _write_curve(folder / "compression.csv", *curve)
         if self.cushion is not None:
             arrays: dict[str, Any] = self.cushion.to_arrays()
             np.savez_compressed(folder / _STATE, format=_FORMAT, **arrays)
@@ -211,6 +215,14 @@ def _write_history(path: Path, history: History) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(history)
         writer.writerows(zip(*columns, strict=True))
+
+
+def _write_curve(path: Path, strain: np.ndarray, stress: np.ndarray) -> None:
+    """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("strain [-]", "stress [Pa]"))
+        writer.writerows(zip(strain.tolist(), stress.tolist(), strict=True))
 
 
 def _read_history(path: Path) -> History:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.scene.pulse import Pulse
 
 # Lists are as good as tuples here: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
@@ -30,6 +31,15 @@ class Base(Part):
     )
     stops_impactor: bool = choice(
         True, "an impactor that has gone through the block is stopped at its bottom"
+    )
+    acceleration: Pulse | None = Field(
+        default=None,
+        description="pulse that shakes the base: a CSV file of time and acceleration, or a table; "
+        "all is then told in the base's frame",
+        json_schema_extra={
+            "allowed": "none, a CSV file, or a table of time (s) and acceleration (m/s2, upwards)",
+            "fix": "base.acceleration = 'pulse.csv'",
+        },
     )
 
 
