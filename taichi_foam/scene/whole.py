@@ -15,7 +15,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall, filling, sources
+from taichi_foam.scene import assumed, driven, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.layers import foams_of
@@ -110,7 +110,7 @@ class Scene(Part):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        return assumed.completed(fall.completed(sources.completed(data)))
+        return assumed.completed(driven.completed(fall.completed(sources.completed(data))))
 
     @field_validator("assumed", mode="before")
     @classmethod
@@ -127,7 +127,12 @@ class Scene(Part):
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *(unfilled or _problems_of_fall(self) or _problems_of_contact(self)),
+            *(
+                unfilled
+                or driven.problems(self.impactor, self.base, self.numerics)
+                or _problems_of_fall(self)
+                or _problems_of_contact(self)
+            ),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -166,6 +171,12 @@ class Scene(Part):
     def turns(self) -> bool:
         """Whether there is an impactor that moves and turns in the plane."""
         return self.impactor is not None and not self.impactor.guided
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether something moves by command: a crosshead, or a base that is shaken."""
+        crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
+        return crosshead or self.base.acceleration is not None
 
     @property
     def contact_height(self) -> float:
@@ -326,6 +337,8 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
+    if scene.base.acceleration is not None:
+        return []  # the foam may come to it
     if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
