@@ -57,7 +57,7 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     as much for one that turns).
     """
     block, impactor = scene.block, scene.impactor
-    base = np.array([0.0, block.dy / 2])
+    base = np.array([0.0, block.foot])
     (left, low), (right, high) = np.min(block.corners, axis=0), np.max(block.corners, axis=0)
     reference = np.array([[left, low], [right, low], [right, high], [left, high]])
     start = base + (reference - base) @ np.array(scene.start.deformation_gradient).T

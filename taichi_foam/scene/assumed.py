@@ -34,8 +34,11 @@ _ELSEWHERE = {
 _WHOLE = re.compile(r"block(\.layers(\[\d+\])?)?")
 """Keys of layers, together or one by one."""
 
-_PARTS = ("block", "numerics", "model")
+_PARTS = ("across", "block", "numerics", "model")
 """Parts of a scene that have such values besides the foam."""
+
+_OTHERS = ("across.", "block.layers[")
+"""How keys of foams begin that are not [foam]."""
 
 
 class Assumed(Part):
@@ -80,11 +83,11 @@ def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] |
         return None
     given = _given(foam)
     known = {_key(each) for each in earlier or ()}
-    of_layers = {key for key in known if str(key).startswith("block.layers[")}
+    of_others = {key for key in known if str(key).startswith(_OTHERS)}
     if head:
-        said = any(key.startswith(f"{head}foam.") for key in of_layers)
+        said = any(key.startswith(f"{head}foam.") for key in of_others)
     else:  # a list without entries says that all of it was given
-        said = earlier is not None and (not known or bool(known - of_layers))
+        said = earlier is not None and (not known or bool(known - of_others))
     if "plateau_stress" in given:
         given |= {"yield_strain"}
     elif not said and not any(
@@ -200,8 +203,8 @@ def _make_way(data: dict[str, Any], values: Mapping[str, Any], head: str) -> Non
     entries = list(_entries(data.pop("assumed", None)))
     gone = [each for each in entries if not head or str(_key(each)).startswith(head)]
     left = [each for each in entries if each not in gone]
-    if not head:  # what is assumed of layers stays
-        left = [each for each in gone if str(_key(each)).startswith("block.layers[")]
+    if not head:  # what is assumed of other foams stays
+        left = [each for each in gone if str(_key(each)).startswith(_OTHERS)]
         gone = [each for each in gone if each not in left]
     for entry in gone:
         part, _, last = str(_key(entry)).rpartition(".")
@@ -238,7 +241,7 @@ def _settle(foam: Any, head: str, values: Mapping[str, Any]) -> None:
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
     """Entries whose key is none of a scene's values."""
     return [
-        f"assumed.key = {each.key!r}: must be the key of a value of block, foam, model or "
+        f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
         if each.key.partition(".")[0] not in ("foam", *_PARTS) or at(scene, each.key) is NOTHING
@@ -247,13 +250,16 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, and what they are unless given."""
-    reasons = dict(kind.unless_given) | dict.fromkeys(_READINGS if head else (), "that of [foam]")
+    shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else ()
+    reasons = dict(kind.unless_given) | dict.fromkeys(shared, "that of [foam]")
     own = {f"{head}foam.{key}": why for key, why in reasons.items()}
     return {**own, **_around_foam(head)}
 
 
 def _around_foam(head: str) -> Mapping[str, str]:
     """Those that stand beside the foam's table."""
+    if head == "across.":  # it is the same foam, and so as dense
+        return {}
     return {f"{head}density": "that of the block"} if head else _ELSEWHERE
 
 

@@ -81,8 +81,8 @@ def in_cells(block: Block) -> Polygon:
     """The foam's polygon on the lattice, in cells: cell (i, j) is the square from (i, j) on."""
 
     def placed(corners: outlines.Corners) -> Array:
-        left_edge = np.array([-block.width / 2, 0.0])
-        cells = (block.on_lattice(np.array(corners)) - left_edge) / [block.dx, block.dy]
+        corner = np.array([-0.5 * block.columns * block.dx, block.foot - 0.5 * block.dy])
+        cells = (block.on_lattice(np.array(corners)) - corner) / [block.dx, block.dy]
         near = np.round(cells)
         return np.where(np.abs(cells - near) < outlines.TOLERANCE * block.columns, near, cells)
 
@@ -114,23 +114,25 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     """What an outline leaves of the cells."""
     columns, rows = block.columns, block.rows
     across, levels = np.arange(columns + 1.0), _levels(block)
-    area = outlines.shares(shape, across, levels)
-    starts = np.searchsorted(levels, np.arange(rows))
-    share = np.add.reduceat(area, starts, axis=1)
     up = np.arange(rows + 1.0)
+    area = outlines.shares(shape, across, levels)
     inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
-    if outlines.is_mirrored(shape, columns):  # by rounding, the one more and the other less
-        area, inner_a, inner_b = (0.5 * (each + each[::-1]) for each in (area, inner_a, inner_b))
+    edge = _signed_distance(block)
+    mirrored = block.lattice_angle_deg == 0 and outlines.is_mirrored(shape, columns)
+    if mirrored:  # but for rounding, and from here on to the last bit
+        area, inner_a, inner_b, edge = map(_mirrored, (area, inner_a, inner_b, edge))
+    share = np.add.reduceat(area, np.searchsorted(levels, up[:-1]), axis=1)
     there = share >= LEAST - outlines.TOLERANCE
     owner = _owners(share, there, inner_a, inner_b)
     mass = np.zeros((columns, rows))
     held = share > 0
     np.add.at(mass, tuple(owner[held].T), _mass(block, area)[held])
     face_a, face_b = _faces(owner, inner_a, 0), _faces(owner, inner_b, 1)
+    if mirrored:  # sums of several have their order
+        mass, face_a, face_b = map(_mirrored, (mass, face_a, face_b))
     on_base = np.zeros((columns, rows), dtype=bool)
     on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
-    edge = _signed_distance(block)
     return Filling(
         mass=mass,
         face_a=face_a,
@@ -142,10 +144,16 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     )
 
 
+def _mirrored(figures: Array) -> Array:
+    """Figures (I, ...) of columns that are those of the mirrored ones."""
+    return 0.5 * (figures + figures[::-1])
+
+
 def _levels(block: Block) -> Array:
     """Heights [cells] at which rows of cells and layers begin and end, rising."""
     rows = np.arange(block.rows + 1.0)
-    faces = [each / block.dy for layer in block.layers for each in (layer.bottom, layer.top)]
+    heights = (each for layer in block.layers for each in (layer.bottom, layer.top))
+    faces = [(each - block.foot) / block.dy + 0.5 for each in heights]
     between = [
         face
         for face in sorted(set(faces))
@@ -157,7 +165,7 @@ def _levels(block: Block) -> Array:
 def _mass(block: Block, area: Array) -> Array:
     """Mass (I, J) [kg] of the foam in each cell, of its area between `_levels`."""
     levels = _levels(block)
-    middle = (levels[:-1] + levels[1:]) / 2 * block.dy
+    middle = ((levels[:-1] + levels[1:]) / 2 - 0.5) * block.dy + block.foot
     density = np.full(len(middle), block.density)
     for layer in block.layers:
         if layer.density is not None:

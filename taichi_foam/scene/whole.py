@@ -17,7 +17,7 @@ from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
@@ -89,6 +89,9 @@ class Scene(Part):
     )
     block: Block = Field(default=Block(), description="the foam block and its lattice")
     foam: Annotated[BondFoam, FOAMS] = Field(default=Foam(), description="the foam's law")
+    across: Across = Field(
+        default=Across(), description="the foam across its rise, if it differs from that along it"
+    )
     impactor: Annotated[Impactor, SHAPES] | None = Field(
         default=None, description="what hits the block; none: nothing does"
     )
@@ -182,7 +185,7 @@ class Scene(Part):
 
 def _rebuild() -> None:
     """Let scenes know a law or a shape that came later."""
-    for part in (Layer, Block, Scene):
+    for part in (Across, Layer, Block, Scene):
         part.model_rebuild(force=True)
 
 
@@ -204,13 +207,26 @@ def _problems_of_foam(scene: Scene) -> list[str]:
 def _problems_of_layers(scene: Scene) -> list[str]:
     """Say which layers' foams do not go together with the block's."""
     law = scene.foam.law_for(scene.model)
-    return [
-        f"block.layers[{number}].foam: not read as [foam] is: {_differing(law, other)}; all foams "
-        "of a block need one law and one reading of it; give both the same, or a curve each "
-        "(foam.curve)"
-        for number, layer in enumerate(scene.block.layers)
-        if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+    foams = {f"block.layers[{n}]": layer.foam for n, layer in enumerate(scene.block.layers)}
+    found = [
+        f"{head}.foam: not read as [foam] is: {_differing(law, other)}; all foams of a block need "
+        "one law and one reading of it; give both the same, or a curve each (foam.curve)"
+        for head, foam in {**foams, "across": scene.across.foam}.items()
+        if foam is not None and (other := foam.law_for(scene.model)) != law
     ]
+    across, shear = scene.across.foam, scene.foam.shear_modulus
+    key = "across.foam.shear_modulus"
+    given = across is not None and "shear_modulus" in across.model_fields_set
+    if given and across.shear_modulus != shear and key not in map(_key, scene.assumed or ()):
+        found.append(
+            f"{key} = {across.shear_modulus:g}: must be that of [foam], {shear:g} Pa; a plane has "
+            "one shear modulus; leave it out"
+        )
+    return found
+
+
+def _key(entry: Assumed) -> str:
+    return entry.key
 
 
 def _problems_of_base(scene: Scene) -> list[str]:
@@ -358,7 +374,7 @@ def _starting_points(scene: Scene) -> np.ndarray:
         X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
     else:
         X = block.positions[filling.filling(block).there]
-    origin = np.array([0.0, block.dy / 2])
+    origin = np.array([0.0, block.foot])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 

@@ -52,6 +52,14 @@ def test_a_row_is_of_the_layer_that_holds_its_middle() -> None:
     np.testing.assert_array_equal(rows, [1, 1, 0, 0, 0, 0, 0, 0, 0, 0])
 
 
+def test_mass_points_on_the_faces_belong_to_the_layers_there() -> None:
+    block = Block(**SIZE, mass_points="faces", layers=(
+        Layer(bottom=0.0, top=0.02), Layer(bottom=0.03, top=0.05, density=50.0)))  # fmt: skip
+    np.testing.assert_array_equal(layer_of_rows(block), [0, 0, 0, 0, -1, -1, 1, 1, 1, 1])
+    mass = (0.02 * 50 + 0.03 * block.density) * block.width * block.thickness
+    assert filling(block).mass.sum() == pytest.approx(mass)
+
+
 def test_a_bond_between_two_foams_is_of_the_one_that_crushes_first() -> None:
     strong = {"youngs_modulus": 2.78e6, "yield_strain": -0.1}
     for bottom, expected in ((0.0, [1, 0]), (0.025, [0, 0])):

@@ -167,7 +167,7 @@ def test_what_is_symmetric_is_so_to_the_last_bit() -> None:
         width=0.3, height=0.06, columns=60, rows=12, outline=outline, holes=[hole, mirrored]
     )
     filled = filling(block)
-    for name in ("mass", "face_a", "face_b", "share", "on_base"):
+    for name in ("mass", "face_a", "face_b", "share", "on_base", "reach"):
         found = getattr(filled, name)
         np.testing.assert_array_equal(found, found[::-1], err_msg=name)
 

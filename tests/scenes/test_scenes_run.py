@@ -24,7 +24,14 @@ SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
 DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
 BIG = ("fine_wedge",)
-TABLES = ("flat_tall_block", "i_shape_off_centre", "own_foam")
+TABLES = (
+    "flat_tall_block",
+    "i_shape_off_centre",
+    "own_foam",
+    "edge_pad",
+    "corner_pad",
+    "layered_pad",
+)
 
 # Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
 VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s
@@ -230,6 +237,72 @@ def test_the_fine_wedge_is_the_wedge_with_smaller_cells() -> None:
     result = run(fine.model_copy(update=end))
     assert 0.049 / result.run["dt_max_s"] == pytest.approx(150_000, rel=0.1)
     assert result.run["max_overlap_m"] < 0.02 * fine.block.dx
+
+
+def coarse(name: str) -> Scene:
+    """A pad in cells of 5 mm instead of 2.5 mm."""
+    scene = load_scene(SCENES / f"{name}_pad.toml")
+    block = scene.block
+    halves = {"block.columns": block.columns // 2, "block.rows": block.rows // 2}
+    return scene.with_values({**halves, "output.film": False})
+
+
+def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
+    """The plateau's force on the product's width and no more, and the depth of that energy."""
+    scene = coarse("edge")
+    product, plateau = scene.impactor, scene.foam.landmarks.plateau_stress
+    assert isinstance(product, FlatBlock)
+    force = plateau * product.width * scene.block.thickness
+    weight = product.mass * STANDARD_GRAVITY
+    figures = run(scene).summary
+    depth = weight * product.drop_height / (force - weight)
+    assert depth == pytest.approx(0.0319, abs=1e-4)
+    assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.05)
+    assert figures["plateau_deceleration_m_s2"] == pytest.approx(
+        (force - weight) / product.mass, rel=0.1
+    )
+
+
+def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
+    """The feet are crushed from the base up, and the energy has the depth."""
+    scene = coarse("corner")
+    product, landmarks = scene.impactor, scene.foam.landmarks
+    assert product is not None
+    pressure = landmarks.plateau_stress * scene.block.thickness
+    weight = product.mass * STANDARD_GRAVITY
+    s = np.linspace(0.0, 0.04, 4001)
+    depth = -landmarks.crush_end * s
+    taken = pressure * -landmarks.crush_end * (0.06 * s + 0.75 * s**2)
+    end = int(np.argmax(taken >= weight * (product.drop_height + depth)))
+    assert s[end] == pytest.approx(0.035, abs=5e-4)
+    figures = run(scene).summary
+    whole = -landmarks.crush_start * (scene.block.height - s[end])  # what is not crushed yields
+    assert figures["max_displacement_m"] == pytest.approx(depth[end] + whole, rel=0.05)
+    last = (pressure * (0.06 + 1.5 * s[end]) - weight) / product.mass
+    assert figures["peak_deceleration_m_s2"] == pytest.approx(last, rel=0.08)
+    assert not figures["warnings"]
+
+
+def test_a_layered_pad_has_two_plateaus() -> None:
+    """Each that of its foam, with the dashpots of the paper's; the weak layer goes first."""
+    scene = coarse("layered")
+    product, block = scene.impactor, scene.block
+    assert product is not None
+    result = run(scene)
+    history = result.history
+    depth, deceleration = history["displacement_m"], history["deceleration_m_s2"]
+    falling = history["velocity_m_s"] > 0
+    strong = block.layers[0].foam
+    assert strong is not None
+    for foam, window in ((scene.foam, (0.008, 0.018)), (strong, (0.029, 0.037))):
+        during = falling & (depth > window[0]) & (depth < window[1])
+        force = foam.landmarks.plateau_stress * block.width * block.thickness
+        expected = force / product.mass - STANDARD_GRAVITY
+        assert deceleration[during].mean() == pytest.approx(expected, rel=0.04)
+    assert result.summary["pieces"] == 2
+    assert any(
+        text.startswith("block.layers[0].density = 40") for text in result.summary["assumed"]
+    )
 
 
 def test_own_foam_meets_the_energy_balance() -> None:
