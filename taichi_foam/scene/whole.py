@@ -227,17 +227,15 @@ def _problems_of_layers(scene: Scene) -> list[str]:
     ]
     across, shear = scene.across.foam, scene.foam.shear_modulus
     key = "across.foam.shear_modulus"
-    given = across is not None and "shear_modulus" in across.model_fields_set
-    if given and across.shear_modulus != shear and key not in map(_key, scene.assumed or ()):
+    assumed_keys = {each.key for each in scene.assumed or ()}
+    if across is None or "shear_modulus" not in across.model_fields_set or key in assumed_keys:
+        return found
+    if across.shear_modulus != shear:
         found.append(
             f"{key} = {across.shear_modulus:g}: must be that of [foam], {shear:g} Pa; a plane has "
             "one shear modulus; leave it out"
         )
     return found
-
-
-def _key(entry: Assumed) -> str:
-    return entry.key
 
 
 def _problems_of_base(scene: Scene) -> list[str]:

@@ -256,6 +256,7 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     force = plateau * product.width * scene.block.thickness
     weight = product.mass * STANDARD_GRAVITY
     figures = run(scene).summary
+    assert product.drop_height is not None
     depth = weight * product.drop_height / (force - weight)
     assert depth == pytest.approx(0.0319, abs=1e-4)
     assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.05)
