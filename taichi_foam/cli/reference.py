@@ -83,8 +83,8 @@ which some constants were given, the others are derived or assumed, and a run sa
 ## Pads
 
 `block.outline` and `block.holes` are lists of corners, `block.layers` a list of tables
-(`[[block.layers]]`) with the keys below; [pads.md](pads.md) tells how pads are drawn. A value within a
-list is reached by its place, from 0: `--set block.layers[0].density=40`.
+(`[[block.layers]]`) with the keys below; [pads.md](pads.md) tells how pads are drawn. A value
+within a list is reached by its place, from 0: `--set block.layers[0].density=40`.
 
 ## Choice sets
 

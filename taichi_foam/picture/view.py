@@ -53,7 +53,8 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     """The window of a run, the same for all of its frames.
 
     Holds the block as it starts, `side` of its width on each side, a strip of floor, and
-    `above` of its height for the impactor (a seventh of it where there is no impactor).
+    `above` of its height for the impactor (a seventh of it where there is no impactor, up to twice
+    as much for one that turns).
     """
     block, impactor = scene.block, scene.impactor
     base = np.array([0.0, block.foot])
@@ -65,6 +66,9 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     if impactor is not None:
         # A platen is shown to its ends, a much wider one is cut.
         ends = impactor.x + 1.05 * impactor.outline()[:, 0]
+        if not impactor.guided:  # wherever it turns
+            middle = impactor.x + impactor.centre_of_mass[0]
+            ends = middle + 1.05 * impactor.reach * np.array([-1.0, 1.0])
         span = x_max - x_min
         x_min, x_max = (
             min(x_min, max(ends.min() + margin, x_min - span / 2)),
@@ -72,6 +76,8 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
         )
     tall = y_max - y_min
     top = above if impactor is not None else above / 7
+    if impactor is not None and not impactor.guided:
+        top = max(above, min(2.1 * impactor.reach / tall, 2 * above))
     return Window(
         float(x_min - margin),
         float(x_max + margin),

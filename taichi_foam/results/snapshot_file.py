@@ -51,8 +51,11 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
     """The snapshot of its numbers and arrays by name."""
-    given: dict[str, Any] = {**values}
-    return Snapshot(**{n: each if np.ndim(each) else float(each) for n, each in given.items()})
+    given: dict[str, Any] = dict(values)
+    for name, each in values.items():
+        if np.ndim(each) == 0:
+            given[name] = float(each)
+    return Snapshot(**given)
 
 
 class _Records:
