@@ -182,9 +182,9 @@ def _of_tested_range(record: Record) -> Iterator[str]:
 
 def _called(scene: Scene, foam: BondFoam) -> str:
     """The key of the first table that gives a foam."""
-    named = {n: layer.foam for n, layer in enumerate(scene.block.layers)}
-    places = [f"block.layers[{n}].foam" for n, each in named.items() if each == foam]
-    return "foam" if foam == scene.foam or not places else places[0]
+    named = {"foam": scene.foam}
+    named |= {f"block.layers[{n}].foam": each.foam for n, each in enumerate(scene.block.layers)}
+    return next((key for key, each in named.items() if each == foam), "across.foam")
 
 
 def _of_thin_foam(record: Record) -> str | None:

@@ -18,7 +18,7 @@ from taichi_foam.engine.stresses import cell_stresses
 from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.scene.layers import foams_of
+from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.units import si_scale
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def _strain_key(*words: str) -> Callable[[Scene], Key]:
 
 def _landmarks(scene: Scene) -> list[Landmarks]:
     """Those of the foams of a scene's block."""
-    return [foam.landmarks for foam in foams_of(scene)[0]]
+    return [foam.landmarks for foam in foams_of_bonds(scene)[0]]
 
 
 def _worst(snapshot: Snapshot, scene: Scene) -> Array:
@@ -139,7 +139,7 @@ def _fastest(scene: Scene) -> float:
     fastest = math.hypot(block.width, block.height) * float(np.abs(start.velocity_gradient).max())
     # a strain that is let go moves foam at that share of the speed of sound
     strain = float(np.abs(np.array(start.deformation_gradient) - np.eye(2)).max())
-    stiffest = max(foam.youngs_modulus for foam in foams_of(scene)[0])
+    stiffest = max(foam.youngs_modulus for foam in foams_of_bonds(scene)[0])
     lightest = min(layer.density or block.density for layer in (block, *block.layers))
     fastest = max(fastest, strain * math.sqrt(stiffest / lightest))
     if impactor is not None:

@@ -107,7 +107,7 @@ def blocks(draw):
     )
     layer = Layer(
         bottom=block.height * draw(floats(0, 0.4)),
-        top=block.height * draw(floats(0.9, 1)),
+        top=block.height,
         density=draw(st.none() | floats(1, 5000)),
         interface=draw(st.sampled_from(["bonded", "loose"])),
     )
