@@ -42,11 +42,14 @@ def energy_residual(record: Record) -> float | None:
     """Unaccounted energy at its worst row, with its sign, over the impact energy.
 
     The impact energy is the largest kinetic and strain energy that any row holds: that of the
-    first row, or, when things fall, that at contact. None if it is zero.
+    first row, or, when things fall, that at contact; what a crosshead or a shaken base has given,
+    if that is more. None if it is zero.
     """
     h = record.history
     parts = ("impactor_kinetic_J", "foam_kinetic_J", "strain_J")
     impact_energy = np.sum([np.nan_to_num(h[name]) for name in parts], axis=0).max(initial=0.0)
+    if record.scene.is_driven:
+        impact_energy = max(impact_energy, float(np.abs(h["base_J"]).max(initial=0.0)))
     if impact_energy == 0:
         return None
     return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)
@@ -179,9 +182,9 @@ def _of_tested_range(record: Record) -> Iterator[str]:
 
 def _called(scene: Scene, foam: BondFoam) -> str:
     """The key of the first table that gives a foam."""
-    named = {n: layer.foam for n, layer in enumerate(scene.block.layers)}
-    places = [f"block.layers[{n}].foam" for n, each in named.items() if each == foam]
-    return "foam" if foam == scene.foam or not places else places[0]
+    named = {"foam": scene.foam}
+    named |= {f"block.layers[{n}].foam": each.foam for n, each in enumerate(scene.block.layers)}
+    return next((key for key, each in named.items() if each == foam), "across.foam")
 
 
 def _of_thin_foam(record: Record) -> str | None:
