@@ -29,7 +29,15 @@ if TYPE_CHECKING:
     from taichi_foam.scene import Scene
     from taichi_foam.shim2000.reproduce import reproduce
     from taichi_foam.shim2000.tests import paper_scene
-    from taichi_foam.simulation.simulate import init, resume, run, run_many, simulate, simulate_many
+    from taichi_foam.simulation.simulate import (
+        init,
+        resume,
+        run,
+        run_drops,
+        run_many,
+        simulate,
+        simulate_many,
+    )
     from taichi_foam.sweeps.run import sweep
 
 # Taichi prints a banner when it is first imported, and in a notebook another line.
@@ -54,6 +62,7 @@ __all__ = [
     "reproduce",
     "resume",
     "run",
+    "run_drops",
     "run_many",
     "simulate",
     "simulate_many",
@@ -79,6 +88,7 @@ _HOMES = {
     "reproduce": "shim2000.reproduce",
     "resume": "simulation.simulate",
     "run": "simulation.simulate",
+    "run_drops": "simulation.simulate",
     "run_many": "simulation.simulate",
     "simulate": "simulation.simulate",
     "simulate_many": "simulation.simulate",

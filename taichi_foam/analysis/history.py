@@ -32,11 +32,10 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     deceleration = np.divide(
         np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
-    start = scene.contact_height + impactor.gap if impactor else np.nan
     normal = of["bonds"] - of["shear"] - of["dashpots"] - of["room"]
     potential = of["potential"] + mass * gravity * y
     found = {
-        "displacement_m": (start - y) if impactor else np.zeros_like(t),
+        "displacement_m": (y[:1] - y) if impactor else np.zeros_like(t),
         "velocity_m_s": -v,
         "deceleration_m_s2": deceleration,
         "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),

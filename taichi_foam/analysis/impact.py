@@ -150,7 +150,7 @@ def passed_through(record: Record) -> bool | None:
     if impact(record) is not None or not v[-1] > 0:
         return False
     way = way_down(record)[-1] - touch.way_0
-    if way >= scene.contact_height and not scene.base.stops_impactor:
+    if way >= record.contact_height and not scene.base.stops_impactor:
         return True
     touching = np.flatnonzero(h["contact_force_N"] != 0)
     last = int(touching[-1]) if touching.size else touch.row
@@ -173,7 +173,7 @@ def bottomed_out(record: Record) -> bool | None:
     way = np.nanmax(way_down(record)) - touch.way_0
     if fell_beside(record):
         return False
-    if scene.base.stops_impactor and way >= scene.contact_height:
+    if scene.base.stops_impactor and way >= record.contact_height:
         return True
     if not record.snapshots:
         return None

@@ -23,12 +23,14 @@ from taichi_foam.analysis.impact import (
     passed_through,
 )
 from taichi_foam.analysis.pattern import crushed_region
+from taichi_foam.analysis.resting import height_beneath
 from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import filling
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.paths import at
 from taichi_foam.units import STANDARD_GRAVITY
@@ -284,6 +286,32 @@ def equivalent_drop_height(record: Record) -> float | None:
     return touch and touch.velocity_0**2 / (2 * STANDARD_GRAVITY)
 
 
+def rest_height(record: Record) -> float | None:
+    """Height (m) at which the impactor's lowest point would touch the block as it is at the end.
+
+    None without an impactor or a snapshot, and where no mass point is beneath it.
+    """
+    impactor = record.scene.impactor
+    if impactor is None or not record.snapshots:
+        return None
+    try:
+        return height_beneath(
+            record.snapshots[-1].position, impactor, filling(record.scene.block).there
+        )
+    except ValueError:
+        return None
+
+
+def max_strain(record: Record) -> float | None:
+    """How far the fresh block was compressed at most under the impactor's lowest point, over its
+    thickness from the first to the last row of mass points."""
+    depth, scene = max_displacement(record), record.scene
+    if depth is None:
+        return None
+    lost = scene.contact_height - record.contact_height
+    return (lost + depth) / (scene.contact_height - 0.5 * scene.block.dy)
+
+
 def summary(record: Record) -> dict[str, Any]:
     """The content of summary.json: one entry per measure, units in the names, None for no answer.
 
@@ -326,6 +354,10 @@ def summary(record: Record) -> dict[str, Any]:
         "velocity_change_m_s": velocity_change(record),
         "restitution": restitution(record),
         "equivalent_drop_height_m": equivalent_drop_height(record),
+        "drop": record.drop if scene.impactor is not None else None,
+        "contact_height_m": record.contact_height if scene.impactor is not None else None,
+        "rest_height_m": rest_height(record),
+        "max_strain": max_strain(record),
         "final_angle_rad": turn and turn[0],
         "final_spin_rad_s": turn and turn[1],
         "final_velocity_x_m_s": turn and turn[2],

@@ -69,6 +69,8 @@ REBOUND = Quantity("rebound_velocity_m_s", "rebound velocity", "rebound", "m/s",
 CHANGE = Quantity("velocity_change_m_s", "velocity change", "velocity change", "m/s", 1.0, 2)
 RESTITUTION = Quantity("restitution", "coefficient of restitution", "restitution", "", 1.0, 3)
 FALL = Quantity("equivalent_drop_height_m", "equivalent drop height", "drop height", "cm", 1e2, 1)
+STRAIN = Quantity("max_strain", "largest strain of the block", "strain", "%", 1e2, 1)
+REST = Quantity("rest_height_m", "height of the block at the end", "rest height", "cm", 1e2, 2)
 WIDTH = Quantity("crushed_width_m", "width of the crushed region", "crushed width", "cm", 1e2, 1)
 HEIGHT = Quantity(
     "crushed_height_m", "height of the crushed region", "crushed height", "cm", 1e2, 1

@@ -42,11 +42,14 @@ def energy_residual(record: Record) -> float | None:
     """Unaccounted energy at its worst row, with its sign, over the impact energy.
 
     The impact energy is the largest kinetic and strain energy that any row holds: that of the
-    first row, or, when things fall, that at contact. None if it is zero.
+    first row, or, when things fall, that at contact; what a crosshead or a shaken base has given,
+    if that is more. None if it is zero.
     """
     h = record.history
     parts = ("impactor_kinetic_J", "foam_kinetic_J", "strain_J")
     impact_energy = np.sum([np.nan_to_num(h[name]) for name in parts], axis=0).max(initial=0.0)
+    if record.scene.is_driven:
+        impact_energy = max(impact_energy, float(np.abs(h["base_J"]).max(initial=0.0)))
     if impact_energy == 0:
         return None
     return float(h["residual_J"][np.argmax(np.abs(h["residual_J"]))] / impact_energy)

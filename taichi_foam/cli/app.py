@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +13,13 @@ from rich.console import Console
 from taichi_foam import version as package
 from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import foam, keys, replay, serve, sweep
+from taichi_foam.cli.films import draw_films
 from taichi_foam.cli.options import (
+    After,
     Arch,
     Checkpoint,
     Choices,
+    Drops,
     Dt,
     Frames,
     Live,
@@ -27,7 +30,7 @@ from taichi_foam.cli.options import (
     Threads,
 )
 from taichi_foam.cli.outcome import exit_codes, say_assumed, say_warnings, say_where
-from taichi_foam.errors import RunError
+from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.files import file_name
@@ -77,9 +80,13 @@ def run_script(scene: Scene) -> None:
         frames: Frames = False,
         live: Live = False,
         checkpoint: Checkpoint = None,
+        after: After = None,
+        drops: Drops = None,
     ) -> None:
         overrides = _overrides(set_, dt, no_film, frames)
-        _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint)
+        _run(
+            scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint, after, drops
+        )
 
     script()
 
@@ -116,10 +123,12 @@ def run_command(
     frames: Frames = False,
     live: Live = False,
     checkpoint: Checkpoint = None,
+    after: After = None,
+    drops: Drops = None,
 ) -> None:
     """Run one scene and write its result: histories, snapshots, measures, a GIF and an MP4."""
     overrides = _overrides(set_, dt, no_film, frames)
-    _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint)
+    _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint, after, drops)
 
 
 @_app.command("resume")
@@ -134,16 +143,21 @@ def resume_command(
     with exit_codes(errors):
         from taichi_foam.engine import runtime
         from taichi_foam.simulation import simulate
+        from taichi_foam.simulation.after import After
         from taichi_foam.simulation.checkpoint import Checkpoint as Stored
         from taichi_foam.simulation.checkpoint import work_in
 
-        scene, arch = Stored.head(work_in(Path(folder)))
-        with claimed(folder, request_of(scene)) as claim:
+        scene, arch, told = Stored.head(work_in(Path(folder)))
+        with claimed(folder, request_of(scene, told)) as claim:
             runtime.start(arch, threads)
             _compute_and_save(
                 scene.name,
                 lambda on_progress: simulate.run(
-                    scene, on_progress, checkpoint=claim, every=checkpoint
+                    scene,
+                    on_progress,
+                    after=None if told is None else After(told),
+                    checkpoint=claim,
+                    every=checkpoint,
                 ),
                 claim, folder, bars, console, errors,
             )  # fmt: skip
@@ -229,15 +243,28 @@ def _overrides(given: list[str] | None, dt: str | None, no_film: bool, frames: b
     return [*overrides, *(given or [])]
 
 
-def _default_folder(scene: Scene, choices: str | None, overrides: list[str]) -> str:
+def _default_folder(
+    scene: Scene, choices: str | None, overrides: list[str], more: Sequence[str]
+) -> str:
     """A folder of its own for a scene and each way to change it; what is drawn does not count."""
     values = {key: v for key, v in settings(overrides).items() if not key.startswith("output.")}
-    words = [choices] if choices else []
+    words = [*([choices] if choices else []), *more]
     words += [f"{key}-{value}" for key, value in sorted(values.items())]
     name, changes = file_name(scene.name), file_name("-".join(words)) if words else ""
     if len(changes) > _LONGEST_CHANGES:
         changes = hashlib.sha256(changes.encode()).hexdigest()[:12]
     return f"runs/{name}-{changes}" if changes else f"runs/{name}"
+
+
+def _check_combination(live: bool, after: str | None, drops: int | None) -> None:
+    """Refuse options that do not go together. Raises UserError."""
+    if live and (after is not None or drops is not None):
+        option = "--after" if drops is None else "--drops"
+        raise UserError(
+            f"--live: shows drops on fresh blocks only, not {option}; leave out one of the two"
+        )
+    if after is not None and drops is not None:
+        raise UserError("--drops: a series begins on a fresh block; leave out --after")
 
 
 def _run(
@@ -250,31 +277,46 @@ def _run(
     overwrite: bool,
     live: bool,
     every: float | None,
+    after: str | None,
+    drops: int | None,
 ) -> None:
     """Load, check, compute, save, show."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     bars = Bars(errors)
     with exit_codes(errors):
         scene = load_scene(source, choices, overrides)
-        folder = _default_folder(scene, choices, overrides) if out is None else out
+        _check_combination(live, after, drops)
+        words = [] if after is None else [f"after-{Path(after).resolve().name}"]
+        words += [] if drops is None else [f"{drops}-drops"]
+        folder = _default_folder(scene, choices, overrides, words) if out is None else out
         # Names and values are right: now what needs Taichi, and costs its import.
         if live:
             from taichi_foam.cli.live import run_live
 
             run_live(scene, folder, overwrite, every, arch, threads, bars, console, errors)
             return
+        if drops is not None:
+            from taichi_foam.cli.series import run_series
+
+            run_series(scene, drops, folder, arch, threads, overwrite, every, bars, console, errors)
+            return
         from taichi_foam.engine import runtime
         from taichi_foam.picture import films
         from taichi_foam.simulation import simulate
+        from taichi_foam.simulation.after import After
 
+        before = None if after is None else After.of(scene, after)
         needed = storage_bytes(scene) + films.storage_bytes(scene)
-        with claimed(folder, request_of(scene), overwrite, needed) as claim:
+        request = request_of(scene, before and before.told)
+        with claimed(folder, request, overwrite, needed) as claim:
             runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
             if needed > _WORTH_SAYING:
                 bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
             _compute_and_save(
                 scene.name,
-                lambda on_progress: simulate.run(scene, on_progress, checkpoint=claim, every=every),
+                lambda on_progress: simulate.run(
+                    scene, on_progress, after=before, checkpoint=claim, every=every
+                ),
                 claim, folder, bars, console, errors,
             )  # fmt: skip
 
@@ -300,7 +342,7 @@ def _compute_and_save(
     with held_interrupts() as pressed, claim.publishing() as staging:
         result.write(staging)
     cut = pressed.is_set() or result.ending is Ending.INTERRUPTED
-    no_film = None if cut or failure else _draw_films(result, claim, bars)
+    no_film = None if cut or failure else draw_films(result, claim.folder, bars)
     if not cut and not isinstance(no_film, KeyboardInterrupt):
         claim.finish()
     try:
@@ -331,24 +373,3 @@ def _compute_and_save(
         )
     if no_film is not None:
         raise RunError(f"{no_film}; the run itself is complete in {folder}")
-
-
-def _draw_films(result: Result, claim: Claim, bars: Bars) -> BaseException | None:
-    """Draw films into the folder of a run that is saved; what kept them from being drawn, if so.
-
-    Whatever it is, the run is not to be lost by it.
-    """
-    from taichi_foam.picture import films
-    from taichi_foam.results import manifest
-    from taichi_foam.shim2000 import tests
-
-    if not (frames := films.frames_to_draw(result)):
-        return None
-    try:
-        with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
-            title = tests.title(result.scene)
-            drawn = films.write(result, claim.folder, on_frame, title=title)
-        manifest.add(claim.folder, [path.name for path in drawn])
-    except (Exception, KeyboardInterrupt) as error:
-        return error
-    return None

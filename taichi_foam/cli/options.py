@@ -38,6 +38,20 @@ Checkpoint = Annotated[
         "when it is interrupted.",
     ),
 ]
+After = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RUN_DIR",
+        help="Start on the block as that run has left it; the impactor is lifted above it.",
+    ),
+]
+Drops = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Drop the impactor N times on the same block; a folder for each, and a table.",
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
 NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
 Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from taichi_foam.analysis import quantities as q
 from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
     COMPARED,
@@ -27,6 +28,8 @@ _MORE = (
     q.RESTITUTION, q.FALL, q.LAYER, q.NO_ROOM,
     q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
 )  # fmt: skip
+
+_OF_DROPS = (q.CREST_G, q.RAW_CREST_G, q.STRAIN, q.RESTITUTION, q.REST, q.BROKEN)
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
@@ -54,6 +57,23 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
             row += [shown, _error(case, quantity.key)]
         table.add_row(*row, quantity.unit)
     table.caption, table.caption_justify = summary["statement"], "left"
+    return table
+
+
+def drops(results: Sequence[Result]) -> Table:
+    """The figures of drops on one block, a row each; fits 80 columns."""
+    table = _table(f"{results[0].scene.name}: drops on one block")
+    for words in ("drop", "peak in g\nCFC 180", "raw", "strain\n%", "restitution",
+                  "rest height\ncm", "broken\nbonds", ""):  # fmt: skip
+        table.add_column(words, justify="right", no_wrap=True)
+    for result in results:
+        found = result.summary
+        texts = [each.text(found[each.key]) for each in _OF_DROPS]
+        said = "interrupted" if found["interrupted"] else ""
+        table.add_row(str(result.drop), *texts, "bottomed out" if found["bottomed_out"] else said)
+    table.caption, table.caption_justify = (
+        "rest height: of the impactor's lowest point on the block as it lies at the end", "left"
+    )  # fmt: skip
     return table
 
 

@@ -32,6 +32,8 @@ class Features:
     shaped         mass points and faces differ from those of a plain block
     foams          how many foams the bonds are of
     turns          the impactor moves and turns in the plane
+    crosshead      the impactor keeps its velocity, whatever the force
+    shaken         a pulse accelerates the base
     """
 
     law: BondLaw
@@ -47,6 +49,8 @@ class Features:
     shaped: bool
     foams: int
     turns: bool
+    crosshead: bool
+    shaken: bool
 
 
 def features_of(scene: Scene) -> Features:
@@ -68,6 +72,8 @@ def features_of(scene: Scene) -> Features:
         shaped=not _is_plain(scene.block, filling(scene.block)),
         foams=len(foams),
         turns=scene.turns,
+        crosshead=scene.impactor is not None and scene.impactor.motion == "crosshead",
+        shaken=scene.base.acceleration is not None,
     )
 
 

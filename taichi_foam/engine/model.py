@@ -25,6 +25,7 @@ from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
 from taichi_foam.laws.shape.outline import convex_hull
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
+from taichi_foam.scene.pulse import MOST_POINTS
 
 # When cross differences are left out (Model.broken_halves).
 EITHER = 0
@@ -72,6 +73,7 @@ MEMBERS = {
     "impactor_centre": vec2,  # of mass, about the reference point as it starts
     "impactor_reach": ti.f64,  # furthest point from there
     "impactor_inertia": ti.f64,
+    "pulse_points": ti.f64,  # in `ModelFields.pulse`, as a number: see Layout of whole ones
     "hull_corners": ti.f64,  # in `ModelFields.hull`, as a number: see Layout of whole ones
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
@@ -131,6 +133,7 @@ class Model:
     numbers    (n,) every member of `parameters_type`, in its order
     surface    (n, 3) of the impactor, a row of zeros without one
     hull       (n, 2) corners of its convex hull, if it turns
+    pulse      (n, 2) times [s] and accelerations [m/s2] of the base, if it is shaken
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
     filling    (I, J, 6) mass of each mass point [kg], share of the faces of bonds A and B, reach
@@ -143,6 +146,7 @@ class Model:
     numbers: NDArray[np.float64]
     surface: NDArray[np.float64]
     hull: NDArray[np.float64] | None
+    pulse: NDArray[np.float64] | None
     strengths: NDArray[np.float64] | None
     tables: NDArray[np.float64] | None
     filling: NDArray[np.float64] | None
@@ -158,6 +162,7 @@ def model_of(scene: Scene) -> Model:
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
         surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
         hull=_hull(scene) if scene.turns else None,
+        pulse=_pulse(scene) if scene.base.acceleration is not None else None,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(scene, graded),
         filling=_filled(scene) if features_of(scene).shaped else None,
@@ -209,6 +214,7 @@ class ModelFields:
     parameters  (batch,) records of `parameters_type`
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
     hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
+    pulse       (batch, MOST_POINTS) time and acceleration of the base, where it is shaken
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
                 (batch, I, packs) of the nodes of a shaped block
@@ -239,6 +245,9 @@ class ModelFields:
         if features.turns:
             self.hull = vec2.field()
             layout.listed(MOST_CORNERS, self.hull)
+        if features.shaken:
+            self.pulse = vec2.field()
+            layout.listed(MOST_POINTS, self.pulse)
         if features.scattered:
             self.strengths = (small_pack.field(), small_pack.field())
             layout.of_nodes(*self.strengths)
@@ -320,6 +329,7 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_centre": [0.0, 0.0],
         "impactor_reach": 0.0,
         "impactor_inertia": 1.0,
+        "pulse_points": 0.0 if base.acceleration is None else len(base.acceleration.time),
         "hull_corners": 0.0,
         "impactor_mass": 1.0,
         "impactor_rate": 0.0,
@@ -365,6 +375,13 @@ def parameters_of(scene: Scene) -> dict:
             "hull_corners": len(_hull(scene)),
         }
     return values
+
+
+def _pulse(scene: Scene) -> NDArray[np.float64]:
+    """Points (n, 2) of the base's pulse: time [s], acceleration [m/s2]."""
+    pulse = scene.base.acceleration
+    assert pulse is not None
+    return np.column_stack([pulse.time, pulse.acceleration])
 
 
 def _hull(scene: Scene) -> NDArray[np.float64]:

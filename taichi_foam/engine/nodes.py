@@ -6,10 +6,10 @@ strips. On a CPU a strip is a column.
 
 import taichi as ti
 
-from taichi_foam.engine import cells, contact, lanes, makeup, turning
+from taichi_foam.engine import cells, contact, driving, lanes, makeup, turning
 from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
+from taichi_foam.engine.state import BASE, BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
 
@@ -91,6 +91,11 @@ def node_pack(
     mobility = makeup.mobility(lattice, b, i, k)
     a_x = force_x * mobility.x
     a_y = force_y * mobility.y - mobility.gravity
+    if ti.static(lattice.features.shaken):
+        shake, moves = driving.shake(lattice, b), mobility.y > 0.0
+        a_y -= ti.select(moves, shake, 0.0)
+        momentum = ti.select(moves, now.v / mobility.y, 0.0).sum()
+        _add_work(lattice, b, strip, BASE, weight * shake * momentum)
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
     if stage > 0:
         before = lattice.state.increment[b, i, k]
@@ -285,6 +290,7 @@ def free_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
     step = lattice.state.clock[b].step
     weight, ahead = stage_weight(stage, step), stage_ahead(stage, step)
     turning.stage(lattice, b, stage, weight, ahead, by_nodes, p)
+    driving.look_ahead(lattice, b, stage, step, p)
 
 
 @ti.func
@@ -300,6 +306,14 @@ def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
         body.support_work -= weight * stop * body.trial_v
         force += stop
     acceleration = force / p.impactor_mass - p.gravity
+    if ti.static(lattice.features.crosshead):
+        # what drives it carries all other forces, and does their work
+        body.support_work += weight * p.impactor_mass * acceleration * body.trial_v
+        acceleration = 0.0
+    if ti.static(lattice.features.shaken):
+        shake = driving.shake(lattice, b)
+        body.support_work += weight * p.impactor_mass * shake * body.trial_v
+        acceleration -= shake
     rate_y = weight * body.trial_v
     rate_v = weight * acceleration
     if stage > 0:
@@ -318,6 +332,7 @@ def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
     body.rate_v = rate_v
     body.force = force
     lattice.state.body[b] = body
+    driving.look_ahead(lattice, b, stage, step, p)
 
 
 @ti.func

@@ -41,6 +41,7 @@ class ScratchFields:
     push      of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, `row_columns`) rows since the last harvest
+    shake     acceleration of the base at the stage that comes next [m/s2]
     sums, totals   of a GPU's blocks, and of the lattice
     """
 
@@ -86,6 +87,9 @@ class ScratchFields:
             self.sums, self.totals = ti.field(ti.f64), ti.field(ti.f64)
             layout.tabled(layout.blocks, SUMS, self.sums)
             layout.tabled(1, SUMS, self.totals)
+        if features.shaken:
+            self.shake = ti.field(ti.f64)
+            layout.of_lattices(self.shake)
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)

@@ -5,16 +5,18 @@ are the same to the last bit.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.resting import height_beneath
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import cuts
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import Filling, filling
@@ -198,6 +200,28 @@ class State:
                 values[field.name] = arrays[field.name]
         return cls(**values)
 
+    def cushion(self) -> Cushion:
+        """What it leaves of the block for the next impact."""
+        return Cushion(
+            position=self.position,
+            velocity=self.velocity,
+            increment=self.increment,
+            floor_stretch=self.stretch[..., 1],
+            room=self.room,
+            surface=self.surface,
+            hold=self.hold,
+            worst_a=self.worst_a,
+            worst_b=self.worst_b,
+            broken_a=1.0 - np.isnan(self.break_time_a),
+            broken_b=1.0 - np.isnan(self.break_time_b),
+            intact_a=self.intact_a,
+            intact_b=self.intact_b,
+            stiffest=self.clock["stiffest"],
+            crush=self.clock["crush"],
+            speed=self.clock["speed"],
+            broken=self.clock["broken"],
+        )
+
     def snapshot(self) -> Snapshot:
         """What a viewer sees of it. Without an impactor `impactor_y` is NaN."""
         height = self.body["y"]
@@ -268,6 +292,41 @@ def initial_state(scene: Scene) -> State:
         fracture=np.zeros(0),
         overlap=np.zeros(0),
         neighbours={},
+    )
+
+
+def state_after(scene: Scene, cushion: Cushion) -> State:
+    """What a scene starts with on a block as another run has left it.
+
+    The block goes on where it was, to the last bit. Bonds that are broken were so from the start,
+    as cuts are. Clock, works and the impactor begin anew; its friction springs are slack, the
+    floor's are not. Raises ValueError: none of the block is beneath the impactor.
+    """
+    start = initial_state(scene)
+    stretch = np.zeros_like(start.stretch)
+    stretch[..., 1] = cushion.floor_stretch
+    body = dict(start.body)
+    if scene.impactor is not None:
+        body["y"] = height_beneath(cushion.position, scene.impactor, filling(scene.block).there)
+        body["y"] += scene.impactor.gap
+    clock = {name: getattr(cushion, name) for name in ("stiffest", "crush", "speed", "broken")}
+    return replace(
+        start,
+        position=cushion.position,
+        velocity=cushion.velocity,
+        increment=cushion.increment,
+        stretch=stretch,
+        room=cushion.room,
+        surface=cushion.surface,
+        hold=cushion.hold,
+        worst_a=cushion.worst_a,
+        worst_b=cushion.worst_b,
+        break_time_a=np.where(cushion.broken_a > 0.0, 0.0, np.nan),
+        break_time_b=np.where(cushion.broken_b > 0.0, 0.0, np.nan),
+        intact_a=cushion.intact_a,
+        intact_b=cushion.intact_b,
+        clock={**start.clock, **clock},
+        body=body,
     )
 
 

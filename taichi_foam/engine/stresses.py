@@ -1,6 +1,7 @@
-"""Stresses of bonds outside a run: of a stored instant, or along a curve."""
+"""Stresses outside a run: of bonds along a curve, about the mass points of a stored instant."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -8,9 +9,14 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import runtime
-from taichi_foam.laws.bond import BondFoam, BondLaw
+from taichi_foam.engine import runtime, virial
+from taichi_foam.engine.features import features_of
+from taichi_foam.engine.lattice import borrowed
+from taichi_foam.engine.state import NEVER, initial_state
+from taichi_foam.engine.transfer import load, unload
+from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
@@ -50,7 +56,6 @@ def normal_stresses(
     strain: Array,
     worst: Array | float,
     broken: NDArray[np.bool_] | None = None,
-    foam: BondFoam | None = None,
 ) -> Array:
     """Engineering stress [Pa] of the scene's foam, tension positive (Eq. 26, Fig. 19).
 
@@ -59,9 +64,7 @@ def normal_stresses(
         strain: engineering strain now, any shape.
         worst: the most compressive strain so far (<= 0), of that shape or a number.
         broken: which bonds are broken, of that shape; default none.
-        foam: that of a layer, in place of the scene's.
     """
-    foam = foam or scene.foam
     runtime.start()
     flat = np.ascontiguousarray(strain, dtype=np.float64).ravel()
     history = np.ascontiguousarray(np.broadcast_to(worst, np.shape(strain))).ravel()
@@ -69,10 +72,42 @@ def normal_stresses(
     if broken is not None:
         torn[:] = broken.ravel()
     stress = np.empty_like(flat)
-    law = foam.law_for(scene.model)
-    constants = law.Constants(**foam.constants(scene.model))
+    law = scene.foam.law_for(scene.model)
+    constants = law.Constants(**scene.foam.constants(scene.model))
     kernel, table = _kernel(law)
     if table is not None:
-        table.from_numpy(foam.table[None])
+        table.from_numpy(scene.foam.table[None])
     kernel(constants, flat, history, torn, stress)
     return stress.reshape(np.shape(strain))
+
+
+def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
+    """Stress xx, yy and xy [Pa] about each mass point at an instant (I, J, 3), tension positive.
+
+    As the run has kept it; else worked out again from what the instant holds. That lacks friction,
+    contact of pieces, and what bonds beyond their limits have lost.
+    """
+    if snapshot.stress is not None:
+        return snapshot.stress
+    start = initial_state(scene)
+    moved = {"x": snapshot.impactor_shift, "angle": snapshot.impactor_angle}
+    turn = {**start.turn, **moved} if scene.turns else start.turn
+    instant = replace(
+        start,
+        position=np.asarray(snapshot.position, dtype=np.float64),
+        velocity=np.asarray(snapshot.velocity, dtype=np.float64),
+        worst_a=np.asarray(snapshot.e_min_a, dtype=np.float64),
+        worst_b=np.asarray(snapshot.e_min_b, dtype=np.float64),
+        break_time_a=snapshot.break_time_a,
+        break_time_b=snapshot.break_time_b,
+        clock={**start.clock, "stiffest": 0.0},
+        body={**start.body, "y": snapshot.impactor_y if scene.impactor is not None else NEVER},
+        turn=turn,
+    )
+    block = scene.block
+    with borrowed(1, block.columns, block.rows, features_of(scene)) as lattice:
+        load(lattice, 0, scene, instant)
+        try:
+            return virial.stresses(lattice, 0, block)
+        finally:
+            unload(lattice, 0)

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import breaking, lanes, stepping
+from taichi_foam.engine import breaking, driving, lanes, stepping, virial
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
@@ -28,7 +28,7 @@ from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Block, Scene
 
 Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Table = ti.types.ndarray(dtype=ti.f64, ndim=2)
@@ -66,6 +66,8 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
     _put_numbers(lattice, b, model.numbers, model.surface)
     if model.hull is not None:
         _put_hull(lattice, b, model.hull)
+    if model.pulse is not None:
+        _put_pulse(lattice, b, model.pulse)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
     if model.filling is not None:
@@ -101,6 +103,9 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 moves_y = not (p.hold_y and j == 0)
                 lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
                 lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
+                if ti.static(lattice.features.shaken):  # noqa: SIM102 - the static test stands alone
+                    if j >= lattice.rows:
+                        lattice.model.mobility[b, k].y[lane] = 0.0
                 falls = moves_y and j < lattice.rows
                 lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
 
@@ -156,6 +161,12 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
 def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
     for n in range(hull.shape[0]):
         lattice.model.hull[b, n] = vec2(hull[n, 0], hull[n, 1])
+
+
+@ti.kernel
+def _put_pulse(lattice: ti.template(), b: ti.i32, pulse: Table):
+    for n in range(pulse.shape[0]):
+        lattice.model.pulse[b, n] = vec2(pulse[n, 0], pulse[n, 1])
 
 
 @ti.kernel
@@ -298,6 +309,10 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
         lattice.state.clock[b].rows = 0
         lattice.state.clock[b].active = 0
         lattice.state.clock[b].pause = 0.0
+        if ti.static(lattice.features.shaken):
+            p = lattice.model.parameters[b]
+            now = driving.pulse_at(lattice, b, lattice.state.clock[b].time, p)
+            lattice.scratch.shake[b] = now
 
 
 @ti.kernel
@@ -362,8 +377,8 @@ def take(lattice: Lattice, b: int) -> State:
     )
 
 
-def snapshot(lattice: Lattice, b: int) -> Snapshot:
-    """What a viewer sees of lattice `b` between two steps."""
+def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
+    """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
     nodes = np.empty((lattice.columns, lattice.rows, 4))
     bonds = np.empty((lattice.columns, lattice.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
@@ -379,6 +394,7 @@ def snapshot(lattice: Lattice, b: int) -> Snapshot:
         break_time_b=bonds[:, :-1, 3].copy(),
         impactor_shift=turn.get("x", 0.0),
         impactor_angle=turn.get("angle", 0.0),
+        stress=None if stressed is None else virial.stresses(lattice, b, stressed),
     )
 
 

@@ -7,6 +7,7 @@ how far the body has turned about its centre of mass.
 
 import taichi as ti
 
+from taichi_foam.engine import driving
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
@@ -141,11 +142,16 @@ def stage(lattice: ti.template(), b, stage, weight, ahead, by_nodes: vec3, p: ti
     """A Runge-Kutta stage for the body, once the load of all nodes on it is known."""
     load = by_nodes + _support(lattice, b, weight, p)
     body, turn = lattice.state.body[b], lattice.state.turn[b]
+    pull = p.gravity
+    if ti.static(lattice.features.shaken):
+        shake = driving.shake(lattice, b)
+        pull += shake
+        body.support_work += weight * p.impactor_mass * shake * body.trial_v
     position = vec3(body.y, turn.x, turn.angle)
     velocity = vec3(body.v, turn.u, turn.spin)
     now = vec3(body.trial_v, turn.trial_u, turn.trial_spin)
     acceleration = vec3(
-        load[0] / p.impactor_mass - p.gravity,
+        load[0] / p.impactor_mass - pull,
         load[1] / p.impactor_mass,
         load[2] / p.impactor_inertia,
     )

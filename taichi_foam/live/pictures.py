@@ -118,5 +118,5 @@ def colour_key(scene: Scene, mode: str) -> dict[str, Any]:
     return {
         "words": " ".join(key.words),
         "colours": [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in picked],
-        "ticks": [[round(value / key.top, 4), text] for value, text in key.ticks],
+        "ticks": [[round(key.share(value), 4), text] for value, text in key.ticks],
     }

@@ -117,7 +117,7 @@ def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
 
 
 def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
-    """Colour key in `box` with the light end on top; text of `size` pixels."""
+    """Colour key in `box` with its low end on top; text of `size` pixels."""
     face = font(size)
     y = box.top
     for word in key.words:
@@ -129,7 +129,7 @@ def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][:, None]
     _outline(image, bar, tones)
     for tick, text in key.ticks:
-        row = bar.top + round(tick / key.top * (bar.height - 1))
+        row = bar.top + round(key.share(tick) * (bar.height - 1))
         mark = Box(bar.right, row, bar.right + max(3, round(0.35 * size)), row + 1)
         rectangle(image, mark, tones.ink)
         place = (mark.right + 0.3 * size, row)
@@ -158,7 +158,7 @@ def level_key(
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][None]
     _outline(image, bar, tones)
     for tick, text in key.ticks:
-        column = bar.left + round(tick / key.top * (bar.width - 1))
+        column = bar.left + round(key.share(tick) * (bar.width - 1))
         mark = Box(column, bar.bottom, column + 1, bar.bottom + max(3, round(0.3 * size)))
         rectangle(image, mark, tones.ink)
         place = (column, mark.bottom + 0.15 * size)

@@ -65,7 +65,12 @@ THEMES = {
 
 # Maps of Matplotlib by the name that modes use, from the light end (nothing) to the dark one.
 # They end short of black, so that grid lines and steel stay apart from crushed foam.
-_MAPS = {"heat": ("magma_r", 0.0, 0.90), "cool": ("viridis_r", 0.0, 1.0)}
+_MAPS = {
+    "heat": ("magma_r", 0.0, 0.90),
+    "cool": ("viridis_r", 0.0, 1.0),
+    # from one dark end to the other, light in the middle: blue below zero, red above it
+    "both": ("RdBu_r", 0.03, 0.97),
+}
 
 # Luma below which a colour counts as dark.
 _DARK = 95.0
@@ -81,9 +86,9 @@ def shades(name: str) -> NDArray[np.uint8]:
     return np.round(255 * rgba[:, :3]).astype(np.uint8)
 
 
-def levels(values: NDArray[np.float64], top: float) -> NDArray[np.intp]:
-    """Index into `shades` of values between 0 and `top`, of the same shape; clipped beyond."""
-    share = np.clip(values * (255.0 / top), 0.0, 255.0)
+def levels(values: NDArray[np.float64], top: float, bottom: float = 0.0) -> NDArray[np.intp]:
+    """Index into `shades` of values from `bottom` to `top`, of the same shape; clipped beyond."""
+    share = np.clip((values - bottom) * (255.0 / (top - bottom)), 0.0, 255.0)
     return np.rint(share).astype(np.intp)
 
 

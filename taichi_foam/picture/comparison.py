@@ -307,7 +307,7 @@ def _write_head(
     plain, bold = annotate.font(21 * unit), annotate.font(24 * unit, bold=True)
     foot, last, start = head + 68 * unit, run.snapshots[-1].time, float(box.left)
     if run.scene.impactor is not None:
-        depth = raster.depth_text(raster.sunk(at(run.snapshots, time), run.scene))
+        depth = raster.depth_text(run.displacement(at(run.snapshots, time)) or 0.0)
         said = "moved " if box.width < _NARROW * unit else "displacement "
         for words, face, tone in ((said, plain, tones.soft_ink), (depth, bold, tones.ink)):
             annotate.write(image, (start, foot), words, face, colour=tone)

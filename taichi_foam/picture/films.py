@@ -189,7 +189,8 @@ def _reel(result: Result, title: str | None = None) -> _Reel:
 
     def draw(snapshot: Snapshot, size: tuple[int, int]) -> Image8:
         so_far = curve and curve.until(snapshot.time)
-        return raster.frame(snapshot, scene, size, title=title, curve=so_far)
+        sunk = result.displacement(snapshot)
+        return raster.frame(snapshot, scene, size, title=title, displacement=sunk, curve=so_far)
 
     return _Reel(scene.output, result.snapshots, draw)
 

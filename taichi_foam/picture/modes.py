@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.analysis.crush import by_foam, over_bonds, worst_strain
 from taichi_foam.analysis.presence import apart, bonded
-from taichi_foam.engine.stresses import normal_stresses
+from taichi_foam.engine.stresses import cell_stresses
 from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -36,14 +36,20 @@ class Key:
 
     words     title in one or two lines, with the unit where the ticks have none
     shades    name of the colour map
-    top       figure at the dark end [SI]; 0 is at the light end
+    top       figure at the dark end [SI]
     ticks     figures [SI] that are marked, with their text
+    bottom    figure at the other end [SI]: 0, which is light, or as much below it
     """
 
     words: tuple[str, ...]
     shades: str
     top: float
     ticks: tuple[tuple[float, str], ...]
+    bottom: float = 0.0
+
+    def share(self, value: float) -> float:
+        """How far along the key a figure lies, 0 to 1."""
+        return (value - self.bottom) / (self.top - self.bottom)
 
 
 @dataclass(frozen=True)
@@ -100,20 +106,21 @@ def _permanent(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
 def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * max(marks.plateau_stress for marks in _landmarks(scene))
     scale, prefix = si_scale(top, least=0, digits=3)
-    words = ("compressive", f"stress ({prefix}Pa)")
-    return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
+    ticks = _ticks(top, 1 / scale, open_ended=True)
+    # both sides share the room that one has elsewhere
+    above = [*(tick for tick in ticks[:-1] if tick[0] < 0.6 * top), ticks[-1]]
+    below = tuple((-value, f"−{text}".replace("−≥ ", "≤ −")) for value, text in above[:0:-1])
+    words = ("stress, tension +", f"({prefix}Pa)")
+    return Key(words, "both", top, (*below, *above), bottom=-top)
 
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
-    """The largest compressive stress of each node's bonds."""
-    e_a, e_b = _lengthwise(snapshot, scene)
-    stresses = by_foam(
-        scene,
-        lambda foam, *bonds: normal_stresses(scene, *bonds, foam=foam),
-        (e_a, snapshot.e_min_a, snapshot.broken_a),
-        (e_b, snapshot.e_min_b, snapshot.broken_b),
-    )
-    return -worst_strain(*stresses)
+    """The principal stress of each node that is larger in size, tension positive."""
+    found = cell_stresses(scene, snapshot).astype(np.float64)
+    xx, yy, xy = np.moveaxis(found, -1, 0)
+    mean = 0.5 * (xx + yy)
+    radius = np.hypot(0.5 * (xx - yy), xy)
+    return np.where(mean > 0.0, mean + radius, mean - radius)
 
 
 def _speed_key(scene: Scene) -> Key:
@@ -205,7 +212,7 @@ MODES: dict[str, Mode] = {
         "worst compressive strain so far", _strain_key("worst compressive", "strain"), _worst
     ),
     "strain": Mode("compressive strain now", _strain_key("compressive", "strain"), _strain),
-    "stress": Mode("compressive stress now", _stress_key, _stress),
+    "stress": Mode("principal stress now, compression and tension apart", _stress_key, _stress),
     "speed": Mode("speed of the foam", _speed_key, _speed),
     "shear": Mode("shear strain now", _shear_key, _shear),
     "broken": Mode("broken bonds of each cell", _broken_key, _broken),

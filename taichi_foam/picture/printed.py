@@ -208,7 +208,7 @@ def _draw(
     there = filling(block).there
     shapes, sides = cells.shapes_of(snapshot, block)
     shapes, sides = shapes[there], sides[there]
-    level = colours.levels(look.shown.values(snapshot, scene), key.top)[there]
+    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)[there]
     shades = colours.shades(key.shades)[level].reshape(-1, 3) / 255
     size = scale * min(block.dx, block.dy) * 72 / _INCH  # of a cell in points
     edges = shades
@@ -272,7 +272,7 @@ def _with_room(key: Key, wide: float) -> list[tuple[float, str]]:
     kept: list[tuple[float, str]] = []
     reach = math.inf
     for value, text in reversed(key.ticks):
-        half, place = _width(text) / 2, wide * value / key.top
+        half, place = _width(text) / 2, wide * key.share(value)
         if place + half + 0.6 <= reach:
             kept.append((value, text))
             reach = place - half
@@ -289,11 +289,11 @@ def _key(figure: Figure, key: Key, width: float) -> None:
     wide, tall, right = 0.46 * width, 2.2, 5.5
     axis = _axes(figure, width - right - wide, _FOOT - 1.2 - tall, wide, tall)
     shades = colours.shades(key.shades) / 255
-    edges = np.linspace(0, key.top, len(shades) + 1)
+    edges = np.linspace(key.bottom, key.top, len(shades) + 1)
     # each reaches to the end, under those that follow, so that there are no seams
     bars = [[(start, 0), (key.top, 0), (key.top, 1), (start, 1)] for start in edges[:-1]]
     axis.add_collection(PolyCollection(bars, facecolors=shades, edgecolors="none"), autolim=False)
-    axis.set(xlim=(0, key.top), ylim=(0, 1))
+    axis.set(xlim=(key.bottom, key.top), ylim=(0, 1))
     for spine in axis.spines.values():
         spine.set(visible=True, color=INK, linewidth=_LINE)
     ticks = _with_room(key, wide)

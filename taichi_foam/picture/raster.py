@@ -202,7 +202,7 @@ def draw(
     block = scene.block
     shapes, sides = cells.shapes_of(snapshot, block)
     key = key or look.shown.key(scene)
-    level = colours.levels(look.shown.values(snapshot, scene), key.top)
+    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
     strokes = np.zeros_like(sides)
     smallest = view.scale * min(block.dx, block.dy)
     strength = float(np.clip((smallest - GRID_NONE) / (GRID_FULL - GRID_NONE), 0, 1))

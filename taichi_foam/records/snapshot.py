@@ -25,6 +25,8 @@ class Snapshot:
     break_time_b  (I, J-1) s, the same of B(i,j)
     impactor_shift  m, how far the impactor's centre of mass has moved sideways since the start
     impactor_angle  rad, how far it has turned about it, counter-clockwise
+    stress        (I, J, 3) Pa, xx, yy and xy about mass point (i, j), tension positive, 32 bits;
+                  see `engine.virial`. None if the run does not keep it
     """
 
     time: float
@@ -37,6 +39,7 @@ class Snapshot:
     break_time_b: Array
     impactor_shift: float = 0.0
     impactor_angle: float = 0.0
+    stress: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:
         columns, rows = self.position.shape[:2]

@@ -37,6 +37,14 @@ def check_shapes(path: Path, shapes: Mapping[str, tuple[int, ...]], most: int) -
         )
 
 
+def check_numbers(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Check arrays of numbers of these shapes. Raises as `check_shapes`."""
+    with zipfile.ZipFile(path) as archive:
+        for name, shape in {"format": (), **shapes}.items():
+            if (found := _shape(archive, name)) != shape:
+                raise ValueError(f"{name} in {path.name} has the shape {found}")
+
+
 def _shape(archive: zipfile.ZipFile, name: str) -> tuple[int, ...]:
     """Shape of an array of numbers, whose size in the zip must be what the shape takes."""
     entry = archive.getinfo(f"{name}.npy")

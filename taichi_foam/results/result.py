@@ -17,8 +17,12 @@ A result folder holds
         e_min_b       (N,I,J-1)     -     the same of B(i,j)
         break_time_a  (N,I-1,J)     s     when A(i,j) broke, NaN while intact
         break_time_b  (N,I,J-1)     s     the same of B(i,j)
+        stress        (N,I,J,3)     Pa    xx, yy, xy about mass point (i, j), with output.stress
     cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
                    (x, y) in m in the reference configuration, the longest first
+    compression.csv  of a crosshead: nominal strain and stress (Pa), compression positive
+    state.npz      the block as the run has left it, for the next impact on it: what
+                   `records.cushion.Cushion` holds; not of a run that was interrupted or failed
     summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
     manifest.json  sizes and checksums of all files, see `results.manifest`
 
@@ -32,7 +36,7 @@ import csv
 import json
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -40,14 +44,15 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.errors import UserError
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.packed import check_shapes
-from taichi_foam.results.snapshot_file import NAMES, record_type, shapes, snapshot_of
+from taichi_foam.results.packed import check_numbers, check_shapes
+from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
@@ -56,6 +61,7 @@ _FORMAT = 2
 _LONGEST_SUMMARY = 10_000_000
 # without these there is no result
 _FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
+_STATE = "state.npz"
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
 _DAMAGE = (
     OSError,
@@ -93,7 +99,7 @@ class Result(Record):
         A checkpoint of the run in that folder goes. Raises UserError as
         `taichi_foam.results.folders.claimed` does.
         """
-        with claimed(folder, request_of(self.scene), overwrite) as claim:
+        with claimed(folder, request_of(self.scene, self.run.get("after")), overwrite) as claim:
             with claim.publishing() as staging:
                 self.write(staging)
             claim.finish()
@@ -106,11 +112,17 @@ class Result(Record):
         `not_measured`, and the data are complete.
         """
         # Here, since measures bring SciPy along, which takes half a second to load.
+        from taichi_foam.analysis.compression import compression_curve
         from taichi_foam.analysis.fragments import cracks
 
         (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
         _write_history(folder / "history.csv", self.history)
         _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
+        if (curve := compression_curve(self)) is not None:
+            _write_curve(folder / "compression.csv", *curve)
+        if self.cushion is not None:
+            arrays: dict[str, Any] = self.cushion.to_arrays()
+            np.savez_compressed(folder / _STATE, format=_FORMAT, **arrays)
         try:
             paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
             measures = self.summary
@@ -138,7 +150,8 @@ class Result(Record):
         try:
             history = _read_history(root / "history.csv")
             snapshots = _read_snapshots(root / "snapshots.npz", scene)
-            return cls(scene, history, snapshots, _read_run(root / "summary.json"))
+            run, cushion = _read_run(root / "summary.json"), _read_cushion(root / _STATE, scene)
+            return cls(scene, history, snapshots, run, cushion)
         except _DAMAGE as error:
             raise UserError(
                 f"result folder {root}: not a complete result of this version ({_words(error)}). "
@@ -150,9 +163,13 @@ load = Result.load
 """Read a folder that a result was saved to; see `Result.load`."""
 
 
-def request_of(scene: Scene) -> dict[str, Any]:
-    """What stands for a run where its folder is claimed: all values of the scene, by key."""
-    return by_key(scene.model_dump(mode="json"))
+def request_of(scene: Scene, after: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """What stands for a run where its folder is claimed: all values of the scene, by key.
+
+    Of one on a block that another run has left (`run["after"]`) the state of that, too.
+    """
+    wanted = by_key(scene.model_dump(mode="json"))
+    return wanted if after is None else {**wanted, "after": after["state_sha256"]}
 
 
 def storage_bytes(scene: Scene) -> int:
@@ -161,7 +178,8 @@ def storage_bytes(scene: Scene) -> int:
     Snapshots count twice, since they are stored as they come before they are packed.
     """
     rows = scene.numerics.latest_end / scene.output.history_interval + 2
-    return int(2 * snapshots_bytes(scene) + 25 * len(COLUMNS) * rows) + 100_000
+    state = 16 * 8 * scene.block.columns * scene.block.rows
+    return int(2 * snapshots_bytes(scene) + state + 25 * len(COLUMNS) * rows) + 100_000
 
 
 def snapshots_bytes(scene: Scene) -> int:
@@ -178,7 +196,7 @@ def _check_whole(root: Path) -> None:
         if request_in(root) is None:
             reason = "is not a complete result of this version. Fix: run its scene again"
         raise UserError(f"result folder {root}: what is in it {reason}.")
-    changed = [name for name in _FILES if name in manifest.files]
+    changed = [name for name in (*_FILES, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
     if changed or not {*_FILES} <= {*manifest.files}:
         raise UserError(
@@ -199,6 +217,14 @@ def _write_history(path: Path, history: History) -> None:
         writer.writerows(zip(*columns, strict=True))
 
 
+def _write_curve(path: Path, strain: np.ndarray, stress: np.ndarray) -> None:
+    """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("strain [-]", "stress [Pa]"))
+        writer.writerows(zip(strain.tolist(), stress.tolist(), strict=True))
+
+
 def _read_history(path: Path) -> History:
     with path.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
@@ -217,6 +243,18 @@ def _read_run(path: Path) -> dict[str, Any]:
     if not (isinstance(summary, dict) and isinstance(summary.get("run"), dict)):
         raise ValueError("summary.json has no table `run`")
     return summary["run"]
+
+
+def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
+    """The block as the run has left it; None where there is none."""
+    if not path.is_file():
+        return None
+    shapes = Cushion.shapes(scene.block)
+    check_numbers(path, shapes)
+    with np.load(path) as archive:
+        if archive["format"] != _FORMAT:
+            raise ValueError(f"{path.name} has format {archive['format']}, not {_FORMAT}")
+        return Cushion.from_arrays({name: archive[name] for name in shapes})
 
 
 def _words(error: BaseException) -> str:
@@ -246,11 +284,12 @@ def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) ->
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
     most = int(scene.numerics.latest_end / scene.output.snapshot_interval) + 3
-    check_shapes(path, shapes(scene), most)
+    there = shapes(scene)
+    check_shapes(path, there, most)
     with np.load(path) as archive:
         if archive["format"] != _FORMAT:
             raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
-        arrays = {name: archive[name] for name in NAMES}
+        arrays = {name: archive[name] for name in there}
     return [
-        snapshot_of({name: arrays[name][n] for name in NAMES}) for n in range(len(arrays["time"]))
+        snapshot_of({name: arrays[name][n] for name in there}) for n in range(len(arrays["time"]))
     ]

@@ -21,22 +21,32 @@ from taichi_foam.results.files import synced
 from taichi_foam.scene import Scene
 
 NAMES = tuple(field.name for field in fields(Snapshot))
-"""What a snapshot consists of, in order."""
+"""What a snapshot may consist of, in order."""
 
 
 def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Shape of each array of a snapshot."""
+    """Shape of each array of a snapshot: what a snapshot consists of, in order.
+
+    Stresses are among them if the run keeps them.
+    """
     columns, rows = scene.block.columns, scene.block.rows
     nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    arrays = (nodes, nodes, a, b, a, b)
-    return dict(zip(NAMES, ((), (), *arrays, (), ()), strict=True))
+    found = dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b, (), ()), strict=False))
+    return {**found, "stress": (columns, rows, 3)} if scene.output.keeps_stress else found
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
-    """A snapshot of `scene` as one record: times in 64 bits, arrays as precise as it asks for."""
+    """A snapshot of `scene` as one record: times in 64 bits, arrays as precise as it asks for.
+
+    Stresses, which pictures show, have 32 bits.
+    """
     precise = np.float32 if scene.output.snapshot_precision == "single" else np.float64
+    kinds = {"stress": np.float32}
     return np.dtype(
-        [(name, precise if shape else np.float64, shape) for name, shape in shapes(scene).items()]
+        [
+            (name, kinds.get(name, precise) if shape else np.float64, shape)
+            for name, shape in shapes(scene).items()
+        ]
     )
 
 
@@ -51,10 +61,9 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
     """The snapshot of its numbers and arrays by name."""
-    given: dict[str, Any] = dict(values)
-    for name, each in values.items():
-        if np.ndim(each) == 0:
-            given[name] = float(each)
+    given: dict[str, Any] = {
+        name: each if np.ndim(each) else float(each) for name, each in values.items()
+    }
     return Snapshot(**given)
 
 
@@ -63,6 +72,7 @@ class _Records:
 
     def __init__(self, path: Path, kind: np.dtype[Any]) -> None:
         self.path, self.kind = path, kind
+        self.names = kind.names or ()
         self._mapped: tuple[mmap.mmap, NDArray[Any]] | None = None
 
     def count(self) -> int:
@@ -120,12 +130,12 @@ class SnapshotFile(Sequence[Snapshot]):
             part._records, part._chosen = self._records, self._chosen[index]
             return part
         record = self._records.read(self._chosen[index])
-        return snapshot_of({name: record[name] for name in NAMES})
+        return snapshot_of({name: record[name] for name in self._records.names})
 
     def append(self, snapshot: Snapshot) -> None:
         """Write one more. Raises OSError: those before it stay as they are."""
         record = np.zeros(1, self._records.kind)
-        for name in NAMES:
+        for name in self._records.names:
             record[name] = getattr(snapshot, name)
         self._records.write(len(self), record)
         self._chosen = range(len(self) + 1)

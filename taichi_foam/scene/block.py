@@ -212,7 +212,8 @@ class Block(Part):
 
 def _in_rows(block: Block) -> NDArray[np.float64]:
     """Heights (J,) of the rows of mass points, in cells."""
-    return np.arange(block.rows) + (0.0 if block.mass_points == "faces" else 0.5)
+    first = 0.0 if block.mass_points == "faces" else 0.5
+    return np.arange(block.rows, dtype=np.float64) + first
 
 
 def _problems_of_outline(block: Block) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.scene.pulse import Pulse
 
 # Lists are as good as tuples here: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
@@ -30,6 +31,15 @@ class Base(Part):
     )
     stops_impactor: bool = choice(
         True, "an impactor that has gone through the block is stopped at its bottom"
+    )
+    acceleration: Pulse | None = Field(
+        default=None,
+        description="pulse that shakes the base: a CSV file of time and acceleration, or a table; "
+        "all is then told in the base's frame",
+        json_schema_extra={
+            "allowed": "none, a CSV file, or a table of time (s) and acceleration (m/s2, upwards)",
+            "fix": "base.acceleration = 'pulse.csv'",
+        },
     )
 
 
@@ -209,6 +219,10 @@ class Output(Part):
     mode: Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"] = (
         choice("worst-strain", "what the colours of the pictures show")
     )
+    stress: bool = choice(
+        False,
+        "keep the stress about each mass point in snapshots; always kept where mode is stress",
+    )
     theme: Literal["light", "dark"] = choice("light", "tones of the pictures")
     curve: bool = choice(False, "draw the deceleration so far into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
@@ -241,6 +255,11 @@ class Output(Part):
         at_most=120,
         fix="25 is usual",
     )
+
+    @property
+    def keeps_stress(self) -> bool:
+        """Whether snapshots hold stresses."""
+        return self.stress or self.mode == "stress"
 
     @model_validator(mode="after")
     def _check_intervals(self) -> Output:

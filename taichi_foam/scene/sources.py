@@ -18,6 +18,7 @@ from taichi_foam.scene.library import foam_of, used
 from taichi_foam.scene.measured import Columns, read_curve
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
+from taichi_foam.scene.pulse_file import read_pulse
 
 _COLUMN_KEYS = ("strain", "stress", "strain_unit", "stress_unit")
 
@@ -34,7 +35,26 @@ def completed(data: Any, folder: Path = Path()) -> Any:
         data = {**data, "impactor": _drawn(impactor, folder)}
     for head in heads_of_foams(data):
         data = _completed(data, head, folder)
+    base = data.get("base")
+    if isinstance(base, Mapping) and isinstance(base.get("acceleration"), str | Path | Mapping):
+        data = {**data, "base": {**base, "acceleration": _pulse(base["acceleration"], folder)}}
     return data
+
+
+def _pulse(pulse: Any, folder: Path) -> Any:
+    """A pulse, read from its file if it names one."""
+    if isinstance(pulse, str | Path):
+        pulse = {"file": pulse}
+    if "file" not in pulse:
+        return pulse
+    if set(pulse) != {"file"} or not isinstance(pulse["file"], str | Path):
+        raise ValueError(
+            "base.acceleration: must be the name of a CSV file, or a table of time and acceleration"
+        )
+    try:
+        return read_pulse(folder / pulse["file"])
+    except UserError as error:
+        raise ValueError(f"base.acceleration: {error}") from None
 
 
 def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:

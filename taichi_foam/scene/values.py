@@ -12,7 +12,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall
+from taichi_foam.scene import assumed, driven, fall
 from taichi_foam.scene.messages import key_shown, shown
 from taichi_foam.scene.paths import steps
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
@@ -55,6 +55,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
     fall.settle(found, values)
+    driven.settle(found, values)
     assumed.settle(found, values)
     return found
 

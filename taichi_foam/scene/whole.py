@@ -15,7 +15,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, fall, filling, sources
+from taichi_foam.scene import assumed, driven, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.layers import foams_of
@@ -110,7 +110,7 @@ class Scene(Part):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        return assumed.completed(fall.completed(sources.completed(data)))
+        return assumed.completed(driven.completed(fall.completed(sources.completed(data))))
 
     @field_validator("assumed", mode="before")
     @classmethod
@@ -127,7 +127,12 @@ class Scene(Part):
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
-            *(unfilled or _problems_of_fall(self) or _problems_of_contact(self)),
+            *(
+                unfilled
+                or driven.problems(self.impactor, self.base, self.numerics)
+                or _problems_of_fall(self)
+                or _problems_of_contact(self)
+            ),
         ]
         if problems:
             raise ValueError("\n".join(problems))
@@ -166,6 +171,12 @@ class Scene(Part):
     def turns(self) -> bool:
         """Whether there is an impactor that moves and turns in the plane."""
         return self.impactor is not None and not self.impactor.guided
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether something moves by command: a crosshead, or a base that is shaken."""
+        crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
+        return crosshead or self.base.acceleration is not None
 
     @property
     def contact_height(self) -> float:
@@ -216,17 +227,15 @@ def _problems_of_layers(scene: Scene) -> list[str]:
     ]
     across, shear = scene.across.foam, scene.foam.shear_modulus
     key = "across.foam.shear_modulus"
-    given = across is not None and "shear_modulus" in across.model_fields_set
-    if given and across.shear_modulus != shear and key not in map(_key, scene.assumed or ()):
+    assumed_keys = {each.key for each in scene.assumed or ()}
+    if across is None or "shear_modulus" not in across.model_fields_set or key in assumed_keys:
+        return found
+    if across.shear_modulus != shear:
         found.append(
             f"{key} = {across.shear_modulus:g}: must be that of [foam], {shear:g} Pa; a plane has "
             "one shear modulus; leave it out"
         )
     return found
-
-
-def _key(entry: Assumed) -> str:
-    return entry.key
 
 
 def _problems_of_base(scene: Scene) -> list[str]:
@@ -326,6 +335,8 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
+    if scene.base.acceleration is not None:
+        return []  # the foam may come to it
     if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "

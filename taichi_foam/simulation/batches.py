@@ -16,15 +16,25 @@ from taichi_foam.analysis.history import history_of
 from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
-from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, CROWDED, DIVERGED, RUNNING, State
+from taichi_foam.engine.state import (
+    AT_END_TIME,
+    AT_REBOUND,
+    CROWDED,
+    DIVERGED,
+    RUNNING,
+    State,
+    state_after,
+)
 from taichi_foam.errors import LongRunWarning, warn_of_run
 from taichi_foam.interrupts import held_interrupts
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS, row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.after import After
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
 from taichi_foam.simulation.provenance import provenance
 
@@ -51,6 +61,9 @@ ENDINGS = {
 }
 """How a run ends, by the status that the engine leaves."""
 
+LEAVING = (AT_END_TIME, AT_REBOUND)
+"""Of these the endings that leave a block for the next impact."""
+
 
 @dataclass
 class Wall:
@@ -76,6 +89,8 @@ class Run:
     time: float = 0.0
     report: dict[str, float] = field(default_factory=dict)
     resumed: int = 0
+    after: After | None = None
+    cushion: Cushion | None = None  # what it leaves, once it has ended well
 
     @property
     def ended(self) -> bool:
@@ -161,6 +176,7 @@ class Run:
             seconds=wall.seconds - self.begun.seconds,
             node_stages=wall.node_stages - self.begun.node_stages,
             resumed=self.resumed,
+            after=self.after and self.after.told,
         )
 
 
@@ -185,23 +201,27 @@ class Slots:
         return [run for run in self._places if run is not None]
 
     def fill(
-        self, waiting: list[tuple[int, Scene]], checkpoints: Checkpoints | None = None
+        self,
+        waiting: list[tuple[int, Scene]],
+        checkpoints: Checkpoints | None = None,
+        after: After | None = None,
     ) -> None:
         """Load scenes, each with its index, from the end of `waiting` into empty places.
 
         One that has a checkpoint goes on from there. Raises UserError: it cannot.
+        All start `after` another run, if that is given.
         """
         lattice = self._lattice
         for b in range(lattice.batch):
             if self._places[b] is None and waiting:
                 index, scene = waiting.pop()
                 arch = str(runtime.settings()["arch"])
-                stored = checkpoints.stored(index, scene, arch) if checkpoints else None
+                stored = checkpoints.stored(index, scene, arch, after) if checkpoints else None
                 if stored is not None:
                     self._places[b] = self._resumed(b, index, stored)
                 else:
                     kept = checkpoints.snapshots(index, scene) if checkpoints else []
-                    self._places[b] = self._begun(b, index, scene, kept)
+                    self._places[b] = self._begun(b, index, scene, kept, after)
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
             transfer.set_pause(lattice, np.zeros(lattice.batch))
@@ -210,12 +230,21 @@ class Slots:
             self._is_compiled = True
 
     def _begun(
-        self, b: int, index: int, scene: Scene, snapshots: list[Snapshot] | SnapshotFile
+        self,
+        b: int,
+        index: int,
+        scene: Scene,
+        snapshots: list[Snapshot] | SnapshotFile,
+        after: After | None,
     ) -> Run:
         """The run of a scene from its start, in place `b`."""
-        transfer.load(self._lattice, b, scene)
-        run = Run(scene, index, replace(self._wall), self._lattice.batch, snapshots=snapshots)
-        run.record(transfer.snapshot(self._lattice, b))
+        cushion = after and after.cushion
+        state = None if cushion is None else state_after(scene, cushion)
+        transfer.load(self._lattice, b, scene, state)
+        run = Run(
+            scene, index, replace(self._wall), self._lattice.batch, snapshots=snapshots, after=after
+        )
+        run.record(self._snapshot(b, run))
         return run
 
     def _resumed(self, b: int, index: int, stored: Checkpoint) -> Run:
@@ -235,6 +264,8 @@ class Slots:
             time=clock["time"],
             report=_report(stored.state),
             resumed=stored.resumed + 1,
+            after=None if stored.after is None else After(stored.after),
+            cushion=_left(stored.state),
         )  # fmt: skip
 
     def checkpoints(self, only_ended: bool = False) -> list[tuple[int, Checkpoint]]:
@@ -290,12 +321,22 @@ class Slots:
             if len(rows[b]):
                 run.rows.append(rows[b])
             if run.ended or run.time >= run.next_snapshot:
-                run.record(transfer.snapshot(self._lattice, b))
+                run.record(self._snapshot(b, run))
+            if run.status in LEAVING:
+                run.cushion = transfer.take(self._lattice, b).cushion()
         return most
 
     def now(self, b: int) -> Snapshot:
         """The run in place `b` at this instant; it is not recorded."""
-        return transfer.snapshot(self._lattice, b)
+        run = self._places[b]
+        assert run is not None
+        return self._snapshot(b, run)
+
+    def _snapshot(self, b: int, run: Run) -> Snapshot:
+        scene = run.scene
+        return transfer.snapshot(
+            self._lattice, b, scene.block if scene.output.keeps_stress else None
+        )
 
     def clear_ended(self) -> None:
         """Make room where runs have ended."""
@@ -319,13 +360,16 @@ def borrowed_slots(
 
 
 def advance_all(
-    scenes: Sequence[Scene], wall: Wall, checkpoints: Checkpoints | None = None
+    scenes: Sequence[Scene],
+    wall: Wall,
+    checkpoints: Checkpoints | None = None,
+    after: After | None = None,
 ) -> Iterator[list[Run]]:
     """Advance scenes call by call; yields the runs on the device after each.
 
     A run is yielded for the last time with the status that ended it. With `checkpoints` runs go on
     from those that are there, and leave some: as time goes by, when they are interrupted, and when
-    they have ended.
+    they have ended. All start `after` another run, if that is given.
 
     Raises UserError: a checkpoint cannot be continued.
     """
@@ -333,7 +377,7 @@ def advance_all(
     groups: dict[tuple[int, int, Features], list[int]] = {}
     for index, scene in enumerate(scenes):
         if checkpoints is not None and checkpoints.has_ended(index):
-            stored = checkpoints.stored(index, scene, str(runtime.settings()["arch"]))
+            stored = checkpoints.stored(index, scene, str(runtime.settings()["arch"]), after)
             assert stored is not None
             yield [_ended_run(index, stored, wall)]
             continue
@@ -345,7 +389,7 @@ def advance_all(
         with borrowed_slots(batch, columns, rows, features, wall) as slots:
             try:
                 while waiting or slots.runs:
-                    slots.fill(waiting, checkpoints)
+                    slots.fill(waiting, checkpoints, after)
                     pressed = slots.advance(CALL_SECONDS)
                     if checkpoints is not None:
                         due = checkpoints.are_due()
@@ -359,6 +403,11 @@ def advance_all(
                 if checkpoints is not None:
                     checkpoints.save(slots.checkpoints())
                 raise
+
+
+def _left(state: State) -> Cushion | None:
+    """What a run that stands in this state leaves of its block, if it has ended well."""
+    return state.cushion() if state.clock["status"] in LEAVING else None
 
 
 def _report(state: State) -> dict[str, float]:
@@ -379,6 +428,8 @@ def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
         time=state.clock["time"],
         report=_report(state),
         resumed=stored.resumed,
+        after=None if stored.after is None else After(stored.after),
+        cushion=_left(stored.state),
     )  # fmt: skip
 
 
@@ -419,5 +470,7 @@ def result_of(run: Run, wall: Wall) -> Result:
             "node_stages_per_s": node_stages / max(seconds, 1e-9),
             **runtime.settings(),
             **provenance(run.scene),
+            **({} if run.after is None else {"after": dict(run.after.told)}),
         },
+        cushion=run.cushion,
     )

@@ -10,10 +10,11 @@ alone or in a batch.
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from taichi_foam.results.snapshot_file import SnapshotFile
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.values import by_key
+from taichi_foam.simulation.after import After
 from taichi_foam.version import version
 
 FORMAT = 6
@@ -56,6 +58,7 @@ class Checkpoint:
     seconds      wall time that the engine has taken
     node_stages  that it has computed
     resumed      how often the run has been continued
+    after        what came before on its block, as `Record.run` tells it; None: nothing did
     """
 
     scene: Scene
@@ -66,6 +69,7 @@ class Checkpoint:
     seconds: float
     node_stages: int
     resumed: int
+    after: Mapping[str, Any] | None = None
 
     def save(self, folder: Path) -> None:
         """Write it into `folder`, which is made if need be. Raises OSError."""
@@ -78,6 +82,7 @@ class Checkpoint:
             "rows": self.rows,
             "counts": np.array([self.seconds, self.node_stages, self.resumed]),
             "snapshots": len(self.snapshots),
+            "after": json.dumps(self.after and dict(self.after)),
             "ended": self.state.clock["status"] != RUNNING,
         }
         self.snapshots.sync()  # what the checkpoint counts has to be there
@@ -86,11 +91,14 @@ class Checkpoint:
             np.savez(partial, **arrays)
 
     @staticmethod
-    def head(folder: Path) -> tuple[Scene, str]:
-        """Scene and arch of the checkpoint in `folder`, the rest unread; raises as `load`."""
+    def head(folder: Path) -> tuple[Scene, str, Mapping[str, Any] | None]:
+        """Scene, arch and `after` of the checkpoint in `folder`, the rest unread.
+
+        Raises as `load`.
+        """
         with _opened(folder) as archive:
-            source = str(folder / CHECKPOINT)
-            return scene_from_text(str(archive["scene"]), source), str(archive["arch"])
+            scene = scene_from_text(str(archive["scene"]), str(folder / CHECKPOINT))
+            return scene, str(archive["arch"]), json.loads(str(archive["after"]))
 
     @classmethod
     def load(cls, folder: Path) -> Checkpoint:
@@ -112,6 +120,7 @@ class Checkpoint:
                 seconds=seconds,
                 node_stages=int(node_stages),
                 resumed=int(resumed),
+                after=json.loads(str(arrays["after"])),
             )
 
 
@@ -192,10 +201,12 @@ class Checkpoints:
         with _opened(folder) as archive:
             return bool(archive["ended"])
 
-    def stored(self, index: int, scene: Scene, arch: str) -> Checkpoint | None:
+    def stored(
+        self, index: int, scene: Scene, arch: str, after: After | None = None
+    ) -> Checkpoint | None:
         """The checkpoint of scene number `index`, None if there is none.
 
-        Raises UserError: it is damaged, or of another version, scene or kind of device.
+        Raises UserError: it is damaged, or of another version, scene, block or kind of device.
         """
         folder = self.folders[index]
         if not (folder / CHECKPOINT).is_file():
@@ -207,6 +218,12 @@ class Checkpoints:
             raise UserError(
                 f"{folder / CHECKPOINT}: of another scene, with {key} = {there.get(key)!r} instead "
                 f"of {here.get(key)!r}. Fix: choose another folder, or remove the file."
+            )
+        states = [told and told["state_sha256"] for told in (found.after, after and after.told)]
+        if states[0] != states[1]:
+            raise UserError(
+                f"{folder / CHECKPOINT}: of a run on another block than this one was left. Fix: "
+                "choose another folder, or remove the file."
             )
         if (found.arch == "cpu") != (arch == "cpu"):
             raise UserError(

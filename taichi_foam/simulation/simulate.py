@@ -5,14 +5,15 @@
     result = run(paper_scene("paper/wedge-2.86"))
 
 `simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as
-they come; `run` and `run_many` return results. All take `arch` and `threads`, which start Taichi as
+they come; `run` and `run_many` return results, `run_drops` those of drops on one block, one after
+the other. All take `arch` and `threads`, which start Taichi as
 `init` does; None takes what already runs, else the CPU with all its cores.
 """
 
 import contextlib
 import hashlib
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,14 @@ import psutil
 
 from taichi_foam.engine import runtime
 from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import Result, request_of, snapshots_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.simulation import batches
+from taichi_foam.simulation.after import After
 from taichi_foam.simulation.batches import Run, Wall
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints, work_in
 
@@ -123,6 +126,7 @@ def run(
     scene: Scene,
     on_progress: ProgressCallback | None = None,
     *,
+    after: Result | str | Path | After | None = None,
     checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
@@ -136,6 +140,10 @@ def run(
     Args:
         scene: what to run.
         on_progress: called after each call of the engine.
+        after: the result of a run, or its folder, on whose block this one is to go on: it starts
+            as that has ended, to the last bit. The impactor, which may be another one, or none,
+            starts its gap above the foam as it lies. Block, foam, model, base and start have to be
+            those of that run. None: a fresh block.
         checkpoint: folder for a checkpoint of the run, from which it goes on if there is one:
             written every `every` seconds of wall time, when it is interrupted and when it ends.
             Snapshots lie there too, instead of in memory. The folder is that of the result to come:
@@ -144,15 +152,90 @@ def run(
         arch, threads: as `init`.
 
     Raises:
-        UserError: as `init`, or a checkpoint cannot be continued.
+        UserError: as `init`, a checkpoint cannot be continued, or the run cannot follow `after`.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    with _claimed(checkpoint, lambda: request_of(scene)) as claim:
+    if after is not None and not isinstance(after, After):
+        after = After.of(scene, after)
+    with _claimed(checkpoint, lambda: request_of(scene, after and after.told)) as claim:
         kept = None if claim is None else Checkpoints([claim.work], every)
-        try:
-            return _run_all([scene], on_progress, kept, arch, threads)[0]
-        except Interrupted as interrupted:
-            return interrupted.results[0]
+        return _run_one(scene, on_progress, kept, arch, threads, after)
+
+
+def run_drops(
+    scene: Scene,
+    count: int,
+    on_progress: ProgressCallback | None = None,
+    *,
+    checkpoint: str | Path | Claim | None = None,
+    every: float | None = None,
+    arch: str | None = None,
+    threads: int | None = None,
+) -> list[Result]:
+    """Drop the impactor `count` times on one block, and return the results in order.
+
+    Each drop starts as the one before has left the block, as `run` does `after` it. Ctrl-C ends the
+    series early: the last result is then an interrupted one.
+
+    Args:
+        scene: of the first drop.
+        count: how many drops, 1 to MOST_DROPS.
+        on_progress: called after each call of the engine; the drops that are over count as
+            finished.
+        checkpoint: folder for checkpoints of the series, or a claim of one that is held. Drops go
+            on from those that are there; what has ended is not computed again.
+        every, arch, threads: as `run`.
+
+    Raises:
+        UserError: as `run`, or a count that cannot be.
+        RunError: as `run`; its `results` are those of all drops so far.
+    """
+    check_drops(count)
+    results: list[Result] = []
+    over, latest = Progress(0.0, 0.0, 0, 0.0), Progress(0.0, 0.0, 0, 0.0)
+
+    def tell(progress: Progress) -> None:
+        nonlocal latest
+        latest = replace(
+            progress,
+            fraction=(len(results) + progress.fraction) / count,
+            steps=over.steps + progress.steps,
+            wall=over.wall + progress.wall,
+            finished=len(results),
+            of=count,
+        )
+        if on_progress is not None:
+            on_progress(latest)
+
+    with _claimed(checkpoint, lambda: drops_request(scene, count)) as claim:
+        while len(results) < count and not (results and results[-1].ending is Ending.INTERRUPTED):
+            over = latest
+            kept = claim and Checkpoints([claim.work / drop_name(len(results) + 1)], every)
+            after = After.of(scene, results[-1]) if results else None
+            try:
+                results.append(_run_one(scene, tell, kept, arch, threads, after))
+            except RunError as error:
+                raise RunError(str(error), [*results, *error.results]) from None
+    return results
+
+
+MOST_DROPS = 1000
+
+
+def check_drops(count: int) -> None:
+    """Refuse a number of drops that cannot be. Raises UserError."""
+    if not 1 <= count <= MOST_DROPS:
+        raise UserError(f"drops = {count}: must be at least 1 and at most {MOST_DROPS}")
+
+
+def drops_request(scene: Scene, count: int) -> dict[str, Any]:
+    """What stands for a series of drops where a folder is claimed for it."""
+    return {**request_of(scene), "drops": count}
+
+
+def drop_name(number: int) -> str:
+    """Folder of a drop of a series, counted from 1."""
+    return f"drop-{number}"
 
 
 def resume(
@@ -171,9 +254,16 @@ def resume(
         UserError: there is no checkpoint, it is damaged, or of another version or kind of device.
         RunError: as `run`.
     """
-    scene, kept_arch = Checkpoint.head(work_in(Path(path)))
-    arch = arch or kept_arch
-    return run(scene, on_progress, checkpoint=path, every=every, arch=arch, threads=threads)
+    scene, kept_arch, told = Checkpoint.head(work_in(Path(path)))
+    return run(
+        scene,
+        on_progress,
+        after=None if told is None else After(told),
+        checkpoint=path,
+        every=every,
+        arch=arch or kept_arch,
+        threads=threads,
+    )
 
 
 def run_many(
@@ -227,12 +317,28 @@ def _numbered(claim: Claim | None, count: int, every: float | None) -> Checkpoin
     return Checkpoints([claim.work / f"{n:05d}" for n in range(count)], every)
 
 
+def _run_one(
+    scene: Scene,
+    on_progress: ProgressCallback | None,
+    checkpoints: Checkpoints | None,
+    arch: str | None,
+    threads: int | None,
+    after: After | None,
+) -> Result:
+    """The result of one scene, which Ctrl-C may have ended early."""
+    try:
+        return _run_all([scene], on_progress, checkpoints, arch, threads, after)[0]
+    except Interrupted as interrupted:
+        return interrupted.results[0]
+
+
 def _run_all(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None,
     checkpoints: Checkpoints | None,
     arch: str | None,
     threads: int | None,
+    after: After | None = None,
 ) -> list[Result]:
     """All results in order. Raises Interrupted once there is anything."""
     init(arch, threads)
@@ -242,7 +348,7 @@ def _run_all(
     begun: dict[int, Run] = {}
     results: dict[int, Result] = {}
     try:
-        for runs in batches.advance_all(scenes, wall, checkpoints):
+        for runs in batches.advance_all(scenes, wall, checkpoints, after):
             begun.update((run.index, run) for run in runs)
             for run in runs:
                 if run.ended:

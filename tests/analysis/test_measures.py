@@ -418,6 +418,8 @@ def test_summary_without_impactor_and_of_nothing(make_result, make_snapshot) -> 
     assert found["interrupted"] is True
     assert {key for key, value in found.items() if value is not None} == {
         "scene",
+        "drop",
+        "contact_height_m",
         "interrupted",
         "warnings",
         "assumed",

@@ -6,8 +6,7 @@ from bench import COLUMNS, ROWS, node_forces, small_scene
 
 import taichi_foam as tf
 from taichi_foam.laws.bond import Curve
-from taichi_foam.scene import Base, Block, FlatBlock, Foam, Model, Scene, TabulatedFoam
-from taichi_foam.scene.block import Across
+from taichi_foam.scene import Across, Base, Block, FlatBlock, Foam, Model, Scene, TabulatedFoam
 
 STRAINS = (0.0, 0.05, 0.3, 0.6, 0.8, 0.9)
 RISE = TabulatedFoam(curve=Curve(strain=STRAINS, stress=(0, 200e3, 210e3, 300e3, 900e3, 3e6)))

@@ -30,7 +30,9 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, co
     """Every number has all its digits; some are awkward."""
     rng = np.random.default_rng(1)
     block = Block(columns=columns, rows=rows)
-    scene = Scene(name="noise", block=block, impactor=Wedge(velocity=2.86))
+    scene = Scene(
+        name="noise", block=block, impactor=Wedge(velocity=2.86), output=Output(stress=True)
+    )
     t = np.sort(rng.random(50))
     values = {name: rng.standard_normal(50) / 3 for name in HISTORY_COLUMNS[1:]}
     # Not below the smallest normal number: Taichi has its process flush such numbers to zero.
@@ -51,6 +53,7 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, co
                 velocity=rng.standard_normal(shape),
                 e_min_a=-rng.random((columns - 1, rows)),
                 e_min_b=-rng.random((columns, rows - 1)),
+                stress=rng.standard_normal((columns, rows, 3)).astype(np.float32),
             )
         )
     run = {"steps": 12, "wall_s": 0.1, "versions": {"numpy": "2"}, "interrupted": False}
@@ -66,7 +69,8 @@ def assert_same(a: Result, b: Result) -> None:
     for one, other in zip(a.snapshots, b.snapshots, strict=True):
         for name in Snapshot.__dataclass_fields__:
             mine, theirs = np.asarray(getattr(one, name)), np.asarray(getattr(other, name))
-            assert mine.dtype == theirs.dtype == np.float64
+            kind = np.float32 if name == "stress" else np.float64
+            assert mine.dtype == theirs.dtype == kind
             assert np.array_equal(mine, theirs, equal_nan=True), name
 
 

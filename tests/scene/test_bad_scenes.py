@@ -43,7 +43,7 @@ BAD = [
         ["impactor.radius: unknown key; known here: mass, velocity"],
     ),
     (RECTANGULAR, "model.dampng=absolute", ["did you mean model.damping?"]),
-    (RECTANGULAR, "zzz=1", ["zzz: unknown key", "known here: name, block, foam, impactor"]),
+    (RECTANGULAR, "zzz=1", ["zzz: unknown key", "known here: name, block, foam, across, impactor"]),
     (RECTANGULAR, "block.width.value=1", ["block.width.value: unknown key", "no keys of its own"]),
     # units
     (

@@ -25,6 +25,7 @@ from taichi_foam.scene import (
     Numerics,
     Output,
     Polygon,
+    Pulse,
     Scene,
     Start,
     Wedge,
@@ -119,6 +120,8 @@ hits = {
     "gap": st.just(0.0),
     "velocity": floats(1e-3, 500),
     "drop_height": st.none(),  # it would say another velocity
+    "motion": st.just("free"),  # a crosshead has rails
+    "travel": st.none(),
     "guided": st.just(False),
     "velocity_x": floats(-500, 500),
     "inertia": st.none() | floats(1e-9, 1e6),
@@ -141,13 +144,17 @@ impactors = st.one_of(
     ),
 )
 
+pulses = st.lists(floats(0, 10), min_size=2, max_size=5, unique=True).map(
+    lambda times: Pulse(time=sorted(times), acceleration=[1e3 * time for time in times])
+)
+
 scenes = st.builds(
     Scene,
     name=st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=100),
     block=blocks(),
     foam=foams(),
     impactor=impactors,
-    base=parts(Base),
+    base=parts(Base, acceleration=st.none() | pulses),
     model=parts(Model),
     numerics=parts(
         Numerics,

@@ -17,7 +17,7 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
 from taichi_foam.results.result import Result
 from taichi_foam.scene import FlatBlock, Scene, TabulatedFoam
-from taichi_foam.simulation.simulate import run
+from taichi_foam.simulation.simulate import run, run_drops
 from taichi_foam.units import STANDARD_GRAVITY
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -31,6 +31,7 @@ TABLES = (
     "edge_pad",
     "corner_pad",
     "layered_pad",
+    "five_drops",
 )
 
 # Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
@@ -255,6 +256,7 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     force = plateau * product.width * scene.block.thickness
     weight = product.mass * STANDARD_GRAVITY
     figures = run(scene).summary
+    assert product.drop_height is not None
     depth = weight * product.drop_height / (force - weight)
     assert depth == pytest.approx(0.0319, abs=1e-4)
     assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.05)
@@ -353,3 +355,36 @@ def test_the_i_shape_is_turned_by_the_lever_of_its_flange() -> None:
     assert figures["came_to_rest"]
     assert not figures["passed_through"]
     assert not figures["warnings"]
+
+
+def test_five_drops_meet_the_energy_balance_one_by_one() -> None:
+    """Strains and raw peaks within 2 % below densification; each drop harder than the one before.
+
+    A plate that is wider than the cushion crushes it evenly: a narrower one has the same answer.
+    """
+    whole = load_scene(SCENES / "five_drops.toml")
+    narrow = {"block.columns": 8, "block.width": 0.15 * 8 / 57, "impactor.mass": 8.0 * 8 / 57}
+    scene = whole.with_values(narrow)
+    assert isinstance(scene.foam, TabulatedFoam)
+    assert isinstance(scene.impactor, FlatBlock)
+    block, curve, height = scene.block, scene.foam.curve, scene.impactor.drop_height
+    assert height is not None
+    thickness = block.height - block.dy
+    static = scene.impactor.mass * STANDARD_GRAVITY / (block.width * block.thickness)
+    strain = np.linspace(0.0, curve.tested, 100_001)
+    stress = curve.stress_at(strain)
+    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
+    worst, figures = 0, [result.summary for result in run_drops(scene, 5)]
+    for drop in figures[:3]:
+        short = (scene.contact_height - drop["contact_height_m"]) / thickness
+        stored = stress[worst] ** 2 / (2 * scene.foam.youngs_modulus)
+        absorbed = thickness * (taken - taken[worst] + stored)
+        lost = static * (height + (strain - short) * thickness)
+        worst = int(np.argmax((absorbed >= lost) & (strain > strain[worst])))
+        assert strain[worst] < curve.densification
+        assert drop["max_strain"] == pytest.approx(strain[worst], rel=0.02)
+        assert drop["peak_deceleration_g"] == pytest.approx(stress[worst] / static - 1, rel=0.02)
+    peaks = [drop["peak_deceleration_g"] for drop in figures]
+    assert peaks == sorted(peaks)
+    assert peaks[4] > 2 * peaks[0]
+    assert figures[4]["bottomed_out"]

@@ -53,6 +53,7 @@ def test_the_folder_holds_all_of_it(study) -> None:
             "cracks.json",
             "history.csv",
             "snapshots.npz",
+            "state.npz",
             "summary.json",
             "manifest.json",
             "film.gif",

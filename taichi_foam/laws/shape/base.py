@@ -6,7 +6,7 @@ as it starts.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import taichi as ti
@@ -66,6 +66,18 @@ class Impactor(Part):
         "9.80665 m/s2 unless it is given",
         above=0,
         at_most=1000,
+    )
+    motion: Literal["free", "crosshead"] = choice(
+        "free",
+        "free: what touches it slows it down; crosshead: it keeps its velocity, whatever the force",
+    )
+    travel: float | None = quantity(
+        None,
+        "m",
+        "way from the start after which the run ends, in place of numerics.end (motion = "
+        "'crosshead' only)",
+        above=0,
+        at_most=10,
     )
     friction: float = quantity(
         0.22, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5

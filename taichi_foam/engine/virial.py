@@ -1,0 +1,267 @@
+"""Stress about each mass point: the virial of all forces on it (Love; Irving & Kirkwood).
+
+Of half of each of its bonds, a quarter of each of its cells, and of contact, with impactor, floor,
+other pieces and what holds it, from the mass point to where its cell ends:
+
+    stress = 1/V sum of arm (x) force
+
+over the volume V that it has now; tension positive. The forces are those of the engine's own
+functions at a middle stage, which change no state. Of a variational shear, whose forces act on all
+nodes about a bond, those on its own two count.
+
+Kernels of it take some seconds to compile: runs keep stresses only if they are asked to
+(`Output.keeps_stress`).
+"""
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_foam.engine import bonds, breaking, cells, contact, lanes, makeup
+from taichi_foam.engine.grading import A, B
+from taichi_foam.engine.lattice import Lattice
+from taichi_foam.engine.state import ABSENT
+from taichi_foam.scene.block import Block
+from taichi_foam.scene.filling import filling
+
+Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
+
+# What the forces are asked for as: a stage that brings no history up to date, and the share of a
+# step by which works are booked.
+MIDDLE, NOTHING = 1, 0.0
+
+# A volume is no less than this part of what the worst strains have left: lattices fold.
+LEAST_ROOM = 0.5
+
+vec2 = ti.types.vector(2, ti.f64)
+vec3 = ti.types.vector(3, ti.f64)
+
+
+def stresses(lattice: Lattice, b: int, block: Block) -> NDArray[np.float32]:
+    """Stress xx, yy and xy [Pa] at each node of lattice `b` between two steps, (I, J, 3).
+
+    It is 0 where the `block` has no foam.
+    """
+    found = np.zeros((lattice.columns, lattice.rows, 3))
+    if lattice.on_gpu:
+        _gpu_forces(lattice, b, MIDDLE)
+        _gpu_sums(lattice, b, MIDDLE, NOTHING, found)
+    else:
+        _cpu_sums(lattice, b, MIDDLE, NOTHING, found)
+    if not block.is_rectangle:
+        found /= _shares(block)[..., None]
+    return found.astype(np.float32)
+
+
+def _shares(block: Block) -> NDArray[np.float64]:
+    """Foam of each mass point over a whole cell's, (I, J); infinite where there is none."""
+    filled = filling(block)
+    held = filled.owner[..., 0] >= 0
+    total = np.zeros_like(filled.share)
+    np.add.at(total, tuple(filled.owner[held].T), filled.share[held])
+    return np.where(filled.there, total, np.inf)
+
+
+@ti.func
+def _forces(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.template()):
+    """The forces of a pack's bonds and cells, kept in `slot`."""
+    a_length, a_strain, a, b_length, b_strain, b_force = bonds.normal_forces(
+        lattice, stage, b, i, k, strip, p
+    )
+    bonds.bond_pack(
+        lattice, stage, b, i, k, strip, sweep, slot, a_length, a_strain, a, b_length, b_strain,
+        b_force, p,
+    )  # fmt: skip
+    if ti.static(lattice.law.stiffens):
+        bonds.stiffen_pack(lattice, b, i, k, sweep, slot, a_strain, b_strain, p)
+    if ti.static(lattice.features.crushed_room):
+        cells.press_pack(lattice, stage, b, i, k, strip, sweep, slot, p)
+
+
+@ti.kernel
+def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, found: Stack):
+    for _ in range(1):
+        p = lattice.model.parameters[b]
+        sweep, last = b * lattice.sweeps, lattice.columns - 1
+        for i in range(lattice.columns):
+            slot, left = bonds.slot_of(lattice, i, last), bonds.slot_of(lattice, i - 1, last)
+            for k in range(lattice.packs):
+                _forces(lattice, stage, b, i, k, i, sweep, slot, p)
+            for j in range(lattice.rows):
+                _add_node(lattice, stage, weight, b, i, j, i, sweep, slot, left, found, p)
+        if ti.static(lattice.features.self_contact):
+            for n in range(lattice.state.clock[b].pairs):
+                pair = lattice.state.pairs[b, n]
+                one = lattice.state.candidate_node[b, pair[0]]
+                two = lattice.state.candidate_node[b, pair[1]]
+                touch = lattice.state.candidate[b, pair[0]].radius
+                touch += lattice.state.candidate[b, pair[1]].radius
+                sums = _of_pair(lattice, b, one, two, touch, p)
+                for c in ti.static(range(3)):
+                    for node in ti.static((one, two)):
+                        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+                        found[i, j, c] = found[i, j, c] + sums[c]
+        for i in range(lattice.columns):
+            for j in range(lattice.rows):
+                _divide(lattice, b, i, j, found, p)
+
+
+@ti.kernel
+def _gpu_forces(lattice: ti.template(), b: ti.i32, stage: ti.i32):
+    for strip in range(lattice.strips):
+        p = lattice.model.parameters[b]
+        n = strip
+        while n < lattice.nodes:
+            i = ti.raw_div(n, lattice.rows)
+            _forces(lattice, stage, b, i, ti.raw_mod(n, lattice.rows), strip, b, i, p)
+            n += lattice.strips
+
+
+@ti.kernel
+def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, found: Stack):
+    for strip in range(lattice.strips):
+        p = lattice.model.parameters[b]
+        n = strip
+        while n < lattice.nodes:
+            i, j = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+            left = ti.select(i > 0, i - 1, lattice.columns)
+            _add_node(lattice, stage, weight, b, i, j, strip, b, i, left, found, p)
+            if ti.static(lattice.features.self_contact):
+                for m in range(lattice.state.partner_count[b, n]):
+                    other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
+                    oi, oj = ti.raw_div(other, lattice.rows), ti.raw_mod(other, lattice.rows)
+                    touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
+                    sums = _of_pair(lattice, b, n, other, touch, p)
+                    for c in ti.static(range(3)):
+                        found[i, j, c] = found[i, j, c] + sums[c]
+            _divide(lattice, b, i, j, found, p)
+            n += lattice.strips
+
+
+@ti.func
+def _half(arm: vec2, force: vec2) -> vec3:
+    """Symmetric part of half of arm (x) force, as xx, yy, xy [J]."""
+    return 0.5 * vec3(arm.x * force.x, arm.y * force.y, 0.5 * (arm.x * force.y + arm.y * force.x))
+
+
+@ti.func
+def _add_node(
+    lattice: ti.template(), stage, weight, b, i, j, strip, sweep, slot, left, found: ti.template(),
+    p: ti.template(),
+):  # fmt: skip
+    """What bonds, cells and bodies give to a node's virial [J]; `left` is the column beside it."""
+    force, motion = ti.static(lattice.scratch.force, lattice.scratch.trial)
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    low_k, low_lane = lanes.pack_of(lattice, j - 1), lanes.lane_of(lattice, j - 1)
+    x = lanes.position(lattice, motion, b, i, j)
+    to_right = lanes.position(lattice, motion, b, i + 1, j) - x
+    to_left = lanes.position(lattice, motion, b, i - 1, j) - x
+    up = lanes.position(lattice, motion, b, i, j + 1) - x
+    down = lanes.position(lattice, motion, b, i, j - 1) - x
+    by_right = vec2(force[sweep, slot, k].ax[lane], force[sweep, slot, k].ay[lane])
+    by_left = -vec2(force[sweep, left, k].ax[lane], force[sweep, left, k].ay[lane])
+    by_up = vec2(force[sweep, slot, k].bx[lane], force[sweep, slot, k].by[lane])
+    by_down = -vec2(force[sweep, slot, low_k].bx[low_lane], force[sweep, slot, low_k].by[low_lane])
+    sums = _half(to_right, by_right) + _half(to_left, by_left)
+    sums += _half(up, by_up) + _half(down, by_down)
+    reaction = -(by_right + by_left + by_up + by_down)
+    if ti.static(lattice.features.crushed_room):
+        push = ti.static(lattice.scratch.cell_push)
+        for side in ti.static(range(2)):
+            place = slot
+            if ti.static(side == 1):
+                place = left
+            first = vec2(push[sweep, place, k].x1[lane], push[sweep, place, k].y1[lane])
+            start = lanes.position(lattice, motion, b, i - side, j)
+            far = lanes.position(lattice, motion, b, i - side + 1, j + 1)
+            # thickness times pressure times area, of the cell above and of the one below
+            sums -= _pressed(first, far - start)
+            under = vec2(
+                push[sweep, place, low_k].x1[low_lane], push[sweep, place, low_k].y1[low_lane]
+            )
+            start = lanes.position(lattice, motion, b, i - side, j - 1)
+            far = lanes.position(lattice, motion, b, i - side + 1, j)
+            sums -= _pressed(under, far - start)
+            if ti.static(side == 0):
+                reaction += first
+            else:
+                second = vec2(push[sweep, place, k].x2[lane], push[sweep, place, k].y2[lane])
+                reaction += second
+    across, upright, _ = _cell(lattice, b, i, j, p)
+    if makeup.is_held(lattice, b, i, j, p):
+        if not p.hold_x:
+            reaction.x = 0.0
+        sums -= _half(upright, reaction)
+    else:
+        deepest = lattice.state.overlap[b, strip]
+        by_bodies = contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
+        lattice.state.overlap[b, strip] = deepest
+        # it acts where the cell ends, on the side that it presses
+        arm = across
+        if ti.abs(by_bodies.dot(upright)) * across.norm() > (
+            ti.abs(by_bodies.dot(across)) * upright.norm()
+        ):
+            arm = upright
+        if by_bodies.dot(arm) > 0.0:
+            arm = -arm
+        sums += _half(arm, by_bodies)
+    for c in ti.static(range(3)):
+        found[i, j, c] = sums[c]
+
+
+@ti.func
+def _pressed(push: vec2, diagonal: vec2) -> vec3:
+    """A quarter of what a cell's pressure gives, which is the same in all directions [J]."""
+    quarter = 0.25 * push.dot(diagonal)
+    return vec3(quarter, quarter, 0.0)
+
+
+@ti.func
+def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> vec3:
+    """What the contact of two pieces gives to each of them [J]."""
+    here, there = contact.place_of(lattice, one), contact.place_of(lattice, two)
+    motion = ti.static(lattice.scratch.trial)
+    away = contact.node_at(motion, b, here) - contact.node_at(motion, b, there)
+    closing = contact.velocity_at(motion, b, here) - contact.velocity_at(motion, b, there)
+    push = contact.piece_push(lattice, b, one, two, away, closing, touch, p)
+    return _half(away, push)
+
+
+@ti.func
+def _divide(lattice: ti.template(), b, i, j, found: ti.template(), p: ti.template()):
+    """Make a node's virial a stress."""
+    _, _, area = _cell(lattice, b, i, j, p)
+    for c in ti.static(range(3)):
+        found[i, j, c] = found[i, j, c] / (area * p.thickness)
+
+
+@ti.func
+def _cell(lattice: ti.template(), b, i, j, p: ti.template()):
+    """The two sides of a node's cell as its whole bonds have them now [m], and its area [m2]."""
+    across, width = _side(lattice, A, b, i, j, p)
+    upright, height = _side(lattice, B, b, i, j, p)
+    area = across.x * upright.y - across.y * upright.x
+    return across, upright, ti.max(area, LEAST_ROOM * width * height)
+
+
+@ti.func
+def _side(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()):
+    """Mean of a node's whole bonds along `axis` [m], and the length that crushing has left it."""
+    motion, state = ti.static(lattice.scratch.trial, lattice.state.bonds[axis])
+    step = ti.static((1, 0) if axis == A else (0, 1))
+    total, worst, count, there = vec2(0.0), 0.0, 0, 0
+    for side in ti.static(range(2)):
+        m, n = i - side * step[0], j - side * step[1]
+        k, lane = lanes.pack_of(lattice, n), lanes.lane_of(lattice, n)
+        if state[b, m, k].condition[lane] > ABSENT:
+            worst += state[b, m, k].worst[lane]
+            there += 1
+        if breaking.is_whole(lattice, axis, b, m, n):
+            total += lanes.position(lattice, motion, b, m + step[0], n + step[1])
+            total -= lanes.position(lattice, motion, b, m, n)
+            count += 1
+    left = p.cell[axis] * (1.0 + worst / ti.max(there, 1))
+    mean = vec2(left * step[0], left * step[1])
+    if count > 0:
+        mean = total / count
+    return mean, left

@@ -1,0 +1,54 @@
+"""Pulses of the base in CSV files: columns of time and acceleration, in the header's units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene.measured import IN_BRACKETS, is_number, number_in, read_rows
+from taichi_foam.scene.messages import shown
+from taichi_foam.scene.pulse import Pulse
+from taichi_foam.units import STANDARD_GRAVITY
+
+UNITS = (
+    {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
+    {"m/s2": 1.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY},
+)
+"""What a number is multiplied by to be in s, or in m/s2, by the unit that a header says."""
+
+
+def read_pulse(path: Path) -> Pulse:
+    """The pulse of a CSV file: its first two columns are time and acceleration.
+
+    A header may say their units in brackets, such as time [ms],acceleration [g]; without one they
+    are s and m/s2. Raises UserError with file, line and value.
+    """
+    rows = read_rows(path, "time and acceleration")
+    factors = [1.0, 1.0]
+    if not all(is_number(cell) for cell in rows[0][1] if cell):
+        (_, heads), *rows = rows
+        factors = [_factor(path, heads, column) for column in range(2)]
+    values = [
+        tuple(factors[column] * number_in(path, line, cells, column) for line, cells in rows)
+        for column in range(2)
+    ]
+    try:
+        return Pulse(time=values[0], acceleration=values[1])
+    except ValidationError as error:
+        first = error.errors()[0]
+        told = first.get("ctx", {}).get("error") or f"{first['loc'][0]}: {first['msg']}"
+        raise UserError(f"{path}: {told}") from None
+
+
+def _factor(path: Path, heads: list[str], column: int) -> float:
+    said = IN_BRACKETS.search(heads[column]) if column < len(heads) else None
+    if said is None:
+        return 1.0
+    unit, known = said[1].lower().replace("²", "2"), UNITS[column]
+    if unit not in known:
+        raise UserError(
+            f"{path}: the header's unit {shown(said[1])}: must be one of {', '.join(known)}"
+        )
+    return known[unit]

@@ -1,0 +1,85 @@
+"""A run on a block that another run has left: whether it can be, and what it starts with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.errors import UserError
+from taichi_foam.records.cushion import Cushion
+from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import filling
+from taichi_foam.scene.messages import shown
+from taichi_foam.scene.values import by_key
+
+SAME = ("block", "foam", "model", "base", "start")
+"""Parts of a scene that a run has in common with the one that left its block."""
+
+
+@dataclass(frozen=True)
+class After:
+    """What came before a run.
+
+    told     `run["after"]` of its result: what it starts with, in a few figures
+    cushion  the block; None of a run that has begun, and goes on from its checkpoint
+    """
+
+    told: Mapping[str, Any]
+    cushion: Cushion | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, before: Result | str | Path) -> After:
+        """A run of `scene` on the block that `before` has left, a result or its folder.
+
+        Raises UserError: there is no such result, it did not come to its end, its block is not that
+        of the scene, or the impactor would not meet it.
+        """
+        result = before if isinstance(before, Result) else Result.load(before)
+        name = result.scene.name if before is result else str(before)
+        if result.cushion is None:
+            raise UserError(
+                f"after = {shown(name)}: leaves no block to go on with, ended by: "
+                f"{result.ending or 'unknown'}. Fix: run it to its end, with this version"
+            )
+        problems = _differences(result.scene, scene)
+        if problems:
+            raise UserError(
+                f"after = {shown(name)}: of another block, with {'; '.join(problems)}. Fix: a run "
+                f"after another has the same {', '.join(SAME)}; impactor, numerics and output may "
+                "differ"
+            )
+        height = None
+        if scene.impactor is not None:
+            try:
+                height = height_beneath(
+                    result.cushion.position, scene.impactor, filling(scene.block).there
+                )
+            except ValueError as error:
+                raise UserError(
+                    f"impactor.x = {scene.impactor.x:g}: {error}, as {name} has left the block. "
+                    "Fix: move the impactor, or take a wider one"
+                ) from None
+        told = {
+            "scene": result.scene.name,
+            "state_sha256": result.cushion.sha256,
+            "drop": result.drop + 1,
+            "contact_height_m": height,
+        }
+        return cls(told, result.cushion)
+
+
+def _differences(before: Scene, scene: Scene) -> list[str]:
+    """What differs of two scenes in the parts that should not."""
+    there, here = (by_key(each.model_dump(include={*SAME})) for each in (before, scene))
+    keys = [key for key in {**there, **here} if there.get(key) != here.get(key)]
+    found = [f"{key} = {_word(there.get(key))} instead of {_word(here.get(key))}" for key in keys]
+    return found if len(found) < 4 else [*found[:3], f"and {len(found) - 3} more"]
+
+
+def _word(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
