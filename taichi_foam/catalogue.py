@@ -7,7 +7,7 @@ import difflib
 import os
 import runpy
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from taichi_foam.laws.bond import FOAMS
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import read_scene
 from taichi_foam.scene.messages import explain, shown, titled
+from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 from taichi_foam.scene.values import changed, settings
 from taichi_foam.shim2000 import tests
 
@@ -52,18 +53,23 @@ def load_scene(
         data = data.given_data()
     # The paper's own tests have taken the set in already, the cylinder's radius included.
     if choices is not None and str(source) not in tests.NAMES:
-        has_impactor = data.get("impactor") is not None
-        law = FOAMS.kind_of(data.get("foam") or {})
-        chosen = {
-            key: value
-            for key, value in CHOICE_SETS[choices].items()
-            if (has_impactor or not key.startswith("impactor."))
-            # another law may lack what the paper's has
-            and (law is None or key.partition("foam.")[2] in ("", *law.model_fields))
-        }
-        data = changed(data, chosen)
+        data = changed(data, dict(_chosen(data, CHOICE_SETS[choices])))
     title = source.name if isinstance(source, Scene) else str(source)
     return Scene.checked(changed(data, values), title)
+
+
+def _chosen(data: Mapping[str, Any], choices: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield what a choice set says of a scene, of the foams of its layers too."""
+    for key, value in choices.items():
+        if key.startswith("foam."):
+            for head in heads_of_foams(data):
+                foam = at(data, f"{head}foam")
+                law = FOAMS.kind_of({} if foam in (None, NOTHING) else foam)
+                # another law may lack what the paper's has
+                if law is None or key.partition(".")[2] in law.model_fields:
+                    yield head + key, value
+        elif data.get("impactor") is not None or not key.startswith("impactor."):
+            yield key, value
 
 
 def list_scenes() -> dict[str, str]:

@@ -36,3 +36,18 @@ def way_down(record: Record) -> Array:
     for across, up in convex_hull(impactor.outline()) - impactor.centre_of_mass:
         lowest = np.minimum(lowest, sine * across + cosine * up)
     return way - (lowest + impactor.centre_of_mass[1])
+
+
+def fell_beside(record: Record) -> bool:
+    """Whether an impactor that turns came down to the block's bottom beside the block."""
+    history, scene, impactor = record.history, record.scene, record.scene.impactor
+    if impactor is None or impactor.guided:
+        return False
+    start = scene.contact_height + impactor.gap
+    down = np.flatnonzero(way_down(record) >= start)
+    if down.size == 0:
+        return False
+    names = ("displacement_m", "displacement_x_m", "angle_rad")
+    depth, shift, angle = (float(history[name][down[0]]) for name in names)
+    outline = impactor.outline_at(start - depth, shift, angle)
+    return bool(abs(outline[np.argmin(outline[:, 1]), 0]) > scene.block.width / 2)

@@ -14,6 +14,7 @@ from taichi_foam.analysis.presence import apart, bonded
 from taichi_foam.analysis.rims import on_outline
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block
+from taichi_foam.scene.layers import layer_of_rows
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -52,6 +53,14 @@ def shapes_of(snapshot: Snapshot, block: Block) -> tuple[Floats, NDArray[np.int3
         block.dy,
     )
     return on_outline(quads, block), open_sides(apart_a, apart_b)
+
+
+def layer_faces(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
+    """Sides of cells between layers that no crack has taken, (columns, rows): TOP or 0."""
+    layer, (_, apart_b) = layer_of_rows(block), apart(snapshot, block)
+    faces = np.zeros((block.columns, block.rows), dtype=np.int32)
+    faces[:, :-1][~apart_b & (layer[:-1] != layer[1:])] = TOP
+    return faces
 
 
 def corners(

@@ -43,7 +43,10 @@ def crushed_part(worst: NDArray[np.float64], foam: BondFoam) -> NDArray[np.float
 
 
 def by_foam(
-    scene: Scene, what: Callable[..., Array], a: tuple[Array, ...], b: tuple[Array, ...]
+    scene: Scene,
+    what: Callable[..., Array],
+    a: tuple[NDArray[Any], ...],
+    b: tuple[NDArray[Any], ...],
 ) -> tuple[Array, Array]:
     """What a foam gives of figures of its bonds, for all bonds A and B, each by its own foam.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_foam.analysis.body import impactor_now, way_down
+from taichi_foam.analysis.body import fell_beside, impactor_now, way_down
 from taichi_foam.analysis.presence import bonded
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
@@ -136,14 +136,17 @@ def impact(record: Record) -> Impact | None:
 def passed_through(record: Record) -> bool | None:
     """Whether the impactor left the foam on its way down, through it or past it, and never stopped.
 
-    It has when its lowest level is below the block, where no support stops it, or when it has gone
-    down by CLEAR_CELLS cells without a touch. None: it has not touched.
+    It has when its lowest level is below the block, where no support stops it, when it came down
+    to the support beside the block, or when it has gone down by CLEAR_CELLS cells without a touch.
+    None: it has not touched.
     """
     touch = first_contact(record)
     if touch is None:
         return None
     h, scene = record.history, record.scene
     d, v = h["displacement_m"], h["velocity_m_s"]
+    if fell_beside(record):
+        return True
     if impact(record) is not None or not v[-1] > 0:
         return False
     way = way_down(record)[-1] - touch.way_0
@@ -168,6 +171,8 @@ def bottomed_out(record: Record) -> bool | None:
     h, scene = record.history, record.scene
     block, impactor = scene.block, touch.impactor
     way = np.nanmax(way_down(record)) - touch.way_0
+    if fell_beside(record):
+        return False
     if scene.base.stops_impactor and way >= record.contact_height:
         return True
     if not record.snapshots:
@@ -177,7 +182,7 @@ def bottomed_out(record: Record) -> bool | None:
         float(h["contact_force_N"].max()), impactor.mass * float(h["deceleration_m_s2"].max())
     )
     foams, _, rows = foams_of_bonds(scene)
-    plateau = max(foam.landmarks.plateau_stress for foam in foams)
+    plateau = max(foams[n].landmarks.plateau_stress for n in np.unique(rows))
     if force < PLATEAUS * plateau * width * block.thickness:
         return False
     outline = impactor_now(record.snapshots[-1], scene)

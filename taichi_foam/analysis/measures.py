@@ -32,6 +32,7 @@ from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.keys import written
+from taichi_foam.scene.paths import at
 from taichi_foam.units import STANDARD_GRAVITY
 
 FLAT_RISE_S = 3e-3
@@ -393,8 +394,6 @@ def summary(record: Record) -> dict[str, Any]:
 
 def assumed_of(scene: Scene) -> list[str]:
     """What a scene says of a foam of one's own that nobody gave: key, value, and its source."""
-    found = []
-    for each in scene.assumed or ():
-        part, _, key = each.key.partition(".")
-        found.append(f"{each.key} = {written(getattr(getattr(scene, part), key))}: {each.why}")
-    return found
+    return [
+        f"{each.key} = {written(at(scene, each.key))}: {each.why}" for each in scene.assumed or ()
+    ]

@@ -13,7 +13,7 @@ from taichi_foam.scene.filling import filling, in_cells
 
 Array = NDArray[np.float64]
 
-AT_CORNER = 0.5
+AT_CORNER = 0.75
 """A corner of cells so near to one of the outline [cells] is put there, otherwise on its side."""
 
 FURTHEST = 1.0
@@ -44,6 +44,15 @@ def on_outline(quads: Array, block: Block) -> Array:
     up = (cells[:, 3] - cells[:, 0] + cells[:, 2] - cells[:, 1]) / 2
     move = rim.shift[..., :1] * across[:, None] + rim.shift[..., 1:] * up[:, None]
     found[rim.i, rim.j] = cells + move
+    return found
+
+
+def along_outline(block: Block) -> NDArray[np.bool_]:
+    """(columns, rows) which cells have corners that were put on the outline."""
+    found = np.zeros((block.columns, block.rows), dtype=bool)
+    if not block.is_rectangle:
+        rim = _rim(block)
+        found[rim.i, rim.j] = True
     return found
 
 

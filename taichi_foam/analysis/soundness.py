@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from taichi_foam.analysis.body import fell_beside
 from taichi_foam.analysis.crush import over_bonds
 from taichi_foam.analysis.impact import passed_through
 from taichi_foam.analysis.presence import apart, bonded, there
@@ -132,6 +133,11 @@ def _of_overlap(record: Record) -> str | None:
 def _of_leaving(record: Record) -> str | None:
     if not passed_through(record):
         return None
+    if fell_beside(record):
+        return (
+            "the impactor fell past the block, down to what the block stands on: the figures are "
+            "those of that fall; bring impactor.x nearer to 0, or end the run before (numerics.end)"
+        )
     velocity = record.history["velocity_m_s"]
     return (
         f"the impactor left the foam at {velocity[-1]:.3g} m/s, of {velocity.max():.3g} m/s: "
@@ -176,9 +182,9 @@ def _of_tested_range(record: Record) -> Iterator[str]:
 
 def _called(scene: Scene, foam: BondFoam) -> str:
     """The key of the first table that gives a foam."""
-    named = {n: layer.foam for n, layer in enumerate(scene.block.layers)}
-    places = [f"block.layers[{n}].foam" for n, each in named.items() if each == foam]
-    return "foam" if foam == scene.foam or not places else places[0]
+    named = {"foam": scene.foam}
+    named |= {f"block.layers[{n}].foam": each.foam for n, each in enumerate(scene.block.layers)}
+    return next((key for key, each in named.items() if each == foam), "across.foam")
 
 
 def _of_thin_foam(record: Record) -> str | None:

@@ -80,6 +80,12 @@ in the header (`strain [%],stress [MPa]`) or in keys,
 `TabulatedFoam(curve=Curve(strain=..., stress=...))`, both from `taichi_foam.scene`. Of a foam of
 which some constants were given, the others are derived or assumed, and a run says so (`assumed`).
 
+## Pads
+
+`block.outline` and `block.holes` are lists of corners, `block.layers` a list of tables
+(`[[block.layers]]`) with the keys below; [pads.md](pads.md) tells how pads are drawn. A value
+within a list is reached by its place, from 0: `--set block.layers[0].density=40`.
+
 ## Choice sets
 
 The paper leaves some things open. Two named sets of choices settle them: `--choices NAME`, or

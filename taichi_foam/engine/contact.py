@@ -86,6 +86,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
     if not makeup.is_held(lattice, b, i, j, p):
         work = lattice.state.work[b, strip]
         body = lattice.state.body[b]
+        stiffness = makeup.contact_stiffness(lattice, b, i, j, p)
         point, arm = vec2(now.x - p.impactor_x, now.y - body.trial_y), vec2(0.0)
         if ti.static(lattice.features.turns):
             point = vec2(turning.in_body(lattice, b, now.x, now.y, p))
@@ -97,17 +98,17 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 if ti.static(lattice.features.turns):
                     normal = turning.turned(lattice, b, normal)
                 tangent = vec2(-normal.y, normal.x)
-                press = contact_law.normal_force(p.contact_stiffness, found[0])
+                press = contact_law.normal_force(stiffness, found[0])
                 path = _slid(lattice, b, i, j, stage) - _impactor_slid(lattice, b, arm, stage)
                 along = contact_law.tangential_force(
-                    p.contact_stiffness,
+                    stiffness,
                     lattice.state.slip[b, i, k].impactor[lane] + path.dot(tangent),
                     p.impactor_friction,
                     press,
                 )
                 pressing = press * normal
                 rubbing = along * tangent
-                on_impactor = -along / p.contact_stiffness
+                on_impactor = -along / stiffness
                 relative = vec2(speed.x, speed.y - body.trial_v)
                 if ti.static(lattice.features.turns):
                     relative = speed - turning.velocity_of(lattice, b, arm)
@@ -124,22 +125,22 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         face = p.area.y
         if ti.static(lattice.features.shaped):
             half = lattice.model.filling[b, i, k].reach[lane]
-            face *= lattice.model.filling[b, i, k].mass[lane] / p.node_mass
+            face *= lattice.model.filling[b, i, k].face_b[lane]
         if now.y < half:
             stand = vec2(0.0)
             radius = half * (1.0 + _least_height(lattice, b, i, j))
             if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
-                stand.y = contact_law.normal_force(p.contact_stiffness, now.y - half)
+                stand.y = contact_law.normal_force(stiffness, now.y - half)
             elif now.y < radius:
                 c = makeup.constants_at(lattice, B, b, j, p)
                 stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
             stand.x = contact_law.tangential_force(
-                p.contact_stiffness,
+                stiffness,
                 lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
                 p.floor_friction,
                 stand.y,
             )
-            on_floor = -stand.x / p.contact_stiffness
+            on_floor = -stand.x / stiffness
             work[BASE] -= weight * stand.dot(speed)
             force += stand
         lattice.state.work[b, strip] = work
@@ -173,7 +174,7 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
     if ti.static(lattice.features.shaped):
-        radius *= ti.sqrt(ti.min(makeup.mass(lattice, b, i, j, p) / p.node_mass, 1.0))
+        radius *= ti.sqrt(makeup.share(lattice, b, i, j))
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         radius = ti.min(radius, room)

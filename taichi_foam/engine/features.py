@@ -79,6 +79,4 @@ def features_of(scene: Scene) -> Features:
 
 def _is_plain(block: Block, filled: Filling) -> bool:
     """Whether every mass point is like every other, and stands where the rows of a lattice do."""
-    whole = all(np.all(face == 1.0) for face in (filled.face_a, filled.face_b))
-    level = bool(filled.on_base[:, 0].all()) and not filled.on_base[:, 1:].any()
-    return whole and level and bool(np.all(filled.mass == block.node_mass))
+    return filled.is_full and bool(np.all(filled.mass == block.node_mass))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.scene import Scene
-from taichi_foam.scene.layers import foams_of
+from taichi_foam.scene.layers import foams_of, foams_of_bonds
 
 # A bond runs along its own axis (A along x, B along y); the other axis lies across it.
 A = 0
@@ -27,23 +27,8 @@ class Grading:
 
 
 def grading(scene: Scene) -> Grading:
-    """The foams of a scene's bonds.
-
-    A bond between two layers is of the one that crushes first: the other, half a cell of it, would
-    hardly be strained.
-    """
-    found: list[BondFoam] = []
-
-    def place(foam: BondFoam) -> int:
-        if foam not in found:
-            found.append(foam)
-        return found.index(foam)
-
-    upright, rows = foams_of(scene)
-    along = [upright[n] for n in rows]
-    weaker = [
-        min(upright[n], upright[m], key=lambda foam: foam.landmarks.plateau_stress)
-        for n, m in zip(rows, [*rows[1:], rows[-1]], strict=True)
-    ]
-    places = [[place(foam) for foam in weaker], [place(foam) for foam in along]]
-    return Grading(tuple(found), np.array(places[::-1], dtype=np.int32))
+    """The foams of a scene's bonds; a row's last bonds B, which are none, are of its own foam."""
+    foams, along, upright = foams_of_bonds(scene)
+    places = np.array([along, [*upright, foams_of(scene)[1][-1]]])
+    used = np.unique(places)
+    return Grading(tuple(foams[n] for n in used), np.searchsorted(used, places).astype(np.int32))

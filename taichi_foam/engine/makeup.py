@@ -71,6 +71,26 @@ def mass(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
 
 @ti.func
+def share(lattice: ti.template(), b, i, j) -> ti.f64:
+    """Share of a mass point's cell that is foam."""
+    found = 1.0
+    if ti.static(lattice.features.shaped):
+        found = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].share[
+            lanes.lane_of(lattice, j)
+        ]
+    return found
+
+
+@ti.func
+def contact_stiffness(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+    """That of a mass point's contact with a body [N/m]: one that is lighter gives way more."""
+    found = p.contact_stiffness
+    if ti.static(lattice.features.shaped):
+        found *= ti.min(mass(lattice, b, i, j, p) / p.node_mass, 1.0)
+    return found
+
+
+@ti.func
 def mobility(lattice: ti.template(), b, i, k):
     """What forces on a pack of mass points are multiplied by, and gravity; see `ModelFields`."""
     if ti.static(lattice.features.shaped):

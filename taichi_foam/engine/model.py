@@ -20,6 +20,7 @@ from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
 from taichi_foam.laws.shape.outline import convex_hull
 from taichi_foam.scene import Block, Scene
@@ -135,8 +136,9 @@ class Model:
     pulse      (n, 2) times [s] and accelerations [m/s2] of the base, if it is shaken
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
-    filling    (I, J, 5) mass of each mass point [kg], share of the faces of bonds A and B, reach
-               of the foam's face [m], whether it stands on the base; None: the block is plain
+    filling    (I, J, 6) mass of each mass point [kg], share of the faces of bonds A and B, reach
+               of the foam's face [m], whether it stands on the base, share of its cell; None: the
+               block is plain
     foams      (foams, n) every member of `foam_type`; None: there is one
     places     (2, J) which of them bonds A and B of a row are of
     """
@@ -162,24 +164,30 @@ def model_of(scene: Scene) -> Model:
         hull=_hull(scene) if scene.turns else None,
         pulse=_pulse(scene) if scene.base.acceleration is not None else None,
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
-        tables=_tables(graded),
+        tables=_tables(scene, graded),
         filling=_filled(scene) if features_of(scene).shaped else None,
         foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
         places=graded.places,
     )
 
 
-def _tables(graded: Grading) -> NDArray[np.float64] | None:
-    tables = [foam.table for foam in graded.foams]
-    return None if any(table is None for table in tables) else np.array(tables)
+def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
+    found = [foam.table for foam in graded.foams]
+    if any(table is None for table in found):
+        return None
+    tables = np.array(found)
+    if scene.across.foam is not None:  # sheared as much on both sides of a cell's corner
+        pair = [*{*graded.places[:, graded.places[A] != graded.places[B]].ravel().tolist()}]
+        tables[pair, :, SHEAR] = tables[pair, :, SHEAR].max(axis=0)
+    return tables
 
 
 def _filled(scene: Scene) -> NDArray[np.float64]:
     filled = filling(scene.block)
     faces = np.zeros((*filled.mass.shape, 2))
     faces[:-1, :, A], faces[:, :-1, B] = filled.face_a, filled.face_b
-    parts = filled.mass, faces[..., A], faces[..., B], filled.reach, filled.on_base
-    return np.stack(parts, axis=-1)
+    of_faces = faces[..., A], faces[..., B]
+    return np.stack([filled.mass, *of_faces, filled.reach, filled.on_base, filled.share], axis=-1)
 
 
 def _foams(scene: Scene, graded: Grading) -> NDArray[np.float64]:
@@ -227,7 +235,8 @@ class ModelFields:
         layout.of_lattices(self.parameters)
         layout.listed(SURFACE_ROWS, self.surface)
         if features.shaped:
-            self.filling = ti.types.struct(mass=pack, face_a=pack, face_b=pack, reach=pack).field()
+            parts = dict.fromkeys(("mass", "face_a", "face_b", "reach", "share"), pack)
+            self.filling = ti.types.struct(**parts).field()
             layout.of_nodes(self.mobility, self.filling)
         else:
             layout.listed(layout.packs, self.mobility)
@@ -523,7 +532,9 @@ def _fastest_rate(
         decay += 8.0 * p.piece_dashpot
     squared, decays = stiffness / foam.least_mass, decay / foam.least_mass
     if ti.static(lattice.features.shaped):  # what has little mass has small faces, too
-        squared = of_bonds / foam.bond_mass + (stiffness - of_bonds) / foam.least_mass
+        others = stiffness - of_bonds - p.contact_stiffness
+        squared = of_bonds / foam.bond_mass + others / foam.least_mass
+        squared += p.contact_stiffness / p.node_mass  # see `makeup.contact_stiffness`
         decays = damped / foam.bond_mass + (decay - damped) / foam.least_mass
     return ti.max(ti.sqrt(squared + p.impactor_rate), decays)
 

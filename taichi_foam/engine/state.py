@@ -248,7 +248,7 @@ def initial_state(scene: Scene) -> State:
     block, start, impactor = scene.block, scene.start, scene.impactor
     columns, rows = block.columns, block.rows
     X = block.positions
-    arm = X - np.array([0.0, 0.5 * block.dy])
+    arm = X - np.array([0.0, block.foot])
     position = X + _product(arm, np.array(start.deformation_gradient) - np.eye(2))
     velocity = _product(arm, np.array(start.velocity_gradient))
     velocity[:, 0, 0] *= scene.base.kind != "gripped"

@@ -52,7 +52,10 @@ def _kernel(law: BondLaw) -> tuple[Any, Any]:
 
 
 def normal_stresses(
-    scene: Scene, strain: Array, worst: Array | float, broken: NDArray[np.bool_] | None = None
+    scene: Scene,
+    strain: Array,
+    worst: Array | float,
+    broken: NDArray[np.bool_] | None = None,
 ) -> Array:
     """Engineering stress [Pa] of the scene's foam, tension positive (Eq. 26, Fig. 19).
 

@@ -118,10 +118,10 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
         for k in range(-1, lattice.packs + 1):
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
-                mass, face_a, face_b, reach = 0.0, 0.0, 0.0, 0.0
+                mass, face_a, face_b, reach, share = 0.0, 0.0, 0.0, 0.0, 0.0
                 x, y, gravity = 0.0, 0.0, 0.0
                 if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
-                    mass, reach = filling[i, j, 0], filling[i, j, 3]
+                    mass, reach, share = filling[i, j, 0], filling[i, j, 3], filling[i, j, 5]
                     face_a, face_b = filling[i, j, 1], filling[i, j, 2]
                     stands = filling[i, j, 4] > 0.0
                     if mass > 0.0:
@@ -132,6 +132,7 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
                 lattice.model.filling[b, i, k].face_a[lane] = face_a
                 lattice.model.filling[b, i, k].face_b[lane] = face_b
                 lattice.model.filling[b, i, k].reach[lane] = reach
+                lattice.model.filling[b, i, k].share[lane] = share
                 lattice.model.mobility[b, i, k].x[lane] = x
                 lattice.model.mobility[b, i, k].y[lane] = y
                 lattice.model.mobility[b, i, k].gravity[lane] = gravity

@@ -12,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import over_bonds, worst_strain
+from taichi_foam.analysis.crush import by_foam, over_bonds, worst_strain
+from taichi_foam.analysis.presence import apart, bonded
 from taichi_foam.engine.stresses import cell_stresses
+from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.units import si_scale
 
 Array = NDArray[np.float64]
@@ -65,11 +68,16 @@ class Mode:
 
 def _strain_key(*words: str) -> Callable[[Scene], Key]:
     def key(scene: Scene) -> Key:
-        top = max(KEY_STRAIN, -scene.foam.landmarks.limit)
+        top = max(KEY_STRAIN, *(-marks.limit for marks in _landmarks(scene)))
         shown = (0.0, 0.2, 0.4, 0.6, 0.8, top)
         return Key(words, "heat", top, tuple((s, f"{_figure(100 * s)} %") for s in shown))
 
     return key
+
+
+def _landmarks(scene: Scene) -> list[Landmarks]:
+    """Those of the foams of a scene's block."""
+    return [foam.landmarks for foam in foams_of_bonds(scene)[0]]
 
 
 def _worst(snapshot: Snapshot, scene: Scene) -> Array:
@@ -79,14 +87,24 @@ def _worst(snapshot: Snapshot, scene: Scene) -> Array:
 def _strain(snapshot: Snapshot, scene: Scene) -> Array:
     """The most compressed of each node's bonds; a broken one counts as unloaded."""
     e_a, e_b = _lengthwise(snapshot, scene)
-    foam = scene.foam
-    a = np.where(snapshot.broken_a, foam.permanent_strain(snapshot.e_min_a), e_a)
-    b = np.where(snapshot.broken_b, foam.permanent_strain(snapshot.e_min_b), e_b)
+    left_a, left_b = _permanent(snapshot, scene)
+    a = np.where(snapshot.broken_a, left_a, e_a)
+    b = np.where(snapshot.broken_b, left_b, e_b)
     return -worst_strain(a, b)
 
 
+def _permanent(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
+    """Strains that are left of bonds A and B without stress, each by its own foam."""
+    return by_foam(
+        scene,
+        lambda foam, worst: foam.permanent_strain(worst),
+        (snapshot.e_min_a,),
+        (snapshot.e_min_b,),
+    )
+
+
 def _stress_key(scene: Scene) -> Key:
-    top = KEY_STRESS * scene.foam.landmarks.plateau_stress
+    top = KEY_STRESS * max(marks.plateau_stress for marks in _landmarks(scene))
     scale, prefix = si_scale(top, least=0, digits=3)
     ticks = _ticks(top, 1 / scale, open_ended=True)
     # both sides share the room that one has elsewhere
@@ -117,11 +135,13 @@ def _speed(snapshot: Snapshot, scene: Scene) -> Array:
 
 def _fastest(scene: Scene) -> float:
     """The speed that a scene starts with [m/s]: its impactor's, or what its block has in itself."""
-    impactor, block, foam, start = scene.impactor, scene.block, scene.foam, scene.start
+    impactor, block, start = scene.impactor, scene.block, scene.start
     fastest = math.hypot(block.width, block.height) * float(np.abs(start.velocity_gradient).max())
     # a strain that is let go moves foam at that share of the speed of sound
     strain = float(np.abs(np.array(start.deformation_gradient) - np.eye(2)).max())
-    fastest = max(fastest, strain * math.sqrt(foam.youngs_modulus / block.density))
+    stiffest = max(foam.youngs_modulus for foam in foams_of_bonds(scene)[0])
+    lightest = min(layer.density or block.density for layer in (block, *block.layers))
+    fastest = max(fastest, strain * math.sqrt(stiffest / lightest))
     if impactor is not None:
         fall = 2 * scene.numerics.gravity * impactor.gap
         sideways = impactor.velocity_x**2
@@ -130,15 +150,16 @@ def _fastest(scene: Scene) -> float:
 
 
 def _shear_key(scene: Scene) -> Key:
-    top = KEY_SHEAR * scene.foam.landmarks.shear
+    top = KEY_SHEAR * max(marks.shear for marks in _landmarks(scene))
     return Key(("shear", "strain"), "cool", top, _ticks(top, 1e2, " %", open_ended=True))
 
 
 def _shear(snapshot: Snapshot, scene: Scene) -> Array:
     """Of each node, from the mean directions of its whole bonds: F1.F2, twice E12."""
     x = snapshot.position
-    a = _mean_over_whole(np.diff(x, axis=0) / scene.block.dx, ~snapshot.broken_a, 0)
-    b = _mean_over_whole(np.diff(x, axis=1) / scene.block.dy, ~snapshot.broken_b, 1)
+    apart_a, apart_b = apart(snapshot, scene.block)
+    a = _mean_over_whole(np.diff(x, axis=0) / scene.block.dx, ~apart_a, 0)
+    b = _mean_over_whole(np.diff(x, axis=1) / scene.block.dy, ~apart_b, 1)
     return np.abs(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
 
 
@@ -164,8 +185,9 @@ def _broken(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _energy_key(scene: Scene) -> Key:
-    marks = scene.foam.landmarks
-    top = marks.plateau_stress * (marks.crush_start - marks.crush_end)
+    top = max(
+        marks.plateau_stress * (marks.crush_start - marks.crush_end) for marks in _landmarks(scene)
+    )
     scale, prefix = si_scale(top, least=0, digits=3)
     words = ("crush energy", f"({prefix}J/m³)")
     return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
@@ -176,9 +198,13 @@ def _energy(snapshot: Snapshot, scene: Scene) -> Array:
 
     What a rate adds is left out. A node's cell holds half of each of its bonds.
     """
-    foam = scene.foam
-    strain = (foam.permanent_strain(worst) for worst in (snapshot.e_min_a, snapshot.e_min_b))
-    return -0.5 * foam.landmarks.plateau_stress * over_bonds(np.add, *strain)
+    energies = by_foam(
+        scene,
+        lambda foam, worst: foam.landmarks.plateau_stress * foam.permanent_strain(worst),
+        (snapshot.e_min_a,),
+        (snapshot.e_min_b,),
+    )
+    return -0.5 * over_bonds(np.add, *energies)
 
 
 MODES: dict[str, Mode] = {
@@ -196,12 +222,12 @@ MODES: dict[str, Mode] = {
 
 
 def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
-    """Engineering strains of the bonds A and B, as they are now."""
-    x = snapshot.position
+    """Engineering strains of the bonds A and B, as they are now; 0 where there are none."""
+    x, (a, b) = snapshot.position, bonded(scene.block)
     along, upright = np.diff(x, axis=0), np.diff(x, axis=1)
     return (
-        np.hypot(along[..., 0], along[..., 1]) / scene.block.dx - 1,
-        np.hypot(upright[..., 0], upright[..., 1]) / scene.block.dy - 1,
+        np.where(a, np.hypot(along[..., 0], along[..., 1]) / scene.block.dx - 1, 0.0),
+        np.where(b, np.hypot(upright[..., 0], upright[..., 1]) / scene.block.dy - 1, 0.0),
     )
 
 

@@ -16,6 +16,7 @@ from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, Window, fit, window
+from taichi_foam.scene.filling import filling
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
@@ -138,8 +139,10 @@ def strip(
     x = (np.array([box.left, box.left + right]) - view.x_zero) / view.scale
     y = (view.y_zero - rows) / view.scale
     low, high = np.array([x[0], y[0]]) - pad, np.array([x[1], y[1]]) + pad
+    there = filling(scene.block).there
     for snapshot in snapshots:
-        met = np.any(np.all((snapshot.position > low) & (snapshot.position < high), axis=-1))
+        points = snapshot.position[there]
+        met = np.any(np.all((points > low) & (points < high), axis=-1))
         outline = impactor_now(snapshot, scene)
         if outline is not None:
             met |= np.all((outline.max(axis=0) > low) & (outline.min(axis=0) < high))

@@ -14,8 +14,8 @@ from taichi_foam.picture.view import View
 FINE = 2
 #: Horizontal bands for each thread, which it draws on its own: two share the work more evenly.
 BANDS = 2
-#: Strokes of grid lines stand this many bits above those of crack lines.
-GRID_BITS = 4
+#: Strokes of grid lines and of layers stand this many bits above those of crack lines.
+GRID_BITS, LAYER_BITS = 4, 8
 #: Width of a stroke of a grid line in samples: thin, and the same wherever it falls.
 GRID_STROKE = 2.02
 #: Taichi gives each CPU thread at least this many iterations of a parallel loop.
@@ -49,7 +49,8 @@ def paint(
         fill, edge, crack: colour of each, of its grid line and of its crack lines, 0xRRGGBB (n,).
         sides: sides that get a crack line inside the cell (`cells.LEFT` and so on), (n,).
         strokes: sides that get a line across the edge, over all cells, however small the cell is:
-            bits as in `sides` for crack lines, shifted by GRID_BITS for grid lines, (n,).
+            bits as in `sides` for crack lines, shifted by GRID_BITS for grid lines, by LAYER_BITS
+            for faces between layers, (n,).
         order: indices in the order of painting, later ones on top, (n,).
         grid_line, crack_line: their widths [pixels], half of a grid line on either cell; without
             a width cells have no grid line of their own.
@@ -89,6 +90,7 @@ def paint(
         min(width, box.right),
         min(height, box.bottom),
         *_bands(height, threads),
+        colours.packed_one(theme.soft_ink),
         colours.packed_one(theme.steel_edge),
         colours.packed_one(theme.steel),
     )
@@ -328,6 +330,7 @@ def _paint(
     bottom: ti.i32,
     bands: ti.i32,
     stride: ti.i32,
+    layer: ti.i32,
     line_colour: ti.i32,
     steel: ti.i32,
 ):
@@ -360,15 +363,17 @@ def _paint(
                         samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack_line, crack[p]
                     )
             reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
-            for kind in range(2):  # cracks over the grid
+            for kind in range(3):  # cracks over faces of layers over the grid
                 width = ti.select(kind == 0, GRID_STROKE, crack_line)
-                shift = GRID_BITS * (1 - kind)
+                shift = ti.select(kind == 0, GRID_BITS, ti.select(kind == 1, LAYER_BITS, 0))
                 for s in range(shapes.shape[0]):
                     p = order[s]
-                    lines = (strokes[p] >> shift) & ((1 << GRID_BITS) - 1)
+                    lines = (strokes[p] >> shift) & 15
                     if lines != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
                         x, y = _corners(shapes, p, scale, x_zero, y_zero)
-                        colour = ti.select(kind == 0, edge[p], crack[p])
+                        colour = ti.select(
+                            kind == 1, layer, ti.select(kind == 0, edge[p], crack[p])
+                        )
                         for side in range(4):
                             if (lines >> side) & 1 == 1:
                                 _stroke(samples, x, y, side, width, clip, colour)

@@ -28,6 +28,7 @@ from taichi_foam.picture.modes import Key
 from taichi_foam.picture.montage import choose
 from taichi_foam.picture.style import BLUE, INK, PRINT
 from taichi_foam.picture.view import Window, window
+from taichi_foam.scene.filling import filling
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -204,11 +205,10 @@ def _draw(
 ) -> None:
     """Cells in their colours, lines along open sides, floor and impactor; `scale` in mm per m."""
     block, key, tones = scene.block, look.shown.key(scene), look.tones
-    a, b = snapshot.broken_a, snapshot.broken_b
-    shapes = cells.corners(
-        snapshot.position, snapshot.e_min_a, snapshot.e_min_b, a, b, block.dx, block.dy
-    )
-    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
+    there = filling(block).there
+    shapes, sides = cells.shapes_of(snapshot, block)
+    shapes, sides = shapes[there], sides[there]
+    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)[there]
     shades = colours.shades(key.shades)[level].reshape(-1, 3) / 255
     size = scale * min(block.dx, block.dy) * 72 / _INCH  # of a cell in points
     edges = shades
@@ -218,12 +218,20 @@ def _draw(
     axis.axhline(0, color=_tone(tones.floor), linewidth=0.8, zorder=1)
     axis.add_collection(
         PolyCollection(
-            list(shapes.reshape(-1, 4, 2)), facecolors=shades, edgecolors=edges,
+            list(shapes), facecolors=shades, edgecolors=edges,
             linewidths=_SEAM, rasterized=dense, zorder=2,
         ),
         autolim=False,
     )  # fmt: skip
-    sides = cells.open_sides(a, b)
+    if block.layers:
+        faces = shapes[cells.layer_faces(snapshot, block)[there] > 0][:, 2:]
+        axis.add_collection(
+            LineCollection(
+                list(faces), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
+                zorder=3,
+            ),
+            autolim=False,
+        )  # fmt: skip
     if dense:
         # a loose cell shows as a speck of its colour: lines around it would hide that
         sides = np.where(sides == cells.ALL_SIDES, 0, sides)

@@ -16,17 +16,19 @@ from numpy.typing import NDArray
 
 from taichi_foam.analysis import cells
 from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.rims import along_outline
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
-from taichi_foam.picture.polygons import FINE, GRID_BITS, paint
+from taichi_foam.picture.polygons import FINE, GRID_BITS, LAYER_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
+from taichi_foam.scene.filling import filling
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
-    from taichi_foam.scene import Scene
+    from taichi_foam.scene import Block, Scene
 
 Image8 = NDArray[np.uint8]
 Ints = NDArray[np.int32]
@@ -198,19 +200,9 @@ def draw(
     """
     look = look or Look.of(scene)
     block = scene.block
-    broken_a, broken_b = snapshot.broken_a, snapshot.broken_b
-    shapes = cells.corners(
-        snapshot.position,
-        snapshot.e_min_a,
-        snapshot.e_min_b,
-        broken_a,
-        broken_b,
-        block.dx,
-        block.dy,
-    )
+    shapes, sides = cells.shapes_of(snapshot, block)
     key = key or look.shown.key(scene)
     level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
-    sides = cells.open_sides(broken_a, broken_b)
     strokes = np.zeros_like(sides)
     smallest = view.scale * min(block.dx, block.dy)
     strength = float(np.clip((smallest - GRID_NONE) / (GRID_FULL - GRID_NONE), 0, 1))
@@ -222,17 +214,24 @@ def draw(
         sides = np.zeros_like(sides)
         if look.grid:
             strokes |= _coarse_grid(*level.shape, GRID_APART / smallest) << GRID_BITS
+    # a line inside a cell narrows where two sides of it lie on one line
+    rim = along_outline(block)
+    strokes[rim] |= sides[rim]
+    sides[rim] = 0
+    if block.layers:
+        strokes |= cells.layer_faces(snapshot, block) << LAYER_BITS
+    held, order = _order(block)
     outer = impactor_now(snapshot, scene)
     paint(
         image,
         view,
-        shapes.reshape(-1, 4, 2),
-        fill=colours.packed_shades(key.shades)[level].ravel(),
-        edge=colours.grid_line_map(key.shades, round(strength, 2))[level].ravel(),
-        crack=colours.crack_line_map(key.shades, look.theme)[level].ravel(),
-        sides=sides.ravel(),
-        strokes=strokes.ravel(),
-        order=_outside_in(*level.shape),
+        shapes.reshape(-1, 4, 2)[held],
+        fill=colours.packed_shades(key.shades)[level].ravel()[held],
+        edge=colours.grid_line_map(key.shades, round(strength, 2))[level].ravel()[held],
+        crack=colours.crack_line_map(key.shades, look.theme)[level].ravel()[held],
+        sides=sides.ravel()[held],
+        strokes=strokes.ravel()[held],
+        order=order,
         grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
         shape=np.empty((0, 2)) if outer is None else outer,
@@ -267,6 +266,15 @@ def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
     grid[:, np.arange(rows) % stride == 0] |= cells.BOTTOM
     grid.setflags(write=False)
     return grid
+
+
+def _order(block: Block) -> tuple[slice | NDArray[np.intp], Ints]:
+    """Which cells hold foam, of all in a row, and the painter's order among these."""
+    order = _outside_in(block.columns, block.rows)
+    if block.is_rectangle:
+        return slice(None), order
+    there = filling(block).there.ravel()
+    return np.flatnonzero(there), (np.cumsum(there) - 1)[order[there[order]]].astype(np.int32)
 
 
 @lru_cache(maxsize=8)

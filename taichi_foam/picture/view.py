@@ -53,18 +53,22 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     """The window of a run, the same for all of its frames.
 
     Holds the block as it starts, `side` of its width on each side, a strip of floor, and
-    `above` of its height for the impactor (a seventh of it where there is no impactor).
+    `above` of its height for the impactor (a seventh of it where there is no impactor, up to twice
+    as much for one that turns).
     """
     block, impactor = scene.block, scene.impactor
-    half, height = block.width / 2, block.height
-    base = np.array([0.0, block.dy / 2])
-    reference = np.array([[-half, 0.0], [half, 0.0], [half, height], [-half, height]])
+    base = np.array([0.0, block.foot])
+    (left, low), (right, high) = np.min(block.corners, axis=0), np.max(block.corners, axis=0)
+    reference = np.array([[left, low], [right, low], [right, high], [left, high]])
     start = base + (reference - base) @ np.array(scene.start.deformation_gradient).T
     (x_min, y_min), (x_max, y_max) = start.min(axis=0), start.max(axis=0)
     margin = side * (x_max - x_min)
     if impactor is not None:
         # A platen is shown to its ends, a much wider one is cut.
         ends = impactor.x + 1.05 * impactor.outline()[:, 0]
+        if not impactor.guided:  # wherever it turns
+            middle = impactor.x + impactor.centre_of_mass[0]
+            ends = middle + 1.05 * impactor.reach * np.array([-1.0, 1.0])
         span = x_max - x_min
         x_min, x_max = (
             min(x_min, max(ends.min() + margin, x_min - span / 2)),
@@ -72,6 +76,8 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
         )
     tall = y_max - y_min
     top = above if impactor is not None else above / 7
+    if impactor is not None and not impactor.guided:
+        top = max(above, min(2.1 * impactor.reach / tall, 2 * above))
     return Window(
         float(x_min - margin),
         float(x_max + margin),

@@ -16,12 +16,14 @@ from taichi_foam.laws.shape.flat import FlatBlock
 from taichi_foam.laws.shape.i_shape import IShape
 from taichi_foam.laws.shape.polygon import Polygon
 from taichi_foam.laws.shape.wedge import Wedge
-from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+from taichi_foam.scene.pulse import Pulse
 from taichi_foam.scene.whole import CHOICE_SETS, Scene
 
 __all__ = [
     "CHOICE_SETS",
+    "Across",
     "Base",
     "Block",
     "Curve",
@@ -37,6 +39,7 @@ __all__ = [
     "Outline",
     "Output",
     "Polygon",
+    "Pulse",
     "Scene",
     "Start",
     "TabulatedFoam",

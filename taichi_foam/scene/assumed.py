@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part
-from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
+from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
 
 _READINGS = frozenset({"crush_band", "crushed_strength"})
 """Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""
@@ -34,8 +34,11 @@ _ELSEWHERE = {
 _WHOLE = re.compile(r"block(\.layers(\[\d+\])?)?")
 """Keys of layers, together or one by one."""
 
-_PARTS = ("block", "numerics", "model")
+_PARTS = ("across", "block", "numerics", "model")
 """Parts of a scene that have such values besides the foam."""
+
+_OTHERS = ("across.", "block.layers[")
+"""How keys of foams begin that are not [foam]."""
 
 
 class Assumed(Part):
@@ -53,9 +56,23 @@ def completed(data: Any) -> Any:
     if not isinstance(earlier, list | tuple | None):
         return data  # what is wrong with it is said where it is checked
     found = [_unsaid(data, head, earlier) for head in heads_of_foams(data)]
+    data = _with_readings(data)
     if all(entries is None for entries in found):
         return data
     return {**data, "assumed": (*(earlier or ()), *(each for one in found for each in one or ()))}
+
+
+def _with_readings(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Raw data whose layers' foams are read as [foam] is, where they do not say otherwise."""
+    foam = data.get("foam")
+    for head in heads_of_foams(data):
+        own = at(data, f"{head}foam")
+        kind = FOAMS.kind_of(own)
+        if not head or kind is None or not isinstance(own, Mapping | Part):
+            continue
+        for key in _READINGS & _given(foam) & kind.model_fields.keys() - _given(own):
+            data = put(data, f"{head}foam.{key}", at(foam, key))
+    return data
 
 
 def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] | None:
@@ -66,11 +83,11 @@ def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] |
         return None
     given = _given(foam)
     known = {_key(each) for each in earlier or ()}
-    of_layers = {key for key in known if str(key).startswith("block.layers[")}
+    of_others = {key for key in known if str(key).startswith(_OTHERS)}
     if head:
-        said = any(key.startswith(f"{head}foam.") for key in of_layers)
+        said = any(key.startswith(f"{head}foam.") for key in of_others)
     else:  # a list without entries says that all of it was given
-        said = earlier is not None and (not known or bool(known - of_layers))
+        said = earlier is not None and (not known or bool(known - of_others))
     if "plateau_stress" in given:
         given |= {"yield_strain"}
     elif not said and not any(
@@ -111,13 +128,19 @@ def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
     reasons = _unless_given(kind, head)
     entries = {each.key for each in scene.assumed or () if each.why == reasons.get(each.key)}
     if _is_papers(scene, head):
+        readings = {own + key for key in _READINGS} if head else set()
         return {
-            key for key in (*(own + key for key in _own(kind)), *_around_foam(head))
-            if at(scene, key) == _default(scene, key)
+            key for key in (*(own + key for key in _own(kind)), *_around_foam(head), *readings)
+            if at(scene, key) == (
+                at(scene, key[len(head) :]) if key in readings else _default(scene, key)
+            )
         }  # fmt: skip
     try:  # a value that somebody wrote over what was assumed is given
         table = at(data, f"{head}foam")
-        fresh = kind.model_validate({key: table[key] for key in table if own + key not in entries})
+        rest = {key: table[key] for key in table if own + key not in entries}
+        if head:
+            rest |= {key: getattr(scene.foam, key) for key in _READINGS if own + key in entries}
+        fresh = kind.model_validate(rest)
     except ValidationError:
         return {key for key in entries if not key.startswith(own)}
     return {
@@ -180,8 +203,8 @@ def _make_way(data: dict[str, Any], values: Mapping[str, Any], head: str) -> Non
     entries = list(_entries(data.pop("assumed", None)))
     gone = [each for each in entries if not head or str(_key(each)).startswith(head)]
     left = [each for each in entries if each not in gone]
-    if not head:  # what is assumed of layers stays
-        left = [each for each in gone if str(_key(each)).startswith("block.layers[")]
+    if not head:  # what is assumed of other foams stays
+        left = [each for each in gone if str(_key(each)).startswith(_OTHERS)]
         gone = [each for each in gone if each not in left]
     for entry in gone:
         part, _, last = str(_key(entry)).rpartition(".")
@@ -218,7 +241,7 @@ def _settle(foam: Any, head: str, values: Mapping[str, Any]) -> None:
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
     """Entries whose key is none of a scene's values."""
     return [
-        f"assumed.key = {each.key!r}: must be the key of a value of block, foam, model or "
+        f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
         if each.key.partition(".")[0] not in ("foam", *_PARTS) or at(scene, each.key) is NOTHING
@@ -227,12 +250,16 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, and what they are unless given."""
-    own = {f"{head}foam.{key}": why for key, why in kind.unless_given.items()}
+    shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else ()
+    reasons = dict(kind.unless_given) | dict.fromkeys(shared, "that of [foam]")
+    own = {f"{head}foam.{key}": why for key, why in reasons.items()}
     return {**own, **_around_foam(head)}
 
 
 def _around_foam(head: str) -> Mapping[str, str]:
     """Those that stand beside the foam's table."""
+    if head == "across.":  # it is the same foam, and so as dense
+        return {}
     return {f"{head}density": "that of the block"} if head else _ELSEWHERE
 
 

@@ -51,6 +51,15 @@ class Layer(Part):
     )
 
 
+class Across(Part):
+    """What the foam of [foam] is along x, where it rises upwards and is another one across that."""
+
+    foam: Annotated[BondFoam, FOAMS] | None = Field(
+        default=None,
+        description="the foam along x, as [foam] takes it; none: it is the same in both directions",
+    )
+
+
 class Block(Part):
     """A block on its lattice of mass points, its density and layers (paper, Table 6, Fig. 14).
 
@@ -82,6 +91,12 @@ class Block(Part):
         at_least=2,
         at_most=MAX_NODES // 2,
         fix="the paper uses 40 by 20",
+    )
+    mass_points: Literal["cells", "faces"] = choice(
+        "cells",
+        "where they lie: cells: in the middles of columns by rows of cells, half a cell inside the "
+        "block's faces; faces: the outer ones on its faces, so that what is touched and held there "
+        "has the whole width and height between",
     )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
     outline: _Outline = quantity(
@@ -135,12 +150,17 @@ class Block(Part):
     @property
     def dx(self) -> float:
         """Width of a cell [m]."""
-        return self.width / self.columns
+        return self.width / (self.columns - (self.mass_points == "faces"))
 
     @property
     def dy(self) -> float:
         """Height of a cell [m]."""
-        return self.height / self.rows
+        return self.height / (self.rows - (self.mass_points == "faces"))
+
+    @property
+    def foot(self) -> float:
+        """Height of the first row of mass points [m]."""
+        return 0.0 if self.mass_points == "faces" else 0.5 * self.dy
 
     @property
     def node_mass(self) -> float:
@@ -156,13 +176,13 @@ class Block(Part):
     @property
     def is_rectangle(self) -> bool:
         """Whether foam fills the whole lattice."""
-        return not self.outline and not self.holes
+        return not self.outline and not self.holes and self.mass_points == "cells"
 
     @property
     def positions(self) -> NDArray[Any]:
         """Reference positions of the mass points, (columns, rows, 2) [m]."""
         x = (np.arange(self.columns) - 0.5 * (self.columns - 1)) * self.dx
-        y = (np.arange(self.rows) + 0.5) * self.dy
+        y = _in_rows(self) * self.dy
         return self.turned(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
 
     def turned(self, points: NDArray[Any]) -> NDArray[Any]:
@@ -188,6 +208,12 @@ class Block(Part):
         """Of the outline [m]: there a turned lattice has its own."""
         points = np.array(self.corners)
         return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def _in_rows(block: Block) -> NDArray[np.float64]:
+    """Heights (J,) of the rows of mass points, in cells."""
+    first = 0.0 if block.mass_points == "faces" else 0.5
+    return np.arange(block.rows, dtype=np.float64) + first
 
 
 def _problems_of_outline(block: Block) -> list[str]:
@@ -233,6 +259,7 @@ def _problems_of_layers(block: Block) -> list[str]:
     """Say why the layers cannot be those of this block."""
     found = []
     least = outlines.TOLERANCE * block.height
+    faces = block.mass_points == "faces"
     ordered = sorted(enumerate(block.layers), key=lambda each: each[1].bottom)
     for number, layer in ordered:
         key = f"block.layers[{number}]"
@@ -250,7 +277,7 @@ def _problems_of_layers(block: Block) -> list[str]:
             found.append(
                 f"{key}: {layer.bottom:g} to {layer.top:g} m holds no middle of a row of cells, "
                 f"which are {block.dy:.4g} m high; take block.rows = "
-                f"{math.ceil(block.height / (layer.top - layer.bottom))} or more"
+                f"{math.ceil(block.height / (layer.top - layer.bottom)) + faces} or more"
             )
     for (first, below), (second, above) in pairwise(ordered):
         if above.bottom < below.top - least:
@@ -269,6 +296,7 @@ def _problems_of_layers(block: Block) -> list[str]:
 
 def rows_of(block: Block, layer: Layer) -> NDArray[np.bool_]:
     """Rows (J,) of cells that belong to a layer: their middles lie in it."""
-    middle = (np.arange(block.rows) + 0.5) * block.dy
+    middle = _in_rows(block) * block.dy
     least = outlines.TOLERANCE * block.height
-    return (middle >= layer.bottom - least) & (middle < layer.top - least)
+    below = (middle < layer.top - least) | (layer.top >= block.height - least)
+    return (middle >= layer.bottom - least) & below

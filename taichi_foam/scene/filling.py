@@ -1,7 +1,7 @@
 """What the foam of a block fills: mass of each mass point, share of each bond's face.
 
-Cells are cut by the outline. One that is less than half full has no mass point: what it holds goes
-to a neighbour.
+Cells are cut by the outline. One that is less than a quarter full has no mass point: what it holds
+goes to a neighbour.
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ Array = NDArray[np.float64]
 LEAST = 0.25
 """Share of a cell from which on it has a mass point."""
 
+LONGEST_TIP = 3
+"""Cells of a tip that may have no mass points of their own, or beside them."""
+
 NO_FACE = 1e-6
 """Share of a face below which it is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """A block on its lattice of I x J cells, one mass point in each that is half full or more.
+    """A block on its lattice of I x J cells, one mass point in each that is a quarter full.
 
     mass    (I, J) of the mass points [kg]; 0: there is none
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
@@ -55,6 +58,12 @@ class Filling:
         """(I, J) where there are mass points."""
         return self.mass > 0.0
 
+    @property
+    def is_full(self) -> bool:
+        """Whether foam fills every cell of a lattice that stands on the base."""
+        level = self.on_base[:, 0].all() and not self.on_base[:, 1:].any()
+        return bool(level and np.all(self.share == 1.0))
+
 
 def filling(block: Block) -> Filling:
     """What the foam of a block fills."""
@@ -72,8 +81,8 @@ def in_cells(block: Block) -> Polygon:
     """The foam's polygon on the lattice, in cells: cell (i, j) is the square from (i, j) on."""
 
     def placed(corners: outlines.Corners) -> Array:
-        left_edge = np.array([-block.width / 2, 0.0])
-        cells = (block.on_lattice(np.array(corners)) - left_edge) / [block.dx, block.dy]
+        corner = np.array([-0.5 * block.columns * block.dx, block.foot - 0.5 * block.dy])
+        cells = (block.on_lattice(np.array(corners)) - corner) / [block.dx, block.dy]
         near = np.round(cells)
         return np.where(np.abs(cells - near) < outlines.TOLERANCE * block.columns, near, cells)
 
@@ -105,21 +114,25 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     """What an outline leaves of the cells."""
     columns, rows = block.columns, block.rows
     across, levels = np.arange(columns + 1.0), _levels(block)
-    area = outlines.shares(shape, across, levels)
-    starts = np.searchsorted(levels, np.arange(rows))
-    share = np.add.reduceat(area, starts, axis=1)
     up = np.arange(rows + 1.0)
+    area = outlines.shares(shape, across, levels)
     inner_a = outlines.lengths(shape, across[1:-1], up, upright=True)
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
+    edge = _signed_distance(block)
+    mirrored = block.lattice_angle_deg == 0 and outlines.is_mirrored(shape, columns)
+    if mirrored:  # but for rounding, and from here on to the last bit
+        area, inner_a, inner_b, edge = map(_mirrored, (area, inner_a, inner_b, edge))
+    share = np.add.reduceat(area, np.searchsorted(levels, up[:-1]), axis=1)
     there = share >= LEAST - outlines.TOLERANCE
     owner = _owners(share, there, inner_a, inner_b)
     mass = np.zeros((columns, rows))
     held = share > 0
     np.add.at(mass, tuple(owner[held].T), _mass(block, area)[held])
     face_a, face_b = _faces(owner, inner_a, 0), _faces(owner, inner_b, 1)
+    if mirrored:  # sums of several have their order
+        mass, face_a, face_b = map(_mirrored, (mass, face_a, face_b))
     on_base = np.zeros((columns, rows), dtype=bool)
     on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
-    edge = _signed_distance(block)
     return Filling(
         mass=mass,
         face_a=face_a,
@@ -131,10 +144,16 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     )
 
 
+def _mirrored(figures: Array) -> Array:
+    """Figures (I, ...) of columns that are those of the mirrored ones."""
+    return 0.5 * (figures + figures[::-1])
+
+
 def _levels(block: Block) -> Array:
     """Heights [cells] at which rows of cells and layers begin and end, rising."""
     rows = np.arange(block.rows + 1.0)
-    faces = [each / block.dy for layer in block.layers for each in (layer.bottom, layer.top)]
+    heights = (each for layer in block.layers for each in (layer.bottom, layer.top))
+    faces = [(each - block.foot) / block.dy + 0.5 for each in heights]
     between = [
         face
         for face in sorted(set(faces))
@@ -146,7 +165,7 @@ def _levels(block: Block) -> Array:
 def _mass(block: Block, area: Array) -> Array:
     """Mass (I, J) [kg] of the foam in each cell, of its area between `_levels`."""
     levels = _levels(block)
-    middle = (levels[:-1] + levels[1:]) / 2 * block.dy
+    middle = ((levels[:-1] + levels[1:]) / 2 - 0.5) * block.dy + block.foot
     density = np.full(len(middle), block.density)
     for layer in block.layers:
         if layer.density is not None:
@@ -241,7 +260,8 @@ def _signed_distance(block: Block) -> Array:
 def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
     """See `Filling`; `edge` is the distance from the outline [m]."""
     for half in (0.5 * block.dx, 0.5 * block.dy):
-        edge = np.where(np.abs(edge - half) < outlines.TOLERANCE * half, half, edge)
+        whole = np.round(edge / half) * half
+        edge = np.where(np.abs(edge - whole) < outlines.TOLERANCE * half, whole, edge)
     around = np.pad(there, 1)
     inside = full & np.logical_and.reduce(
         [around[2:, 1:-1], around[:-2, 1:-1], around[1:-1, 2:], around[1:-1, :-2]]
@@ -256,14 +276,14 @@ def problems(block: Block) -> list[str]:
     filled = filling(block)
     more = "take more block.columns and block.rows, or make it wider"
     if not filled.there.any():
-        return [f"block.outline: fills no cell of the lattice by half; {more}"]
+        return [f"block.outline: fills no cell of the lattice by a quarter; {more}"]
     cell = f"a cell of {block.dx:.3g} x {block.dy:.3g} m"
     where = _without_mass_point(filled)
     if where is not None:
         x, y = block.positions[where]
         return [
-            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than half of "
-            f"{cell}, and would not be there; {more}"
+            f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter "
+            f"of {cell}, and would not be there; {more}"
         ]
     part = _parts(filled)
     sizes = np.bincount(part)
@@ -278,20 +298,18 @@ def problems(block: Block) -> list[str]:
 
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
-    """A cell of a clump of foam, larger than a cell, that no mass point beside it has."""
+    """A cell whose foam no mass point beside it has, one of more than LONGEST_TIP in a row."""
     from scipy import ndimage
 
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
     label = np.zeros(far.shape, dtype=np.int64)
-    ndimage.label(far, output=label)
-    if label.max() == 0:
-        return None
-    size = ndimage.sum_labels(filled.share, label, np.arange(1, label.max() + 1))
-    if size.max() <= 1.0:
-        return None
-    i, j = np.argwhere(label == size.argmax() + 1)[0]
-    return int(i), int(j)
+    ndimage.label(far, np.ones((3, 3)), output=label)
+    for place in ndimage.find_objects(label):
+        if max(along.stop - along.start for along in place) > LONGEST_TIP:
+            i, j = np.argwhere(far[place])[0] + [along.start for along in place]
+            return int(i), int(j)
+    return None
 
 
 def _parts(filled: Filling) -> NDArray[np.int64]:

@@ -37,12 +37,16 @@ def foams_of_bonds(
     """The foams of a scene's block, that of bonds A of each row (J,), of bonds B above it (J-1,).
 
     A bond between two layers is of the one that crushes first: the other, half a cell of it, would
-    hardly be strained.
+    hardly be strained. Bonds A of [foam] are of that of [across], if there is one; a plane has one
+    shear modulus, that of [foam].
     """
     foams, rows = foams_of(scene)
     plateau = np.array([foam.landmarks.plateau_stress for foam in foams])
     between = np.where(plateau[rows[:-1]] <= plateau[rows[1:]], rows[:-1], rows[1:])
-    return foams, rows, between
+    if scene.across.foam is None:
+        return foams, rows, between
+    across = scene.across.foam.model_copy(update={"shear_modulus": scene.foam.shear_modulus})
+    return (*foams, across), np.where(rows == 0, len(foams), rows), between
 
 
 def loose_rows(block: Block) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, hints_of
-from taichi_foam.scene.keys import CHOSEN, all_parts, listed, listed_in, parts
+from taichi_foam.scene.keys import CHOSEN, all_parts, listed_in, parts
 
 _CLOSE = 0.8
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
@@ -182,7 +182,6 @@ def _locate(
     """
     path, owner = _root(title, scene)
     field: FieldInfo | None = None
-    among = listed(scene).values()
     for step in location:
         chosen = CHOSEN.get(path.rpartition(".")[2], {})
         if isinstance(step, int):
@@ -193,7 +192,7 @@ def _locate(
             path, owner = step, parts(scene)[step]
         elif field is None and step in chosen:
             owner = chosen[step]
-        elif field is None and step in CHOSEN and (owner is scene or owner in among):
+        elif field is None and step in CHOSEN and step in owner.model_fields:
             path, owner = f"{path}.{step}".lstrip("."), next(iter(CHOSEN[step].values()))
         elif field is None:
             path = f"{path}.{step}" if path else step
@@ -202,9 +201,9 @@ def _locate(
 
 
 def _head_of_foam(path: str) -> str:
-    """What stands before `foam` in a path: nothing but in a list of parts that have foams."""
-    head, between, _ = path.partition("].foam")
-    return f"{head}]." if between else ""
+    """What stands before `foam` in a path: nothing but in parts that have foams."""
+    head, between, _ = f".{path}".partition(".foam")
+    return f"{head[1:]}." if between and head else ""
 
 
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:

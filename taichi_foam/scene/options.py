@@ -151,7 +151,7 @@ class Start(Part):
     """What the block starts with: cuts, and a homogeneous deformation and motion.
 
     A mass point with reference position X starts at x = b + F (X - b) with velocity L (X - b),
-    b = (0, dy/2) being the middle of the bottom row.
+    b = (0, dy/2) being the middle of the bottom row, or (0, 0) of one on the base.
     """
 
     deformation_gradient: Annotated[tuple[_Row, _Row], Field(strict=False)] = quantity(

@@ -43,6 +43,14 @@ def problems(outline: Corners, holes: Sequence[Corners]) -> list[str]:
     return found or _problems_of_holes(outline, holes)
 
 
+def is_mirrored(shape: Polygon, width: float) -> bool:
+    """Whether a shape is its own mirror image about the upright line at half of a width."""
+    from shapely import affinity
+
+    other = affinity.scale(shape, xfact=-1.0, origin=(width / 2, 0.0))
+    return shape.normalize().equals_exact(other.normalize(), TOLERANCE * width)
+
+
 def shares(shape: Polygon, across: Array, up: Array) -> Array:
     """Area of a shape in each box of a grid, (len(across) - 1, len(up) - 1).
 
@@ -85,6 +93,8 @@ def _problems_of_ring(key: str, corners: Corners) -> list[str]:
                 f"{key}[{k}] = {list(corners[k])}: repeats an earlier corner; each must be given "
                 f"once{', the outline closes by itself' if closing else ''}; leave it out"
             ]
+    if shapely.MultiPoint(points).convex_hull.area <= least * np.ptp(points, axis=0).max():
+        return [f"{key}: encloses no area; its corners must not be on one line; move one of them"]
     if not shapely.LinearRing(points).is_simple:
         where = shapely.is_valid_reason(shapely.Polygon(points)).partition("[")[2].rstrip("]")
         near = f" near [{', '.join(f'{float(c):.4g}' for c in where.split())}]" if where else ""
@@ -92,8 +102,6 @@ def _problems_of_ring(key: str, corners: Corners) -> list[str]:
             f"{key}: crosses or touches itself{near}; it must be one simple outline, its corners "
             "in order along it; put them in order"
         ]
-    if shapely.Polygon(points).area <= least * float(np.ptp(points, axis=0).max()):
-        return [f"{key}: encloses no area; its corners must not be on one line; move one of them"]
     return []
 
 

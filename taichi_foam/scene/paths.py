@@ -58,11 +58,13 @@ def _put(data: Any, left: list[str | int], value: Any) -> Any:
 
 
 def heads_of_foams(data: Any) -> Iterator[str]:
-    """Yield what stands before `foam` and `density` of a scene's own foams: "", layers by number.
+    """Yield what stands before `foam` of a scene's foams: "", "across.", layers by number.
 
     `data` is a scene, or raw data of one.
     """
     yield ""
+    if at(data, "across.foam") not in (None, NOTHING):
+        yield "across."
     layers = at(data, "block.layers")
     if isinstance(layers, list | tuple):
         for number, layer in enumerate(layers):

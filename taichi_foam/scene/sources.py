@@ -102,6 +102,8 @@ def _with_foam(
     assumed = [Assumed(key=f"{head}{each.key}", why=each.why) for each in assumed if not head
                or each.key.startswith("foam.")]  # fmt: skip
     data = put(data, f"{head}foam", table)
+    if head == "across.":  # it is the same foam, and so as dense
+        return _assuming(data, assumed)
     dense = f"{head or 'block.'}density"
     why = Assumed(key=dense, why=f"that of the foam: {file.title}")
     place = at(data, dense.rpartition(".")[0])
@@ -112,6 +114,11 @@ def _with_foam(
     elif isinstance(place, Part) and "density" not in place.model_fields_set:
         assumed.append(why)
         data = put(data, dense, file.density)
+    return _assuming(data, assumed)
+
+
+def _assuming(data: Mapping[str, Any], assumed: list[Assumed]) -> Mapping[str, Any]:
+    """Raw data of a scene that assumes some more."""
     earlier = data.get("assumed") or ()
     if not isinstance(earlier, list | tuple):
         return data  # what is wrong with it is said where it is checked

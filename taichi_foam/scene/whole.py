@@ -11,13 +11,13 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, driven, fall, filling, sources
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.block import Block, Layer
+from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
@@ -64,6 +64,13 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
 """Named readings of what the paper leaves open: dotted keys of a scene and their values."""
 
 
+_OPTIONS = {
+    "heeds_rate": "rate, which is given in the one only",
+    "weakens_across": "crushed_strength, which is 1 in the one only",
+}
+"""What tells foams of one law apart for the kernels, by options of the law."""
+
+
 class Scene(Part):
     """One impact on one block, complete: everything that decides its result. SI units.
 
@@ -82,6 +89,9 @@ class Scene(Part):
     )
     block: Block = Field(default=Block(), description="the foam block and its lattice")
     foam: Annotated[BondFoam, FOAMS] = Field(default=Foam(), description="the foam's law")
+    across: Across = Field(
+        default=Across(), description="the foam across its rise, if it differs from that along it"
+    )
     impactor: Annotated[Impactor, SHAPES] | None = Field(
         default=None, description="what hits the block; none: nothing does"
     )
@@ -113,6 +123,7 @@ class Scene(Part):
         problems = [
             *_problems_of_foam(self),
             *_problems_of_layers(self),
+            *_problems_of_base(self),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
@@ -173,9 +184,10 @@ class Scene(Part):
 
         The top row's; of a block with an outline that of the highest mass point under it.
         """
-        if self.block.is_rectangle:
+        filled = filling.filling(self.block)
+        if filled.is_full:  # the same to the last bit
             return self.block.height - self.block.dy / 2
-        X = self.block.positions[filling.filling(self.block).there]
+        X = self.block.positions[filled.there]
         if self.impactor is not None:
             x = self.impactor.x + self.impactor.outline()[:, 0]
             X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
@@ -184,7 +196,7 @@ class Scene(Part):
 
 def _rebuild() -> None:
     """Let scenes know a law or a shape that came later."""
-    for part in (Layer, Block, Scene):
+    for part in (Across, Layer, Block, Scene):
         part.model_rebuild(force=True)
 
 
@@ -206,20 +218,44 @@ def _problems_of_foam(scene: Scene) -> list[str]:
 def _problems_of_layers(scene: Scene) -> list[str]:
     """Say which layers' foams do not go together with the block's."""
     law = scene.foam.law_for(scene.model)
+    foams = {f"block.layers[{n}]": layer.foam for n, layer in enumerate(scene.block.layers)}
+    found = [
+        f"{head}.foam: not read as [foam] is: {_differing(law, other)}; all foams of a block need "
+        "one law and one reading of it; give both the same, or a curve each (foam.curve)"
+        for head, foam in {**foams, "across": scene.across.foam}.items()
+        if foam is not None and (other := foam.law_for(scene.model)) != law
+    ]
+    across, shear = scene.across.foam, scene.foam.shear_modulus
+    key = "across.foam.shear_modulus"
+    assumed_keys = {each.key for each in scene.assumed or ()}
+    if across is None or "shear_modulus" not in across.model_fields_set or key in assumed_keys:
+        return found
+    if across.shear_modulus != shear:
+        found.append(
+            f"{key} = {across.shear_modulus:g}: must be that of [foam], {shear:g} Pa; a plane has "
+            "one shear modulus; leave it out"
+        )
+    return found
+
+
+def _problems_of_base(scene: Scene) -> list[str]:
+    """Say why the base has nothing to hold."""
+    kind = scene.base.kind
+    if kind == "floor" or filling.filling(scene.block).on_base.any():
+        return []
     return [
-        f"block.layers[{number}].foam: of another law, or of other options of it "
-        f"({', '.join(_differing(law, other))}); all foams of a block need the same; give "
-        f"block.layers[{number}].foam what [foam] has, or a curve each (foam.curve)"
-        for number, layer in enumerate(scene.block.layers)
-        if layer.foam is not None and (other := layer.foam.law_for(scene.model)) != law
+        f"block.outline: has no side on the base, y = 0, which base.kind = '{kind}' holds; give it "
+        "a level side there, or set base.kind = 'floor'"
     ]
 
 
-def _differing(one: object, other: object) -> list[str]:
-    """In what two laws differ, in the words of their options."""
-    if type(one) is not type(other):
-        return [type(other).__name__.lower()]
-    return [key for key, value in vars(other).items() if value != vars(one)[key]]
+def _differing(law: BondLaw, other: BondLaw) -> str:
+    """What is otherwise in a law than in the first, in the words of a scene."""
+    if type(law) is not type(other):
+        return f"of the law {type(other).__name__.lower()}"
+    unlike = {key for key, value in vars(other).items() if value != vars(law)[key]}
+    words = [text for key, text in _OPTIONS.items() if key in unlike]
+    return f"different in {' and '.join(words or sorted(unlike))}"
 
 
 def _problems_of_start(scene: Scene) -> list[str]:
@@ -349,7 +385,7 @@ def _starting_points(scene: Scene) -> np.ndarray:
         X = np.array([[-half, low], [half, low], [half, high], [-half, high]])
     else:
         X = block.positions[filling.filling(block).there]
-    origin = np.array([0.0, block.dy / 2])
+    origin = np.array([0.0, block.foot])
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 

@@ -86,8 +86,9 @@ def test_a_number_has_a_unit_or_says_that_it_is_a_plain_one(key) -> None:
 def test_a_key_says_which_shapes_have_it() -> None:
     assert [key.about for key in keys_of("impactor.radius")] == ["radius (shape cylinder only)"]
     (turn,) = keys_of("impactor.rotation_deg")
-    assert turn.only == ("flat", "polygon")
-    assert [key.only for key in keys_of("impactor.height")] == [("flat",), ("wedge",)]
+    assert turn.only == ()
+    heights = [("flat",), ("wedge",), ("ellipse",), ("i-shape",)]
+    assert [key.only for key in keys_of("impactor.height")] == heights
     assert [key.only for key in keys_of("impactor.mass")] == [()]
 
 

@@ -200,9 +200,13 @@ def misplaced() -> np.ndarray:
 
     Taichi packs Vulkan's fields without padding, and such a number is read from another address.
     """
-    pads = pad_scenes()
+    pads, free = pad_scenes(), option_scenes()
     named = []
-    for count, scene in ((LATTICES, breaking_scenes()[0]), (len(pads), pads[0])):
+    for count, scene in (
+        (LATTICES, breaking_scenes()[0]),
+        (len(free), free[0]),
+        (len(pads), pads[0]),
+    ):
         with borrowed(count, *SMALL, features_of(scene)) as lattice:
             named += [
                 (name, scalar)

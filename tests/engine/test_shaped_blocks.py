@@ -45,24 +45,33 @@ def assert_same(one: tf.Result, other: tf.Result) -> None:
         np.testing.assert_array_equal(theirs.position, ours.position)
 
 
+def assert_close(one: tf.Result, other: tf.Result) -> None:
+    """Other kernels with the same numbers: a compiler may round a product and a sum at once."""
+    for name, column in one.history.items():
+        scale = max(np.abs(column).max(), 1e-9)
+        np.testing.assert_allclose(
+            other.history[name], column, rtol=0, atol=1e-9 * scale, err_msg=name
+        )
+
+
 def test_a_block_drawn_as_a_polygon_is_the_plain_block(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the last bit; and so are the kernels of shaped blocks, where all shares are 1."""
+    """To the last bit; the kernels of shaped blocks, where all shares are 1, agree to rounding."""
     plain = tf.run(wedge_drop())
     assert plain.history["broken_bonds"][-1] > 10
     assert_same(plain, tf.run(wedge_drop(outline=RECTANGLE)))
     monkeypatch.setattr(features, "_is_plain", lambda *_: False)
-    assert_same(plain, tf.run(wedge_drop(outline=RECTANGLE)))
+    assert_close(plain, tf.run(wedge_drop(outline=RECTANGLE)))
 
 
 def test_layers_of_equal_foams_are_one_foam() -> None:
-    """To the last bit: they differ in where they are from, and so are told apart."""
+    """They differ in where they are from, and so are told apart."""
     layers = [
         {"bottom": 0.0, "top": 0.03, "foam": Foam(source="a")},
         {"bottom": 0.065, "top": 0.1, "foam": Foam(source="b")},
     ]
     layered = wedge_drop(layers=layers)
     assert features.features_of(layered).foams == 3
-    assert_same(tf.run(wedge_drop()), tf.run(layered))
+    assert_close(tf.run(wedge_drop()), tf.run(layered))
 
 
 def test_layers_of_equal_curves_are_one_curve() -> None:
@@ -70,7 +79,7 @@ def test_layers_of_equal_curves_are_one_curve() -> None:
     curve = Curve(strain=(0, 0.05, 0.6, 0.8, 0.9), stress=(0, 120e3, 150e3, 400e3, 2e6))
     foam = TabulatedFoam(curve=curve)
     layers = [{"bottom": 0.035, "top": 0.1, "foam": TabulatedFoam(curve=curve, source="b")}]
-    assert_same(tf.run(wedge_drop(foam)), tf.run(wedge_drop(foam, layers=layers)))
+    assert_close(tf.run(wedge_drop(foam)), tf.run(wedge_drop(foam, layers=layers)))
 
 
 @pytest.mark.parametrize(("young", "density"), [(8e6, 60.0), (1e6, 20.0)])

@@ -12,10 +12,12 @@ from reference_lattice import reference_positions
 from taichi_foam.analysis.body import impactor_now, way_down
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import State
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import (
+    Block,
     Cylinder,
     Ellipse,
     FlatBlock,
@@ -351,3 +353,33 @@ def test_where_a_body_is_drawn_is_where_it_is(body: Impactor) -> None:
         assert outline is not None
         fallen = result.scene.contact_height + 0.2 - outline[:, 1].min()
         assert fallen == pytest.approx(way_down(record)[row], abs=1e-3 * size)
+
+
+def test_a_rod_slaps_down_before_its_run_ends() -> None:
+    """Tilted by 6 degrees: its low end strikes and rises, then the other one comes down.
+
+    A run until the rebound is not over between the two.
+    """
+    low = product(width=0.18, height=0.02, rotation_deg=6.0, mass=0.5, velocity=1.0)
+    until = Numerics(end="rebound", gravity=9.81)
+    result = run(dropped(low, block=Block(columns=20, rows=10), numerics=until))
+    h, figures = result.history, result.summary
+    pressed = np.flatnonzero(h.contact_force_N > 1.0)
+    turned = np.diff(np.sign(h.spin_rad_s[pressed]))
+    assert h.spin_rad_s.min() < -5.0
+    assert h.spin_rad_s.max() > 5.0
+    assert turned.any()
+    assert np.diff(h.time_s[pressed]).max() > 3e-3
+    assert figures["came_to_rest"]
+    assert not figures["passed_through"]
+    assert result.ending == Ending.REBOUND
+
+
+def test_a_body_that_falls_past_the_block_says_so() -> None:
+    """Sideways off the block before it has come down: the floor stops it, not the foam."""
+    off = product(x=0.03, velocity=0.5, velocity_x=3.0, spin=-30.0)
+    result = run(dropped(off, 0.15, gravity=9.81))
+    assert result.history.contact_force_N.any()
+    assert result.summary["passed_through"]
+    assert not result.summary["bottomed_out"]
+    assert any("fell past the block" in text for text in result.summary["warnings"])

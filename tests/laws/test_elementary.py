@@ -1,4 +1,4 @@
-"""Exponential, logarithm and power against NumPy's, by the count of doubles between."""
+"""Exponential, logarithm, power and sine against NumPy's, most by the count of doubles between."""
 
 import math
 
@@ -40,6 +40,12 @@ def _log(x: Scalars, out: Scalars):
 def _power(x: Scalars, y: Scalars, out: Scalars):
     for k in range(x.shape[0]):
         out[k] = elementary.power(x[k], y[k])
+
+
+@ti.kernel
+def _sine_cosine(x: Scalars, sine: Scalars, cosine: Scalars):
+    for k in range(x.shape[0]):
+        sine[k], cosine[k] = elementary.sine_cosine(x[k])
 
 
 @ti.kernel
@@ -196,3 +202,22 @@ def test_a_whole_power_is_a_product(x: float, n: int) -> None:
     expected = math.prod([x] * n)
     allowed = 2.0**-52 * (2.0 + 2.0 * abs(n * math.log(x)) + n)
     assert mapped(_power, x, n)[0] == pytest.approx(expected, rel=allowed)
+
+
+def test_sine_and_cosine_are_good_to_rounding_and_symmetric_to_the_last_bit() -> None:
+    """1.5e-16 of 1, half of that NumPy's, over many turns; exact where an angle begins."""
+    rng = np.random.default_rng(7)
+    x = np.concatenate([
+        np.linspace(-2 * math.pi, 2 * math.pi, POINTS), rng.uniform(-1e5, 1e5, POINTS),
+        rng.uniform(-1e-6, 1e-6, POINTS), np.arange(-8, 9) * 0.25 * math.pi, [0.0],
+    ])  # fmt: skip
+    sine, cosine, odd, even = (np.empty_like(x) for _ in range(4))
+    _sine_cosine(x, sine, cosine)
+    _sine_cosine(-x, odd, even)
+    np.testing.assert_allclose(sine, np.sin(x), rtol=0, atol=2.3e-16)
+    np.testing.assert_allclose(cosine, np.cos(x), rtol=0, atol=2.3e-16)
+    np.testing.assert_array_equal(odd, -sine)
+    np.testing.assert_array_equal(even, cosine)
+    assert (sine[-1], cosine[-1]) == (0.0, 1.0)
+    small = np.abs(x) < 1e-6
+    np.testing.assert_allclose(sine[small], np.sin(x[small]), rtol=2.3e-16)

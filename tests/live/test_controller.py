@@ -151,7 +151,7 @@ def test_a_faster_impactor_and_another_shape_drop_again_under_a_name_of_their_ow
     assert controller.next.name == "wedge, 2.96 m/s"
     assert screen.state == "preparing"
     screen.next_shape()
-    assert controller.next.name == "flat block, 2.96 m/s"
+    assert controller.next.name == "ellipse, 2.96 m/s"
     wait(screen, lambda: screen.state == "full speed")
 
 
@@ -272,7 +272,7 @@ def test_a_key_that_is_held_down_piles_up_no_drops(screen: Screen, controller: C
     screen.next_shape()
     assert controller.number == number
     wait(screen, lambda: controller.number == number + 1)
-    assert controller.scene.impactor.shape == "flat"
+    assert controller.scene.impactor.shape == "ellipse"
 
 
 def test_a_run_that_goes_astray_is_kept_and_told_of(

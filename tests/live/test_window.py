@@ -211,7 +211,7 @@ def test_the_window_shows_what_it_saves_and_another_shape_and_speed_are_kept_bes
     assert "maximum displacement" in out or "energy unaccounted for" in out
     results = [Result.load(f"{window.folder}{end}") for end in ("", "-2", "-3")]
     found = [result.scene.impactor for result in results]
-    assert [impactor.shape for impactor in found] == ["wedge", "flat", "flat"]
+    assert [impactor.shape for impactor in found] == ["wedge", "ellipse", "ellipse"]
     assert found[2].velocity == pytest.approx(2.96)
     result = results[0]
     assert not result.run["interrupted"]

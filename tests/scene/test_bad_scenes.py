@@ -15,6 +15,7 @@ from taichi_foam.scene import (
     Foam,
     Model,
     Numerics,
+    Outline,
     Output,
     Polygon,
     Scene,
@@ -42,7 +43,7 @@ BAD = [
         ["impactor.radius: unknown key; known here: mass, velocity"],
     ),
     (RECTANGULAR, "model.dampng=absolute", ["did you mean model.damping?"]),
-    (RECTANGULAR, "zzz=1", ["zzz: unknown key", "known here: name, block, foam, impactor"]),
+    (RECTANGULAR, "zzz=1", ["zzz: unknown key", "known here: name, block, foam, across, impactor"]),
     (RECTANGULAR, "block.width.value=1", ["block.width.value: unknown key", "no keys of its own"]),
     # units
     (
@@ -199,6 +200,23 @@ BAD = [
     (RECTANGULAR, "start.cuts=across", ["start.cuts = 'across'", "up to 1000 lines"]),
     # impactor shapes
     (RECTANGULAR, "impactor.shape=polygon", ["impactor.vertices: missing", "3 to 16 corners"]),
+    (RECTANGULAR, "impactor.shape=outline", ["impactor.vertices: missing", "3 to 512 corners"]),
+    # off the rails
+    (RECTANGULAR, "impactor.spin=3", ["impactor.spin = 3: guide rails", "impactor.guided = false"]),
+    (RECTANGULAR, "impactor.velocity_x=-2", ["impactor.velocity_x = -2: guide rails"]),
+    (RECTANGULAR, "impactor.inertia=0.1", ["impactor.inertia = 0.1: guide rails"]),
+    (RECTANGULAR, "impactor.inertia=0", ["impactor.inertia = 0", "above 0", "kg m2"]),
+    (RECTANGULAR, "impactor.inertia=-1", ["impactor.inertia = -1", "above 0"]),
+    (RECTANGULAR, "impactor.centre=[0,0.1]", ["impactor.centre = [0.0, 0.1]: guide rails"]),
+    (RECTANGULAR, "impactor.centre=[0,9]", ["impactor.centre[1] = 9", "from -5 to 5 m"]),
+    (
+        RECTANGULAR,
+        "impactor.spin=1e9",
+        ["impactor.spin = 1000000000.0", "rad/s"],
+    ),
+    (RECTANGULAR, "impactor.guided=no", ["impactor.guided = 'no'", "true or false"]),
+    (RECTANGULAR, "impactor.angular_velocity=3", ["impactor.angular_velocity", "impactor.spin is"]),
+    (RECTANGULAR, "impactor.moment_of_inertia=3", ["impactor.moment_of_inertia", "kg m2"]),
     (WEDGE, "impactor.angle_deg=180", ["impactor.angle_deg = 180", "at most 170"]),
     (WEDGE, "impactor.height=0.02", ["impactor.height = 0.02", "above 0.025 m"]),
     # parts that disagree
@@ -284,6 +302,67 @@ def test_bad_polygon_gets_its_message(corners, says):
     with pytest.raises(ValidationError) as caught:
         Polygon(vertices=corners)
     assert re.search(says, explain(caught.value, Scene))
+
+
+@pytest.mark.parametrize(
+    ("corners", "says"),
+    [
+        (((0, 0), (0.1, 0)), "3 to 512 corners"),
+        ([(0.001 * k, 1e-6 * k * k) for k in range(513)], "3 to 512 corners"),
+        (((0, 0), (0.1, 0), (0.1, 0), (0, 0.1)), r"impactor.vertices\[2\] = \[0.1, 0.0\]: repeats"),
+        (((0, 0), (0.1, 0), (0, 0.1), (0, 0)), r"vertices\[3\] = .*closes by itself; leave it out"),
+        (
+            ((0, 0), (0.1, 0.1), (0.1, 0), (0, 0.1)),
+            r"crosses or touches itself near \[0.05, 0.05\]",
+        ),
+        (((0, 0), (0.2, 0), (0.2, 0.1), (0.1, 0), (0, 0.1)), r"crosses or touches itself near"),
+        (((0, 0), (0.1, 0.1), (0.2, 0.2)), "all on one line|crosses or touches itself"),
+        (((0, 0), (1e-6, 0), (0, 1e-6)), "1e-06 m across"),
+        (((0, 0), (50, 0), (0, 50)), "lengths are in metres"),
+        (((0, 0), (0.1, float("nan")), (0, 0.1)), r"vertices\[1\]\[1\] = nan"),
+    ],
+)
+def test_bad_outline_gets_its_message(corners, says):
+    with pytest.raises(ValidationError) as caught:
+        Outline(vertices=corners)
+    assert re.search(says, explain(caught.value, Scene))
+
+
+def test_an_outline_comes_from_a_file_beside_its_scene(tmp_path):
+    """In millimetres, by a semicolon, its first corner once more at the end."""
+    (tmp_path / "foot.csv").write_text("# a foot\nx [mm];y [mm]\n0;0\n60;0\n60;10\n0;30\n0;0\n")
+    scene = tmp_path / "drop.toml"
+    scene.write_text('[impactor]\nfile = "foot.csv"\nmass = 2.0\nguided = false\n')
+    impactor = load_scene(scene).impactor
+    assert isinstance(impactor, Outline)
+    assert impactor.vertices == ((0.0, 0.0), (0.06, 0.0), (0.06, 0.01), (0.0, 0.03))
+    assert impactor.mass == 2.0
+    (tmp_path / "plain.csv").write_text("0,0\n0.06,0\n0,0.03\n")
+    scene.write_text('[impactor]\nshape = "outline"\nfile = "plain.csv"\n')
+    assert load_scene(scene).impactor.vertices[1] == (0.06, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        ("x,y\n0,0\n60,0\n60,ten\n", "", r"foot.csv, line 4: 'ten' in column 2: must be a number"),
+        ("x [mm],y [cm]\n0,0\n6,0\n0,6\n", "", "must give x and y the same unit"),
+        ("x [furlong],y [furlong]\n0,0\n6,0\n0,6\n", "", "unit 'furlong': must be one of m, mm"),
+        ("0,0\n60,0\n60,40\n", "", r"vertices\[1\]\[0\] = 60.*lengths are in metres"),
+        ("0,0\n0.1,nan\n0,0.1\n", "", "line 2: nan in column 2: must be finite"),
+        ("0,0\n0.1,0\n0,0.1\n", 'shape = "flat"', "impactor.shape = 'flat': must be outline"),
+        ("0,0\n0.1,0\n0,0.1\n", "vertices = [[0, 0]]", "leave one of them out"),
+        ("", "", "empty; needs lines of x and y"),
+        (None, "", "cannot be read"),
+    ],
+)
+def test_bad_outline_file_gets_its_message(tmp_path, text, line, says):
+    if text is not None:
+        (tmp_path / "foot.csv").write_text(text)
+    scene = tmp_path / "drop.toml"
+    scene.write_text(f'[impactor]\nfile = "foot.csv"\n{line}\n')
+    with pytest.raises(UserError, match=says):
+        load_scene(scene)
 
 
 def test_polygon_takes_its_corners_in_any_order():

@@ -28,10 +28,22 @@ EXAMPLES = int(os.environ.get("FUZZ", "40"))
 LONGEST_MESSAGE = 10_000
 LONGEST_WAIT = 5.0  # s, on a machine that does other things too
 
-SCENES = [load_scene(name) for name in (paper.NAMES[0], "paper/cylinder-3.32", "paper/wedge-2.86")]
+PAD = {
+    "outline": [[-0.1, 0.0], [0.1, 0.0], [0.05, 0.1], [-0.1, 0.1]],
+    "holes": [[[-0.02, 0.04], [0.02, 0.04], [0.0, 0.07]]],
+    "layers": [{"bottom": 0.0, "top": 0.03, "foam": {"shear_strain": 0.1}, "density": 30.0}],
+}
+SCENES = [
+    *(load_scene(name) for name in (paper.NAMES[0], "paper/cylinder-3.32", "paper/wedge-2.86")),
+    load_scene("paper/wedge-2.86").with_values({f"block.{key}": PAD[key] for key in PAD}),
+]
 DATA = [scene.model_dump(exclude_none=True) for scene in SCENES]
 TEXTS = [scene_to_toml(scene) for scene in SCENES]
-KEYS = sorted({key for data in DATA for key in by_key(data)} | {"", ".", "a", "block", "impactor"})
+KEYS = sorted(
+    {key for data in DATA for key in by_key(data)}
+    | {"", ".", "a", "block", "impactor", "block.layers[0]", "block.layers[0].foam", "a[0].b"}
+    | {"block.layers[0].foam.shear_strain", "block.layers[1].top", "block.outline[1]", "block.[0]"}
+)
 
 numbers = st.one_of(
     st.integers(),

@@ -193,7 +193,7 @@ def test_every_key_of_a_scene_has_been_decided():
     }
     free = {part: keys - set(tests._CONDITIONS[part]) for part, keys in known.items()}
     assert free == {
-        "block": {"columns", "rows", "lattice_angle_deg"},
+        "block": {"columns", "rows", "lattice_angle_deg", "mass_points"},
         "foam": {
             "law", "source", "locking_strain", "densification_a", "densification_b",
             "crushed_tensile_fraction", "crushed_tensile_stress", "crushed_strength", "rate",

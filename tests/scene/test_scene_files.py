@@ -20,10 +20,12 @@ from taichi_foam.scene import (
     Cylinder,
     FlatBlock,
     Foam,
+    Layer,
     Model,
     Numerics,
     Output,
     Polygon,
+    Pulse,
     Scene,
     Start,
     Wedge,
@@ -88,12 +90,38 @@ def foams(draw):
     )
 
 
+@st.composite
+def blocks(draw):
+    """Of two densities; outlines are in test_outlines, layers of other foams in test_layers."""
+    block = draw(
+        parts(
+            Block,
+            width=floats(0.09, 0.2),
+            columns=st.integers(4, 2000),
+            rows=st.integers(2, 2000),
+            outline=st.just(()),
+            holes=st.just(()),
+            layers=st.just(()),
+            lattice_angle_deg=st.just(0.0),
+        )
+    )
+    layer = Layer(
+        bottom=block.height * draw(floats(0, 0.4)),
+        top=block.height,
+        density=draw(st.none() | floats(1, 5000)),
+        interface=draw(st.sampled_from(["bonded", "loose"])),
+    )
+    return Block(**{**dict(block), "layers": draw(st.sampled_from([(), (layer,)]))})
+
+
 # An offset that keeps every shape over the block, and a width that no gap between columns has.
 hits = {
     "x": floats(-0.02, 0.02),
     "gap": st.just(0.0),
     "velocity": floats(1e-3, 500),
     "drop_height": st.none(),  # it would say another velocity
+    "motion": st.just("free"),  # a crosshead has rails
+    "travel": st.none(),
     "guided": st.just(False),
     "velocity_x": floats(-500, 500),
     "inertia": st.none() | floats(1e-9, 1e6),
@@ -116,22 +144,17 @@ impactors = st.one_of(
     ),
 )
 
+pulses = st.lists(floats(0, 10), min_size=2, max_size=5, unique=True).map(
+    lambda times: Pulse(time=sorted(times), acceleration=[1e3 * time for time in times])
+)
+
 scenes = st.builds(
     Scene,
     name=st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=100),
-    block=parts(
-        Block,
-        width=floats(0.09, 0.2),
-        columns=st.integers(4, 2000),
-        rows=st.integers(2, 2000),
-        outline=st.just(()),
-        holes=st.just(()),
-        layers=st.just(()),
-        lattice_angle_deg=st.just(0.0),
-    ),
+    block=blocks(),
     foam=foams(),
     impactor=impactors,
-    base=parts(Base),
+    base=parts(Base, acceleration=st.none() | pulses),
     model=parts(Model),
     numerics=parts(
         Numerics,

@@ -25,7 +25,16 @@ SCENES = Path(__file__).parents[2] / "scenes"
 CLOSED_FORMS = ("uniaxial_crush", "shear_patch", "wave_bar")
 DROPS = ("rectangular", "cylinder", "wedge", "corner_drop")
 BIG = ("fine_wedge",)
-TABLES = ("flat_tall_block", "own_foam", "five_drops", "compression_test")
+TABLES = (
+    "flat_tall_block",
+    "i_shape_off_centre",
+    "own_foam",
+    "edge_pad",
+    "corner_pad",
+    "layered_pad",
+    "five_drops",
+    "compression_test",
+)
 
 # Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
 VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s
@@ -233,6 +242,73 @@ def test_the_fine_wedge_is_the_wedge_with_smaller_cells() -> None:
     assert result.run["max_overlap_m"] < 0.02 * fine.block.dx
 
 
+def coarse(name: str) -> Scene:
+    """A pad in cells of 5 mm instead of 2.5 mm."""
+    scene = load_scene(SCENES / f"{name}_pad.toml")
+    block = scene.block
+    halves = {"block.columns": block.columns // 2, "block.rows": block.rows // 2}
+    return scene.with_values({**halves, "output.film": False})
+
+
+def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
+    """The plateau's force on the product's width and no more, and the depth of that energy."""
+    scene = coarse("edge")
+    product, plateau = scene.impactor, scene.foam.landmarks.plateau_stress
+    assert isinstance(product, FlatBlock)
+    force = plateau * product.width * scene.block.thickness
+    weight = product.mass * STANDARD_GRAVITY
+    figures = run(scene).summary
+    assert product.drop_height is not None
+    depth = weight * product.drop_height / (force - weight)
+    assert depth == pytest.approx(0.0319, abs=1e-4)
+    assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.05)
+    assert figures["plateau_deceleration_m_s2"] == pytest.approx(
+        (force - weight) / product.mass, rel=0.1
+    )
+
+
+def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
+    """The feet are crushed from the base up, and the energy has the depth."""
+    scene = coarse("corner")
+    product, landmarks = scene.impactor, scene.foam.landmarks
+    assert product is not None
+    pressure = landmarks.plateau_stress * scene.block.thickness
+    weight = product.mass * STANDARD_GRAVITY
+    s = np.linspace(0.0, 0.04, 4001)
+    depth = -landmarks.crush_end * s
+    taken = pressure * -landmarks.crush_end * (0.06 * s + 0.75 * s**2)
+    end = int(np.argmax(taken >= weight * (product.drop_height + depth)))
+    assert s[end] == pytest.approx(0.035, abs=5e-4)
+    figures = run(scene).summary
+    whole = -landmarks.crush_start * (scene.block.height - s[end])  # what is not crushed yields
+    assert figures["max_displacement_m"] == pytest.approx(depth[end] + whole, rel=0.05)
+    last = (pressure * (0.06 + 1.5 * s[end]) - weight) / product.mass
+    assert figures["peak_deceleration_m_s2"] == pytest.approx(last, rel=0.08)
+    assert not figures["warnings"]
+
+
+def test_a_layered_pad_has_two_plateaus() -> None:
+    """Each that of its foam, with the dashpots of the paper's; the weak layer goes first."""
+    scene = coarse("layered")
+    product, block = scene.impactor, scene.block
+    assert product is not None
+    result = run(scene)
+    history = result.history
+    depth, deceleration = history["displacement_m"], history["deceleration_m_s2"]
+    falling = history["velocity_m_s"] > 0
+    strong = block.layers[0].foam
+    assert strong is not None
+    for foam, window in ((scene.foam, (0.008, 0.018)), (strong, (0.029, 0.037))):
+        during = falling & (depth > window[0]) & (depth < window[1])
+        force = foam.landmarks.plateau_stress * block.width * block.thickness
+        expected = force / product.mass - STANDARD_GRAVITY
+        assert deceleration[during].mean() == pytest.approx(expected, rel=0.04)
+    assert result.summary["pieces"] == 2
+    assert any(
+        text.startswith("block.layers[0].density = 40") for text in result.summary["assumed"]
+    )
+
+
 def test_own_foam_meets_the_energy_balance() -> None:
     """Depth and raw peak within 1 % of T W(e) = sigma_st (h + e T) and G = s(e) / sigma_st - 1.
 
@@ -254,6 +330,32 @@ def test_own_foam_meets_the_energy_balance() -> None:
     assert figures["max_displacement_m"] == pytest.approx(strain[end] * thickness, rel=0.01)
     assert figures["peak_deceleration_g"] == pytest.approx(stress[end] / static - 1, rel=0.015)
     assert any(text.startswith("foam.shear_modulus = ") for text in figures["assumed"])
+    assert not figures["warnings"]
+
+
+def test_the_i_shape_is_turned_by_the_lever_of_its_flange() -> None:
+    """Spin over velocity change is the lever over the squared radius of gyration.
+
+    70 of 120 mm stand on the cushion, 25 mm beside the centre; the foam is whole and even in the
+    first millisecond, but for half a cell at the flange's end and the block's. It leaves over the
+    edge, clockwise.
+    """
+    scene = load_scene(SCENES / "i_shape_off_centre.toml")
+    flanges, web = 2 * 0.12 * 0.02, 0.06 * 0.02
+    moment = flanges * ((0.12**2 + 0.02**2) / 12 + 0.04**2) + web * (0.06**2 + 0.02**2) / 12
+    gyration = moment / (flanges + web)
+    assert scene.impactor.squared_gyration == pytest.approx(gyration)
+    result = run(scene)
+    h, figures = result.history, result.summary
+    row = int(np.searchsorted(h.time_s, 1e-3))
+    lost = h.velocity_m_s[0] + STANDARD_GRAVITY * h.time_s[row] - h.velocity_m_s[row]
+    assert -h.spin_rad_s[row] / lost * gyration == pytest.approx(0.025, rel=0.05)
+    assert figures["final_angle_rad"] == pytest.approx(-math.radians(32), abs=0.1)
+    assert figures["final_velocity_x_m_s"] > 0.5
+    assert figures["peak_resultant_g"] < 20
+    assert abs(figures["energy_residual"]) < 1e-3
+    assert figures["came_to_rest"]
+    assert not figures["passed_through"]
     assert not figures["warnings"]
 
 

@@ -125,19 +125,18 @@ class Impactor(Part):
     inertia: float | None = quantity(
         None,
         "kg m2",
-        "moment of inertia about the centre of mass (guided = false only)",
+        "moment of inertia about the centre of mass; none: that of a uniform plate with the "
+        "outline and the mass, about its centroid (guided = false only)",
         above=0,
         at_most=1e6,
-        unless="that of a uniform plate with the outline and the mass, about its centroid",
     )
     centre: Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)] | None = quantity(
         None,
         "m",
         "centre of mass [x, y], in the frame of the shape's corners, or about the mid-width and "
         "lowest level of a shape that has none, in either case before the turn by "
-        "impactor.rotation_deg (guided = false only)",
-        allowed="two numbers [x, y], each from -5 to 5 m",
-        unless="the centroid of the outline",
+        "impactor.rotation_deg; none: the centroid of the outline (guided = false only)",
+        allowed="none, or two numbers [x, y], each from -5 to 5 m",
     )
     shape: str
 

@@ -53,7 +53,9 @@ class Outline(Edged):
                     f"corner; each must be given once{_CLOSES if closing else ''}; leave it out"
                 )
         if not shapely.LinearRing(points).is_simple:
-            said = shapely.explain_validity(shapely.Polygon(points)).partition("[")[2].rstrip("]")
+            said = (
+                str(shapely.is_valid_reason(shapely.Polygon(points))).partition("[")[2].rstrip("]")
+            )
             place = ", ".join(f"{float(each):.4g}" for each in said.split())
             raise ValueError(
                 f"impactor.vertices: the outline crosses or touches itself near [{place}]; it must "

@@ -28,8 +28,8 @@ class Ellipse(Impactor):
         Control("width", "width", 10, 150, 1, "mm", 1e-3),
         Control("height", "height", 10, 150, 1, "mm", 1e-3),
     )
-    width: float = quantity(0.08, "m", "width before any turn", at_least=1e-4, at_most=5)
-    height: float = quantity(0.05, "m", "height before any turn", at_least=1e-4, at_most=5)
+    width: float = quantity(0.05, "m", "width before any turn", at_least=1e-4, at_most=5)
+    height: float = quantity(0.03, "m", "height before any turn", at_least=1e-4, at_most=5)
 
     def corners(self) -> np.ndarray:
         """Return a polygon on the ellipse, about its middle [m], for drawing."""

@@ -15,14 +15,11 @@ class IShape(Edged):
 
     shape: Literal["i-shape"] = "i-shape"
     label: ClassVar[str] = "I-shape"
-    controls: ClassVar[tuple[Control, ...]] = (
-        Control("width", "width", 10, 150, 1, "mm", 1e-3),
-        Control("web", "web", 1, 50, 0.5, "mm", 1e-3),
-    )
-    width: float = quantity(0.08, "m", "width of the flanges", at_least=1e-4, at_most=5)
+    controls: ClassVar[tuple[Control, ...]] = (Control("width", "width", 10, 150, 1, "mm", 1e-3),)
+    width: float = quantity(0.05, "m", "width of the flanges", at_least=1e-4, at_most=5)
     height: float = quantity(0.10, "m", "height over both flanges", at_least=1e-4, at_most=5)
-    flange: float = quantity(0.02, "m", "thickness of a flange", at_least=1e-5, at_most=5)
-    web: float = quantity(0.02, "m", "thickness of the web", at_least=1e-5, at_most=5)
+    flange: float = quantity(0.01, "m", "thickness of a flange", at_least=1e-5, at_most=5)
+    web: float = quantity(0.008, "m", "thickness of the web", at_least=1e-5, at_most=5)
 
     @model_validator(mode="after")
     def _check_web(self) -> "IShape":

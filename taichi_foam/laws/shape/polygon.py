@@ -58,7 +58,8 @@ class Polygon(Impactor):
             if geometry.distance_inside(hull, vertex) > least:
                 raise ValueError(
                     f"impactor.vertices[{k}] = {list(self.vertices[k])}: lies inside the others' "
-                    "outline; the polygon must be convex; leave it out or move it outwards"
+                    "outline; the polygon must be convex; move it outwards, or take "
+                    "impactor.shape = 'outline' with the corners in order"
                 )
         return self
 

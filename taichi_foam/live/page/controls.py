@@ -49,6 +49,7 @@ class Knob:
 _IMPACTOR = (
     Knob("impactor", "impactor.velocity", "velocity", 0.5, 6.0, 0.02, "m/s"),
     Knob("impactor", "impactor.mass", "mass", 1.0, 20.0, 0.1, "kg"),
+    Knob("impactor", "impactor.rotation_deg", "tilt", -90, 90, 1, "°"),
 )
 _REST = (
     Knob("impactor", "impactor.friction", "friction", 0.0, 1.0, 0.01),

@@ -52,22 +52,24 @@ def test_a_new_shape_brings_its_controls_and_its_place() -> None:
             Control("height", "height", 20, 200, 1, "mm", 1e-3),
         )
 
+    before = offered_shapes()
+    assert before == ("flat", "cylinder", "wedge", "ellipse", "i-shape")
     SHAPES.register(Wide)
     try:
         controls = Controls(WEDGE)
-        assert controls.shapes == ("flat", "cylinder", "wedge", "wide") == offered_shapes()
+        assert controls.shapes == (*before, "wide") == offered_shapes()
         told = {knob["key"]: knob for knob in controls.told()["knobs"]}
         # a size that two shapes have is one control, in the words of the first
         assert told["impactor.width"]["label"] == "width"
-        assert told["impactor.width"]["shapes"] == ("flat", "wide")
-        assert told["impactor.height"]["shapes"] == ("wide",)
-        scene = controls.scene_of("wide", {"impactor.width": 0.12, "impactor.height": 0.05})
+        assert told["impactor.width"]["shapes"] == ("flat", "ellipse", "i-shape", "wide")
+        assert told["impactor.height"]["shapes"] == ("ellipse", "wide")
+        scene = controls.scene_of("wide", {"impactor.width": 0.12, "impactor.height": 0.06})
         assert isinstance(scene.impactor, Wide)
-        assert (scene.impactor.width, scene.impactor.height) == (0.12, 0.05)
-        assert list(controls.changes(scene).values()) == ["wide", "width 120 mm", "height 50 mm"]
+        assert (scene.impactor.width, scene.impactor.height) == (0.12, 0.06)
+        assert list(controls.changes(scene).values()) == ["wide", "width 120 mm", "height 60 mm"]
     finally:
         SHAPES.remove("wide")
-    assert "impactor.height" not in {knob.key for knob in knobs()}
+    assert all("wide" not in knob.shapes for knob in knobs())
 
 
 def test_sliders_stay_within_what_may_be(controls: Controls) -> None:
