@@ -77,7 +77,7 @@ def test_there_is_nothing_else() -> None:
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.key)
 def test_a_number_has_a_unit_or_says_that_it_is_a_plain_one(key) -> None:
-    texts = ("name", "assumed", "foam.source", "foam.curve")
+    texts = ("name", "assumed", "foam.source", "foam.curve", "base.acceleration")
     words = key.key in texts or key.default in ("true", "false")
     choice = re.fullmatch(r"[\w-]+(, [\w-]+)*", key.allowed) is not None
     assert (key.unit == "") == (words or choice)
