@@ -89,7 +89,7 @@ def show_command(
     """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
-        file = foam_of(name)
+        file = foam_of(name, asked="foam ")
         for part in (*_known(file), *_constants(file), *_landmarks(file.foam), *_assumed(file)):
             console.print(part)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,18 @@ def read_scene(path: Path) -> dict[str, Any]:
 
     Relative names are those of files beside it. Raises UserError: unreadable, or files that are.
     """
+    return completed_scene(read_toml(path), path.parent, str(path))
+
+
+def completed_scene(data: Mapping[str, Any], folder: Path, source: str) -> dict[str, Any]:
+    """Raw data of a scene with what the files stand for that it names, relative ones in `folder`.
+
+    Raises UserError, titled with the source.
+    """
     try:
-        return sources.completed(read_toml(path), path.parent)
+        return sources.completed(data, folder)
     except ValueError as error:
-        raise UserError(titled(str(path), str(error))) from None
+        raise UserError(titled(source, str(error))) from None
 
 
 def scene_from_text(text: str, source: str) -> Scene:

@@ -31,7 +31,8 @@ class Key:
     default  as one would write it
     allowed  range or choices
     meaning  what it is
-    only     shapes or laws that have it; empty: all have
+    only     shapes or laws that have it, or read it so; empty: all
+    others   whether others have it too, and read it otherwise
     """
 
     key: str
@@ -40,6 +41,7 @@ class Key:
     allowed: str
     meaning: str
     only: tuple[str, ...] = ()
+    others: bool = False
 
     @property
     def part(self) -> str:
@@ -51,7 +53,8 @@ class Key:
         """The meaning, and which shapes or laws have the key if not all."""
         if not self.only:
             return self.meaning
-        return f"{self.meaning} ({CHOSEN[self.part].tag} {' or '.join(self.only)} only)"
+        which = f"{CHOSEN[self.part].tag} {' or '.join(self.only)}"
+        return f"{self.meaning} ({f'with {which}' if self.others else f'{which} only'})"
 
 
 @lru_cache
@@ -132,8 +135,11 @@ def _chosen(part: str, registry: Registry[Any]) -> Iterator[Key]:
         for name, field in kind.model_fields.items():
             if name != registry.tag:
                 having.setdefault(_key(f"{part}.{name}", field), []).append(tag)
+    readings = [key.key for key in having]
     for key, only in having.items():
-        yield key if len(only) == len(registry) else replace(key, only=tuple(only))
+        others = readings.count(key.key) > 1
+        all_have = len(only) == len(registry)
+        yield key if all_have else replace(key, only=tuple(only), others=others)
 
 
 def _key(key: str, field: FieldInfo) -> Key:

@@ -22,6 +22,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, shown
 from taichi_foam.scene.toml import parsed, read_toml
 
@@ -97,34 +98,45 @@ def names() -> list[str]:
     return [*packaged(), f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
 
 
-def foam_of(name: str, folder: Path = Path()) -> FoamFile:
-    """The foam of a name, or of a file whose name ends with .toml.
+def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFile:
+    """The foam of a name, or of a file whose name ends with .toml; `asked` begins messages.
 
     Raises UserError: no such name or file, a foam file that cannot be, resilient foam.
     """
     if name.endswith(".toml"):
         return read_foam(folder / name)
     if scaled := _SCALED_NAME.fullmatch(name):
-        return _rigid_pu(name, float(scaled[1]))
+        return _rigid_pu(name, float(scaled[1]), asked)
     packaged = resources.files("taichi_foam.scene").joinpath("foams", f"{name}.toml")
     if re.fullmatch(r"[\w.-]+", name) and packaged.is_file():
         return _checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
     if any(word in name.lower() for word in _RESILIENT):
         raise UserError(
-            f"foam = {shown(name)}: not in the library; resilient foam springs back by the gas in "
+            f"{asked}{shown(name)}: not in the library; resilient foam springs back by the gas in "
             "its cells, which the model leaves out (docs/limits.md)"
         )
     near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(
-        f"foam = {shown(name)}: not in the library; {meant} A file's name ends with .toml; "
-        "`taichi-foam foam import` makes one of a test"
+        f"{asked}{shown(name)}: not in the library; {meant} A file's name ends with .toml; "
+        "`taichi-foam foam list` lists the foams, `taichi-foam foam import` makes one of a test"
     )
 
 
 def read_foam(path: Path) -> FoamFile:
-    """The foam of a file. Raises UserError: unreadable, not TOML, or a foam that cannot be."""
-    return _checked(read_toml(path), str(path))
+    """The foam of a file; a curve's file that it names lies beside it.
+
+    Raises UserError: unreadable, not TOML, or a foam that cannot be.
+    """
+    data = read_toml(path)
+    foam = data.get("foam")
+    if isinstance(foam, dict) and isinstance(foam.get("curve"), str | dict):
+        try:
+            curve = curve_of(foam["curve"], "foam.curve", path.parent)
+        except ValueError as error:
+            raise UserError(f"{path}: {error}") from None
+        data = {**data, "foam": {**foam, "curve": curve}}
+    return _checked(data, str(path))
 
 
 def _checked(data: dict[str, Any], source: str) -> FoamFile:
@@ -135,11 +147,11 @@ def _checked(data: dict[str, Any], source: str) -> FoamFile:
         raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
 
 
-def _rigid_pu(name: str, density: float) -> FoamFile:
+def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
     """Rigid polyurethane of a density [kg/m3]: the plateau scales, the rest is assumed."""
     if not SCALED[0] <= density <= SCALED[1]:
         raise UserError(
-            f"foam = {shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
+            f"{asked}{shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
             f"{SCALED[1]} kg/m3 only; take the test of a foam of that density (foam.curve)"
         )
     plateau = 0.3 * CELL_WALLS * (density / SOLID) ** 1.5

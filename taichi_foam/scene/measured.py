@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ STRESS_UNITS = {
 """What a number is multiplied by to be a fraction, or to be in Pa."""
 
 MOST_BYTES = 20_000_000
+
+COLUMN_KEYS = ("strain", "stress", "strain_unit", "stress_unit")
+"""What a scene may say of a file, see `Columns`."""
 
 FINEST = 500
 """A test of more points is read as means of so many equal parts of its strain."""
@@ -62,6 +66,32 @@ class CompressionTest:
     stress: Array
     units: Mapping[str, str | None]
     curve: Curve
+
+
+def curve_of(curve: Any, key: str, folder: Path) -> Any:
+    """Raw data of a curve under a key, read from its file if it names one.
+
+    `folder` is where relative names begin. Raises ValueError, in whole sentences.
+    """
+    if isinstance(curve, str | Path):
+        curve = {"file": curve}
+    if "file" not in curve:
+        return curve
+    unknown = sorted(curve.keys() - {"file", *COLUMN_KEYS})
+    if unknown:
+        raise ValueError(
+            f"{key}.{unknown[0]}: unknown key; beside a file there are {', '.join(COLUMN_KEYS)}"
+        )
+    if not isinstance(curve["file"], str | Path):
+        raise ValueError(f"{key}.file = {shown(curve['file'])}: must be the name of a file")
+    options = {name: curve[name] for name in COLUMN_KEYS if name in curve}
+    for name, value in options.items():
+        if not isinstance(value, str) and not (type(value) is int and "unit" not in name):
+            raise ValueError(f"{key}.{name} = {shown(value)}: must be text")
+    try:
+        return read_curve(folder / curve["file"], Columns(**options))
+    except UserError as error:
+        raise ValueError(f"{key}: {error}") from None
 
 
 def read_curve(path: Path, columns: Columns | None = None) -> Curve:

@@ -15,12 +15,10 @@ from taichi_foam.parts import Part
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.drawings import read_corners
 from taichi_foam.scene.library import foam_of, used
-from taichi_foam.scene.measured import Columns, read_curve
+from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
 from taichi_foam.scene.pulse_file import read_pulse
-
-_COLUMN_KEYS = ("strain", "stress", "strain_unit", "stress_unit")
 
 
 def completed(data: Any, folder: Path = Path()) -> Any:
@@ -85,7 +83,7 @@ def _completed(data: Mapping[str, Any], head: str, folder: Path) -> Mapping[str,
         data = _with_foam(data, head, foam, folder)
         foam = at(data, f"{head}foam")
     if isinstance(foam, Mapping) and isinstance(foam.get("curve"), str | Path | Mapping):
-        curve = _curve(foam["curve"], head, folder)
+        curve = curve_of(foam["curve"], f"{head}foam.curve", folder)
         if curve is not foam["curve"]:
             return put(data, f"{head}foam", {**foam, "curve": curve})
     return data
@@ -127,27 +125,3 @@ def _assuming(data: Mapping[str, Any], assumed: list[Assumed]) -> Mapping[str, A
     known = {each.key for each in assumed}
     assumed = [*(each for each in earlier if getattr(each, "key", None) not in known), *assumed]
     return {**data, "assumed": tuple(assumed)}
-
-
-def _curve(curve: Any, head: str, folder: Path) -> Any:
-    """A curve, read from its file if it names one."""
-    key = f"{head}foam.curve"
-    if isinstance(curve, str | Path):
-        curve = {"file": curve}
-    if "file" not in curve:
-        return curve
-    unknown = sorted(curve.keys() - {"file", *_COLUMN_KEYS})
-    if unknown:
-        raise ValueError(
-            f"{key}.{unknown[0]}: unknown key; beside a file there are {', '.join(_COLUMN_KEYS)}"
-        )
-    if not isinstance(curve["file"], str | Path):
-        raise ValueError(f"{key}.file = {shown(curve['file'])}: must be the name of a file")
-    options = {name: curve[name] for name in _COLUMN_KEYS if name in curve}
-    for name, value in options.items():
-        if not isinstance(value, str) and not (type(value) is int and "unit" not in name):
-            raise ValueError(f"{key}.{name} = {shown(value)}: must be text")
-    try:
-        return read_curve(folder / curve["file"], Columns(**options))
-    except UserError as error:
-        raise ValueError(f"{key}: {error}") from None

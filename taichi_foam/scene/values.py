@@ -17,6 +17,9 @@ from taichi_foam.scene.messages import key_shown, shown
 from taichi_foam.scene.paths import steps
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
+_FIRST = ("impactor.shape", "foam.law")
+"""Keys on which it depends which others there are."""
+
 
 def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
     """Values by dotted key, given so, or as "block.rows=40" and the like, the later ones winning.
@@ -43,14 +46,14 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
 def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Nested data of a scene with other values by dotted key; None empties an optional key.
 
-    Whole parts come first and the impactor's shape next, in whatever order they are given: a new
-    shape drops what the old one had and it lacks. A velocity and a drop height stand for each other
-    (`fall.settle`), and some of a foam's values for others (`assumed.settle`). Raises UserError for
-    a key that is malformed, or below one that has no keys of its own.
+    Whole parts come first, the impactor's shape and the foam's law next, in whatever order they are
+    given: a new one drops what the old one had and it lacks. A velocity and a drop height stand for
+    each other (`fall.settle`), and some of a foam's values for others (`assumed.settle`). Raises
+    UserError for a key that is malformed, or below one that has no keys of its own.
     """
     found = _listed(dict(data))
     assumed.make_way(found, values)
-    for key in sorted(values, key=lambda key: (key.count("."), key != "impactor.shape")):
+    for key in sorted(values, key=lambda key: (key.count("."), not key.endswith(_FIRST))):
         if not all(key.split(".")) or key.count(".") > DEEPEST:
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
@@ -96,6 +99,9 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
     if key == "impactor.shape" and isinstance(value, str) and value in SHAPES:
         # Keys of the old shape that the new one lacks would be refused as unknown.
         for old in table.keys() - SHAPES[value].model_fields.keys():
+            del table[old]
+    if last == "law" and heads[-1:] == ["foam"] and isinstance(value, str) and value in FOAMS:
+        for old in table.keys() - FOAMS[value].model_fields.keys():
             del table[old]
     if last == "foam" and isinstance(value, str):
         value = {"like": value}

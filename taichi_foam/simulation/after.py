@@ -16,8 +16,9 @@ from taichi_foam.scene.filling import filling
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
-SAME = ("block", "foam", "model", "base", "start")
-"""Parts of a scene that a run has in common with the one that left its block."""
+SAME = ("block", "foam", "across", "model", "base", "start")
+"""Parts of a scene that a run has in common with the one that left its block; a pulse of the base may
+be another one."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class After:
             raise UserError(
                 f"after = {shown(name)}: of another block, with {'; '.join(problems)}. Fix: a run "
                 f"after another has the same {', '.join(SAME)}; impactor, numerics and output may "
-                "differ"
+                "differ, and the pulse of a base"
             )
         height = None
         if scene.impactor is not None:
@@ -75,7 +76,11 @@ class After:
 def _differences(before: Scene, scene: Scene) -> list[str]:
     """What differs of two scenes in the parts that should not."""
     there, here = (by_key(each.model_dump(include={*SAME})) for each in (before, scene))
-    keys = [key for key in {**there, **here} if there.get(key) != here.get(key)]
+    keys = [
+        key
+        for key in {**there, **here}
+        if there.get(key) != here.get(key) and not key.startswith("base.acceleration")
+    ]
     found = [f"{key} = {_word(there.get(key))} instead of {_word(here.get(key))}" for key in keys]
     return found if len(found) < 4 else [*found[:3], f"and {len(found) - 3} more"]
 

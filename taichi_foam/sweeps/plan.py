@@ -34,6 +34,7 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
 from taichi_foam.scene import Scene
+from taichi_foam.scene.files import completed_scene
 from taichi_foam.scene.toml import read_toml
 from taichi_foam.scene.values import by_key, settings
 
@@ -234,14 +235,16 @@ class Plan(Part):
     def resolved(self, folder: Path | None = None) -> Plan:
         """The same sweep, complete in itself: its scene a table, with every value.
 
-        `folder` is where a scene that is a file is looked for first. Raises UserError: the scene
+        `folder` is where a scene that is a file is looked for first, and where names of files in
+        one that is a table begin. Raises UserError: the scene
         cannot be.
         """
         if isinstance(self.scene, str):
             near = (folder or Path()) / self.scene
             base = load_scene(near if near.is_file() else self.scene, self.choices, self.set)
         else:
-            base = load_scene(Scene.checked(self.scene, "scene"), self.choices, self.set)
+            data = completed_scene(self.scene, folder or Path(), "scene")
+            base = load_scene(Scene.checked(data, "scene"), self.choices, self.set)
         _check_repeats(self, base)
         return self.model_copy(
             update={

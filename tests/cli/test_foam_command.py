@@ -69,6 +69,8 @@ def test_show_says_all_that_the_file_says(invoke: Callable) -> None:
 def test_show_of_a_scaled_foam_and_of_none(invoke: Callable) -> None:
     assert "by the scaling" in invoke("foam", "show", "rigid-pu-40").stdout
     assert_refused(invoke("foam", "show", "shim200-pu"), "did you mean shim2000-pu?")
+    refused = invoke("foam", "show", "NONSENSE")
+    assert_refused(refused, "foam 'NONSENSE': not in the library; known: ", "foam list")
     assert_refused(invoke("foam", "show", "nowhere.toml"), "nowhere.toml: cannot be read")
 
 

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Foam, Scene
+from taichi_foam.scene import Foam, Numerics, Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.library import foam_of, names, read_foam
 
@@ -103,3 +104,26 @@ def test_a_curve_takes_the_place_of_a_library_foams_law() -> None:
     scene = Scene.checked({"foam": {"like": "shim2000-pu", "curve": curve}, **AT_REST}, "scene")
     assert scene.foam.law == "tabulated"
     assert scene.foam.youngs_modulus == pytest.approx(2e6)
+
+
+def test_a_curve_that_a_foam_file_names_lies_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "foams").mkdir()
+    (tmp_path / "foams" / "test.csv").write_text("strain,stress [kPa]\n0,0\n0.05,100\n0.8,200\n")
+    (tmp_path / "foams" / "own.toml").write_text(
+        'title = "own"\nsource = "here"\nlicence = "none"\ndensity = 30.0\n'
+        '[foam]\nlaw = "tabulated"\ncurve = "test.csv"\n'
+    )
+    (tmp_path / "scene.toml").write_text('foam = "foams/own.toml"\nnumerics.end = 1e-3\n')
+    scene = load_scene(tmp_path / "scene.toml")
+    assert scene.foam.curve.stress[-1] == 200e3
+    (tmp_path / "foams" / "test.csv").unlink()
+    with pytest.raises(UserError, match=r"own.toml: foam.curve: .*test.csv: cannot be read"):
+        load_scene(tmp_path / "scene.toml")
+
+
+def test_a_new_law_drops_what_it_lacks() -> None:
+    curve = {"strain": [0.0, 0.05, 0.8], "stress": [0.0, 1e5, 2e5]}
+    own = Scene(numerics=Numerics(end=1e-3)).with_values({"foam.curve": curve})
+    back = own.with_values({"foam.law": "crushable"})
+    assert isinstance(back.foam, Foam)
+    assert back.foam.plateau_stress == Foam().plateau_stress

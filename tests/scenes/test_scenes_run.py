@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from taichi_foam.analysis.compression import compression_curve
 from taichi_foam.analysis.impact import impact
 from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
@@ -32,6 +33,7 @@ TABLES = (
     "corner_pad",
     "layered_pad",
     "five_drops",
+    "compression_test",
 )
 
 # Kelvin-Voigt: a bond's dashpot adds this much stress per strain rate, tau K.
@@ -388,3 +390,17 @@ def test_five_drops_meet_the_energy_balance_one_by_one() -> None:
     assert peaks == sorted(peaks)
     assert peaks[4] > 2 * peaks[0]
     assert figures[4]["bottomed_out"]
+
+
+def test_a_compression_test_gives_its_foams_curve() -> None:
+    """Within 2 % from a strain of 0.1 on, by means over 0.05 of strain: it rings."""
+    scene = load_scene(SCENES / "compression_test.toml")
+    assert isinstance(scene.foam, TabulatedFoam)
+    found = compression_curve(run(scene))
+    assert found is not None
+    strain, stress = found
+    assert strain[-1] == pytest.approx(0.7, abs=0.002)
+    for low in np.arange(0.1, 0.65, 0.05):
+        part = (strain >= low) & (strain < low + 0.05)
+        exact = scene.foam.curve.stress_at(strain[part])
+        assert stress[part].mean() == pytest.approx(exact.mean(), rel=0.02)

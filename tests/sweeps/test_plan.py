@@ -160,3 +160,20 @@ def test_axes_read_from_the_command_line(text: str, axis: dict) -> None:
 def test_axes_that_do_not_read_so_are_refused(text: str) -> None:
     with pytest.raises(UserError, match=r"must read KEY=|a range reads KEY="):
         axis_of(text)
+
+
+def test_files_that_a_plans_own_scene_names_lie_beside_the_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "plans").mkdir()
+    (tmp_path / "plans" / "test.csv").write_text("strain,stress [kPa]\n0,0\n0.05,100\n0.8,200\n")
+    (tmp_path / "plans" / "plan.toml").write_text(
+        '[scene.impactor]\nshape = "flat"\n[scene.foam]\ncurve = "test.csv"\n'
+        '[[axes]]\nkey = "impactor.velocity"\nvalues = [2.0, 3.0]\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    base = Plan.load("plans/plan.toml").base
+    assert base.foam.curve.stress[-1] == 200e3
+    (tmp_path / "plans" / "test.csv").unlink()
+    with pytest.raises(UserError, match=r"foam.curve: plans/test.csv: cannot be read"):
+        Plan.load("plans/plan.toml")
