@@ -52,7 +52,8 @@ def test_foam_is_drawn_inside_its_outline_only(make_snapshot) -> None:
     # along the slanted side, a millimetre and a half inside and outside of it
     for share in (0.2, 0.4, 0.6, 0.8):
         x, y = 0.06 - share * 0.025, share * 0.06
-        assert seen(image, scene, x - 0.002, y) == foam, share
+        # cells that share a side leave a trace of it in the mean of samples
+        np.testing.assert_allclose(np.array(seen(image, scene, x - 0.002, y), float), foam, atol=3)
         assert seen(image, scene, x + 0.002, y) == field, share
 
 
