@@ -17,8 +17,8 @@ from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
 SAME = ("block", "foam", "across", "model", "base", "start")
-"""Parts of a scene that a run has in common with the one that left its block; a pulse of the base may
-be another one."""
+"""Parts of a scene that a run has in common with the one that left its block; a pulse of the base
+may be another one."""
 
 
 @dataclass(frozen=True)
