@@ -106,7 +106,7 @@ def bodies(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
         for k in range(lattice.packs):
             now = lattice.scratch.trial[0, i, k]
-            if contact.may_touch_bodies(lattice, 0, k, now.x, now.y, p):
+            if contact.may_touch_bodies(lattice, 0, i, k, now.x, now.y, p):
                 for lane in range(lattice.lanes):
                     j = k * lattice.lanes + lane
                     if j < lattice.rows:

@@ -43,7 +43,7 @@ def fell_beside(record: Record) -> bool:
     history, scene, impactor = record.history, record.scene, record.scene.impactor
     if impactor is None or impactor.guided:
         return False
-    start = scene.contact_height + impactor.gap
+    start = record.contact_height + impactor.gap
     down = np.flatnonzero(way_down(record) >= start)
     if down.size == 0:
         return False

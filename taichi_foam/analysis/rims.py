@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.scene import Block
 from taichi_foam.scene.filling import filling, in_cells
+from taichi_foam.scene.outlines import is_mirrored
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,8 @@ def _kept(block: Block) -> Rim:
     count = around[:-1, :-1] + around[1:, :-1] + around[1:, 1:] + around[:-1, 1:]
     p, q = np.nonzero((count > 0) & (count < 4))
     corners = np.column_stack([p, q]).astype(float)
-    edge = in_cells(block).boundary
+    foam = in_cells(block)
+    edge = foam.boundary
     points = shapely.points(corners)
     nearest = shapely.get_coordinates(shapely.shortest_line(points, edge))[1::2]
     marks = shapely.get_coordinates(edge)
@@ -81,6 +83,8 @@ def _kept(block: Block) -> Rim:
     shift[np.abs(shift) < 1e-9] = 0.0
     whole = np.zeros((*count.shape, 2))
     whole[p, q] = shift
+    if block.lattice_angle_deg == 0 and is_mirrored(foam, block.columns):
+        whole = 0.5 * (whole + whole[::-1] * [-1.0, 1.0])  # what lies between two sides, too
     of_cells = np.stack([whole[:-1, :-1], whole[1:, :-1], whole[1:, 1:], whole[:-1, 1:]], axis=2)
     i, j = np.nonzero(there & (of_cells != 0.0).any(axis=(2, 3)))
     return Rim(i, j, of_cells[i, j])

@@ -57,6 +57,7 @@ class Across(Part):
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
         description="the foam along x, as [foam] takes it; none: it is the same in both directions",
+        json_schema_extra={"allowed": "none, a table as [foam], a name of the library, or a file"},
     )
 
 

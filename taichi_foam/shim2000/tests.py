@@ -125,6 +125,8 @@ _CONDITIONS: Mapping[str, tuple[str, ...]] = {
     # The rig let the wedge sink deeper than the block is high. How the bottom row is held
     # (base.kind) is a reading.
     "base": ("stops_impactor", "acceleration"),
+    # It is the same in both directions.
+    "across": ("foam",),
     # Decelerations are counted without gravity. All else there is a matter of computing.
     "numerics": ("gravity",),
     # At rest, undeformed, without cuts.

@@ -18,18 +18,19 @@ from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import scene_from_text
-from taichi_foam.scene.keys import REQUIRED, keys
+from taichi_foam.scene.keys import REQUIRED, keys, listed
 from taichi_foam.scene.values import settings
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 KEYS = list(keys(Scene))
-PARTS = ("block", "base", "model", "numerics", "start", "output")
+PARTS = ("block", "across", "base", "model", "numerics", "start", "output")
 CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 
 #: Every class that a scene can hold: its part, its tag where it is one of several, the class.
 KINDS: list[tuple[str, str, type[Part]]] = [
     *((part, "", type(Scene.model_fields[part].default)) for part in PARTS),
     *((part, tag, kind) for part, registry in CHOSEN.items() for tag, kind in registry.items()),
+    *((head, "", kind) for head, kind in listed(Scene).items()),
 ]
 
 
@@ -77,8 +78,8 @@ def test_there_is_nothing_else() -> None:
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.key)
 def test_a_number_has_a_unit_or_says_that_it_is_a_plain_one(key) -> None:
-    texts = ("name", "assumed", "foam.source", "foam.curve", "base.acceleration")
-    words = key.key in texts or key.default in ("true", "false")
+    texts = {"name", "assumed", "foam.source", "foam.curve", "block.layers", "base.acceleration"}
+    words = key.key in texts or key.key.endswith(".foam") or key.default in ("true", "false")
     choice = re.fullmatch(r"[\w-]+(, [\w-]+)*", key.allowed) is not None
     assert (key.unit == "") == (words or choice)
 

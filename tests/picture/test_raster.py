@@ -18,7 +18,7 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.polygons import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
-from taichi_foam.scene import Cylinder, FlatBlock, Numerics, Output, Start, Wedge
+from taichi_foam.scene import Cylinder, FlatBlock, IShape, Numerics, Output, Start, Wedge
 
 LIGHT = colours.THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
@@ -65,6 +65,11 @@ def test_area_of_a_quadrilateral(angle: float) -> None:
         (FlatBlock(width=0.5, height=0.4, rotation_deg=30), 0.5 * 0.4),
         (Cylinder(radius=0.3), np.pi * 0.3**2),
         (Wedge(shank_width=0.5, height=0.6), 0.5 * 0.35 + 0.5 * 0.5 * 0.25),
+        (IShape(width=0.4, height=0.5, flange=0.1, web=0.08), 2 * 0.4 * 0.1 + 0.3 * 0.08),
+        (
+            IShape(width=0.4, height=0.5, flange=0.1, web=0.08, rotation_deg=63),
+            2 * 0.4 * 0.1 + 0.3 * 0.08,
+        ),
     ],
 )
 def test_area_of_an_impactor(impactor, exact: float) -> None:

@@ -201,6 +201,7 @@ def test_every_key_of_a_scene_has_been_decided():
             "softening", "strength_scatter", "strength_seed",
         },
         "base": {"kind", "friction"},
+        "across": set(),
         "numerics": {
             "dt", "safety", "damping_time", "contact_stiffness", "end", "time_limit",
         },
