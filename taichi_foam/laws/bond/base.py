@@ -173,7 +173,8 @@ class BondLaw:
 
     A subclass is a frozen dataclass whose fields are the options that its functions choose by
     `ti.static`. What may differ without compiling anything again stands in `Constants`, a record
-    that every function takes first (`c`).
+    that every function takes first (`c`). In a block of several foams its members are vectors, too,
+    one number for each of several bonds, but in the functions that take numbers only.
 
     A bond remembers one number: the most compressive strain that it has met (`worst`, <= 0).
     Functions that a Runge-Kutta stage needs take numbers or vectors of them, one for each of
