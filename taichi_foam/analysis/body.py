@@ -50,4 +50,5 @@ def fell_beside(record: Record) -> bool:
     names = ("displacement_m", "displacement_x_m", "angle_rad")
     depth, shift, angle = (float(history[name][down[0]]) for name in names)
     outline = impactor.outline_at(start - depth, shift, angle)
-    return bool(abs(outline[np.argmin(outline[:, 1]), 0]) > scene.block.width / 2)
+    lowest, foam = outline[np.argmin(outline[:, 1]), 0], np.array(scene.block.corners)[:, 0]
+    return bool(lowest < foam.min() or lowest > foam.max())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.impact import width_under
 from taichi_foam.records.record import Record
 
 Array = NDArray[np.float64]
@@ -21,8 +22,8 @@ def compression_curve(record: Record) -> tuple[Array, Array] | None:
     if impactor is None or impactor.motion != "crosshead":
         return None
     way = history["displacement_m"] - impactor.gap
-    strain = way / (record.contact_height - 0.5 * block.dy)
-    width = min(impactor.extent, block.width)
+    strain = way / (record.contact_height - block.foot)
+    width = width_under(impactor, block)
     stress = history["contact_force_N"] / (width * block.thickness)
     touched = strain >= 0.0
     return strain[touched], stress[touched]

@@ -136,8 +136,9 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
                     break
             lines.append(line)
 
-    spacing, origin = (block.dx, block.dy), (-columns / 2 * block.dx, 0.0)
-    points = [np.stack(np.divmod(line, rows + 1), axis=1) * spacing + origin for line in lines]
+    spacing, origin = (block.dx, block.dy), (-columns / 2 * block.dx, block.foot - block.dy / 2)
+    corners = [np.stack(np.divmod(line, rows + 1), axis=1) * spacing + origin for line in lines]
+    points = [block.turned(each) for each in corners]
     return sorted(points, key=lambda xy: -np.abs(np.diff(xy, axis=0)).sum())
 
 
@@ -178,7 +179,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     slack = 1e-6 * dx
     below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
     below |= np.abs(from_axis) <= dx + slack
-    ahead = (np.arange(rows) + 1) * dy <= level + dy + slack
+    under = scene.block.foot - dy / 2  # where the first row of cells begins
+    ahead = under + (np.arange(rows) + 1) * dy <= level + dy + slack
     length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
 
     found = []
@@ -193,8 +195,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
         path = path[times.index(min(times)) :]
         if path[0][1] - path[-1][1] + 1 < length:
             continue
-        middles = tuple((float(x[i]), (j + 0.5) * dy) for i, j in path)
-        found.append(Crack(path[-1][1] * dy, *middles[0], min(times), middles))
+        middles = tuple((float(x[i]), under + (j + 0.5) * dy) for i, j in path)
+        found.append(Crack(under + path[-1][1] * dy, *middles[0], min(times), middles))
     return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
 
 

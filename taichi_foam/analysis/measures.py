@@ -309,7 +309,7 @@ def max_strain(record: Record) -> float | None:
     if depth is None:
         return None
     lost = scene.contact_height - record.contact_height
-    return (lost + depth) / (scene.contact_height - 0.5 * scene.block.dy)
+    return (lost + depth) / (scene.contact_height - scene.block.foot)
 
 
 def summary(record: Record) -> dict[str, Any]:

@@ -458,6 +458,8 @@ def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
             ends = (end, slice(None)) if axis == A else (slice(None), end)
             faces[axis][ends] += 0.5 * shares
             met[ends] |= mine
+    if not met.any():  # it has no bonds: what touches may still be of it
+        met = filled.there
     mass = filled.mass[met]
     return {
         "least_mass": float(mass.min()),

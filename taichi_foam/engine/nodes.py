@@ -312,7 +312,8 @@ def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
         acceleration = 0.0
     if ti.static(lattice.features.shaken):
         shake = driving.shake(lattice, b)
-        body.support_work += weight * p.impactor_mass * shake * body.trial_v
+        if p.impactor:
+            body.support_work += weight * p.impactor_mass * shake * body.trial_v
         acceleration -= shake
     rate_y = weight * body.trial_v
     rate_v = weight * acceleration

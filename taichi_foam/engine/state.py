@@ -251,13 +251,13 @@ def initial_state(scene: Scene) -> State:
     arm = X - np.array([0.0, block.foot])
     position = X + _product(arm, np.array(start.deformation_gradient) - np.eye(2))
     velocity = _product(arm, np.array(start.velocity_gradient))
-    velocity[:, 0, 0] *= scene.base.kind != "gripped"
-    velocity[:, 0, 1] *= scene.base.kind == "floor"
+    filled = filling(block)
+    velocity[filled.on_base, 0] *= scene.base.kind != "gripped"
+    velocity[filled.on_base, 1] *= scene.base.kind == "floor"
     worst = [min(0.0, strain) for strain in start.strains]
     if scene.foam.law_for(scene.model).heeds_rate:
         worst = [0.0, 0.0]  # such foam has had no time to flow
     cut = np.where(cuts(scene), 0.0, np.nan)
-    filled = filling(block)
     cut[:-1, :, 0][filled.face_a == 0.0] = np.nan
     cut[:, :-1, 1][filled.face_b == 0.0] = np.nan
     clock = dict.fromkeys(CLOCK, 0.0)

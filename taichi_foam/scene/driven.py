@@ -35,7 +35,7 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         return
     if {"numerics", "numerics.end"} & values.keys() or not isinstance(numerics, dict):
         return
-    if {"impactor.velocity", "impactor.travel"} & values.keys():
+    if {"impactor", "impactor.velocity", "impactor.travel"} & values.keys():
         numerics.pop("end", None)
 
 

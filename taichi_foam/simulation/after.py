@@ -69,7 +69,7 @@ class After:
         told = {
             "scene": result.scene.name,
             "state_sha256": result.cushion.sha256,
-            "drop": result.drop + 1,
+            "drop": result.drop + (result.scene.impactor is not None),
             "contact_height_m": height,
         }
         return cls(told, result.cushion)

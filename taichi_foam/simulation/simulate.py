@@ -211,7 +211,10 @@ def run_drops(
         while len(results) < count and not (results and results[-1].ending is Ending.INTERRUPTED):
             over = latest
             kept = claim and Checkpoints([claim.work / drop_name(len(results) + 1)], every)
-            after = After.of(scene, results[-1]) if results else None
+            try:
+                after = After.of(scene, results[-1]) if results else None
+            except UserError as error:
+                raise RunError(f"drop {len(results) + 1}: {error}", results) from None
             try:
                 results.append(_run_one(scene, tell, kept, arch, threads, after))
             except RunError as error:
