@@ -23,14 +23,14 @@ from taichi_foam.analysis.impact import (
     passed_through,
 )
 from taichi_foam.analysis.pattern import crushed_region
-from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.analysis.presence import hangs_on
+from taichi_foam.analysis.resting import LIFTED, height_beneath
 from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
-from taichi_foam.scene.filling import filling
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.paths import at
 from taichi_foam.units import STANDARD_GRAVITY
@@ -289,26 +289,31 @@ def equivalent_drop_height(record: Record) -> float | None:
 def rest_height(record: Record) -> float | None:
     """Height (m) at which the impactor's lowest point would touch the block as it is at the end.
 
-    None without an impactor or a snapshot, and where no mass point is beneath it.
+    Crumbs, which hang on no whole bond, are left out. None without an impactor or a snapshot, and
+    where nothing is beneath it.
     """
     impactor = record.scene.impactor
     if impactor is None or not record.snapshots:
         return None
+    last, block = record.snapshots[-1], record.scene.block
     try:
-        return height_beneath(
-            record.snapshots[-1].position, impactor, filling(record.scene.block).there
-        )
+        return height_beneath(last.position, impactor, hangs_on(last, block))
     except ValueError:
         return None
 
 
 def max_strain(record: Record) -> float | None:
     """How far the fresh block was compressed at most under the impactor's lowest point, over its
-    thickness from the first to the last row of mass points."""
+    thickness from the first to the last row of mass points.
+
+    None of a drop that began above the fresh block, over foam that was thrown up.
+    """
     depth, scene = max_displacement(record), record.scene
     if depth is None:
         return None
     lost = scene.contact_height - record.contact_height
+    if lost < -LIFTED * scene.block.dy:
+        return None
     return (lost + depth) / (scene.contact_height - scene.block.foot)
 
 

@@ -27,6 +27,17 @@ def bonded(block: Block) -> tuple[Flags, Flags]:
     return filled.face_a > 0.0, filled.face_b > 0.0
 
 
+def hangs_on(snapshot: Snapshot, block: Block) -> Flags:
+    """(columns, rows) which mass points hang on a whole bond."""
+    apart_a, apart_b = apart(snapshot, block)
+    found = np.zeros(snapshot.position.shape[:2], dtype=bool)
+    found[:-1] |= ~apart_a
+    found[1:] |= ~apart_a
+    found[:, :-1] |= ~apart_b
+    found[:, 1:] |= ~apart_b
+    return found
+
+
 def apart(snapshot: Snapshot, block: Block) -> tuple[Flags, Flags]:
     """Where no bonds A and B join mass points: they are broken, or never were."""
     a, b = bonded(block)

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from taichi_foam.laws.shape import Impactor
 from taichi_foam.laws.shape import outline as geometry
 
+LIFTED = 1e-3
+"""An impactor that starts by more than this above a fresh block, in cells, starts over thrown foam."""
+
 
 def height_beneath(
     position: NDArray[np.float64], impactor: Impactor, there: NDArray[np.bool_]
@@ -17,7 +20,7 @@ def height_beneath(
     Args:
         position: (I, J, 2) of the mass points [m].
         impactor: of which the part that faces down counts, as it starts.
-        there: (I, J) where there are mass points.
+        there: (I, J) which mass points count.
 
     Raises ValueError: there is no mass point beneath it.
     """

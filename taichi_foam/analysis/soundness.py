@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from taichi_foam.analysis.body import fell_beside
-from taichi_foam.analysis.crush import over_bonds
 from taichi_foam.analysis.impact import passed_through
-from taichi_foam.analysis.presence import apart, bonded, there
+from taichi_foam.analysis.presence import hangs_on, there
+from taichi_foam.analysis.resting import LIFTED
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
@@ -57,9 +57,7 @@ def energy_residual(record: Record) -> float | None:
 
 def loose_share(snapshot: Snapshot, block: Block) -> float:
     """The share of mass points that hang on no whole bond."""
-    apart_a, apart_b = apart(snapshot, block)
-    whole = over_bonds(np.maximum, ~apart_a, ~apart_b)
-    return float(np.mean(whole[there(block)] == 0.0))
+    return float(np.mean(~hangs_on(snapshot, block)[there(block)]))
 
 
 def warnings_of(record: Record) -> list[str]:
@@ -69,6 +67,7 @@ def warnings_of(record: Record) -> list[str]:
         _of_residual(record),
         _of_overlap(record),
         _of_leaving(record),
+        _of_lifting(record),
         _of_loose_points(record),
         _of_thin_foam(record),
     )
@@ -143,6 +142,17 @@ def _of_leaving(record: Record) -> str | None:
         f"the impactor left the foam at {velocity[-1]:.3g} m/s, of {velocity.max():.3g} m/s: "
         "max_displacement_m is how far it had come when the run ended, no stopping distance; take "
         "a thicker block (block.height), or less of an impact"
+    )
+
+
+def _of_lifting(record: Record) -> str | None:
+    lifted = record.contact_height - record.scene.contact_height
+    if record.scene.impactor is None or lifted <= LIFTED * record.scene.block.dy:
+        return None
+    return (
+        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that a drop before has "
+        "thrown up: displacements count from there; let the foam settle by a run without an "
+        "impactor in between, with numerics.gravity"
     )
 
 

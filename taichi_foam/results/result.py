@@ -198,6 +198,8 @@ def _check_whole(root: Path) -> None:
         raise UserError(f"result folder {root}: what is in it {reason}.")
     changed = [name for name in (*_FILES, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
+    if not changed and (root / "drop-1").is_dir():
+        raise UserError(f"{root}: holds a series of drops; name one of them, such as {root}/drop-1")
     if changed or not {*_FILES} <= {*manifest.files}:
         raise UserError(
             f"result folder {root}: not as it was written: {', '.join(changed) or 'files missing'}."

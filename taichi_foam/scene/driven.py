@@ -19,6 +19,8 @@ def completed(data: Any) -> Any:
         return data
     impactor, numerics = data.get("impactor"), data.get("numerics")
     travel, speed = _given(impactor, "travel"), _given(impactor, "velocity")
+    if _given(impactor, "motion") != "crosshead":
+        return data  # what is wrong with it is said where it is checked
     if not (_is_positive(travel) and _is_positive(speed)) or _given(numerics, "end") is not None:
         return data
     if isinstance(numerics, Part):

@@ -38,7 +38,14 @@ def read_pulse(path: Path) -> Pulse:
         return Pulse(time=values[0], acceleration=values[1])
     except ValidationError as error:
         first = error.errors()[0]
-        told = first.get("ctx", {}).get("error") or f"{first['loc'][0]}: {first['msg']}"
+        told = first.get("ctx", {}).get("error")
+        if told is None:
+            key, place = str(first["loc"][0]), first["loc"][-1]
+            told = (
+                f"{key} = {first['input']:g} in row {place + 1 if isinstance(place, int) else 1}: "
+                f"must be {'0 to 10 s' if key == 'time' else '-1e6 to 1e6 m/s2'}; "
+                "give units in the header, such as time [ms],acceleration [g]"
+            )
         raise UserError(f"{path}: {told}") from None
 
 
