@@ -9,7 +9,7 @@ from taichi_foam.laws.shape import Impactor
 from taichi_foam.laws.shape import outline as geometry
 
 LIFTED = 1e-3
-"""An impactor that starts by more than this above a fresh block, in cells, starts over thrown foam."""
+"""An impactor that starts further than this above a fresh block, in cells, is over thrown foam."""
 
 
 def height_beneath(

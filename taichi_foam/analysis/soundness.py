@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_foam.analysis.body import fell_beside
 from taichi_foam.analysis.impact import passed_through
-from taichi_foam.analysis.presence import hangs_on, there
+from taichi_foam.analysis.presence import bonded, hangs_on, there
 from taichi_foam.analysis.resting import LIFTED
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.record import Record
@@ -150,8 +150,8 @@ def _of_lifting(record: Record) -> str | None:
     if record.scene.impactor is None or lifted <= LIFTED * record.scene.block.dy:
         return None
     return (
-        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that a drop before has "
-        "thrown up: displacements count from there; let the foam settle by a run without an "
+        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that a drop before "
+        "has thrown up: displacements count from there; let the foam settle by a run without an "
         "impactor in between, with numerics.gravity"
     )
 

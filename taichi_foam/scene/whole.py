@@ -71,6 +71,11 @@ _OPTIONS = {
 """What tells foams of one law apart for the kernels, by options of the law."""
 
 
+MOST_INERTIA, LEAST_INERTIA = 10.0, 1e-3
+"""What a moment of inertia can be: so many times that of the mass at the furthest point of the
+outline, and such a part of a uniform plate's. Beyond that it is in another unit."""
+
+
 class Scene(Part):
     """One impact on one block, complete: everything that decides its result. SI units.
 
@@ -127,6 +132,7 @@ class Scene(Part):
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),
+            *_problems_of_inertia(self),
             *(
                 unfilled
                 or driven.problems(self.impactor, self.base, self.numerics)
@@ -300,6 +306,21 @@ def _problems_of_fall(scene: Scene) -> list[str]:
     return fall.problems(
         impactor.drop_height, impactor.velocity, impactor.gap, scene.numerics.gravity
     )
+
+
+def _problems_of_inertia(scene: Scene) -> list[str]:
+    impactor = scene.impactor
+    if impactor is None or impactor.inertia is None:
+        return []
+    most = MOST_INERTIA * impactor.mass * impactor.reach**2
+    least = LEAST_INERTIA * impactor.mass * impactor.squared_gyration
+    if least <= impactor.inertia <= most:
+        return []
+    return [
+        f"impactor.inertia = {impactor.inertia:g}: must be from {least:.3g} to {most:.3g} kg m2 "
+        f"with {impactor.mass:g} kg and this outline; it is in kg m2 (1 g cm2 is 1e-7); leave it "
+        "out to take that of a uniform plate"
+    ]
 
 
 def _problems_of_contact(scene: Scene) -> list[str]:

@@ -124,7 +124,7 @@ hits = {
     "travel": st.none(),
     "guided": st.just(False),
     "velocity_x": floats(-500, 500),
-    "inertia": st.none() | floats(1e-9, 1e6),
+    "inertia": st.none(),  # its range goes by mass and outline
     "centre": st.none() | st.tuples(floats(-5, 5), floats(-5, 5)),
 }
 impactors = st.one_of(
