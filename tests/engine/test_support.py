@@ -94,25 +94,26 @@ def test_foam_crushed_flat_between_impactor_and_ribs_is_accounted_for() -> None:
 
 def test_ribs_that_a_crosshead_presses_on_yield_by_their_own_faces() -> None:
     """The force is the plateau stress times the faces on ribs, worked out by hand."""
-    press = FlatBlock(width=0.12, height=0.02, motion="crosshead", velocity=0.1, travel=4e-4)
-    scene = drop(RIBS).with_values({"numerics.gravity": 0.0, "numerics.end": 4e-3})
-    history = tf.run(scene.model_copy(update={"impactor": press})).history
+    press = FlatBlock(width=0.12, height=0.02, motion="crosshead", velocity=0.2, travel=2e-3)
+    scene = drop(RIBS).model_copy(
+        update={"impactor": press, "numerics": Numerics(end=10e-3, gravity=0.0)}
+    )
+    history = tf.run(scene).history
+    yielding = history["displacement_m"] > 1.7e-3
     plateau = len(ON_RIBS) * K * YIELD * FACE
-    assert history["contact_force_N"].max() == pytest.approx(plateau, rel=0.02)
+    np.testing.assert_allclose(history["contact_force_N"][yielding], plateau, rtol=2e-3)
     assert history["broken_bonds"][-1] == 0
 
 
 @pytest.mark.parametrize(("sunk", "share"), [(0.05e-3, 0.02), (1.5e-3, 0.05)])
 def test_ribs_push_up_what_stands_on_them(sunk: float, share: float) -> None:
     """The floor's law with half a cell of 2.5 mm, elastic and on the plateau; nothing in gaps."""
-    scene = drop(RIBS).model_copy(update={"impactor": None})
+    still = {"impactor": None, "numerics": Numerics(end=1e-3, gravity=0.0)}
+    scene = drop(RIBS).model_copy(update=still)
     position = reference_positions(scene) - [0.0, sunk]
     expected = np.zeros_like(position)
     expected[ON_RIBS, 0, 1] = K * FACE * share
-    found = node_forces(scene, position=position)
-    np.testing.assert_allclose(found[ON_RIBS], expected[ON_RIBS], atol=1e-8)
-    if sunk < 1e-3:  # then no corner of a rib is within reach of the others
-        np.testing.assert_allclose(found, expected, atol=1e-8)
+    np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=1e-8)
 
 
 def test_a_wall_beside_the_block_presses_by_the_faces_of_bonds_along_x() -> None:
@@ -124,7 +125,7 @@ def test_a_wall_beside_the_block_presses_by_the_faces_of_bonds_along_x() -> None
         update={"impactor": None, "numerics": Numerics(end=1e-3, gravity=0.0)}
     )
     rest = reference_positions(scene)
-    np.testing.assert_array_equal(node_forces(scene, position=rest), np.zeros_like(rest))
+    np.testing.assert_allclose(node_forces(scene, position=rest), 0.0, atol=1e-9)
     expected = np.zeros_like(rest)
     expected[-1, :, 0] = -K * 0.008 * 0.057 * 0.02
     found = node_forces(scene, position=rest + [0.05e-3, 0.0])
@@ -139,7 +140,8 @@ def test_ribs_lie_as_they_are_told() -> None:
     body = shapely.Polygon(outline)
     assert body.is_valid
     for x in (-0.05, -0.02, 0.01, 0.04):
-        assert body.covers(shapely.box(x - 0.006, -0.02, x + 0.006, 0.0))
+        rib = shapely.box(x - 0.006, -0.02, x + 0.006, 0.0)
+        assert body.intersection(rib).area == pytest.approx(rib.area)
         gap = shapely.box(x + 0.006, -0.02, x + 0.024, 0.0)
         assert body.intersection(gap).area == pytest.approx(0.0, abs=1e-12)
     mirrored = RIBS.outline_under(BLOCK)
