@@ -142,7 +142,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
             work[BASE] -= weight * found.xy.dot(speed)
             force += found.xy
         else:
-            # between the node and the floor lies half a cell of foam, or what crushing has left of it
+            # between node and floor lies half a cell of foam, or what crushing has left of it
             half = 0.5 * p.cell.y
             face = p.area.y
             if ti.static(lattice.features.shaped):

@@ -53,8 +53,9 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     """The window of a run, the same for all of its frames.
 
     Holds the block as it starts, `side` of its width on each side, a strip of floor, or of a
-    support with an outline as much as reaches half of the block's height down, and `above` of its height for the impactor (a seventh of it where there is no impactor, up to twice
-    as much for one that turns).
+    support with an outline as much as reaches half of the block's height down, and `above` of its
+    height for the impactor (a seventh of it where there is no impactor, up to twice as much for
+    one that turns).
     """
     block, impactor = scene.block, scene.impactor
     base = np.array([0.0, block.foot])

@@ -97,7 +97,9 @@ class Scene(Part):
         default=None, description="what hits the block; none: nothing does"
     )
     base: Base = Field(default=Base(), description="what holds the bottom row")
-    support: Support = Field(default=Support(), description="what the block lies on, if not a floor")
+    support: Support = Field(
+        default=Support(), description="what the block lies on, if not a floor"
+    )
     model: Model = Field(default=Model(), description="readings of what the paper leaves open")
     numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
     start: Start = Field(default=Start(), description="deformation and motion at the start")

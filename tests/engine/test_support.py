@@ -121,14 +121,12 @@ def test_a_wall_beside_the_block_presses_by_the_faces_of_bonds_along_x() -> None
     block = Block(width=0.1, height=0.08, columns=20, rows=10)
     wall = ((0.05, -0.02), (0.06, -0.02), (0.06, 0.1), (0.05, 0.1))
     scene = drop(Support(kind="outline", outline=wall), block)
-    scene = scene.model_copy(
-        update={"impactor": None, "numerics": Numerics(end=1e-3, gravity=0.0)}
-    )
+    scene = scene.model_copy(update={"impactor": None, "numerics": Numerics(end=1e-3, gravity=0.0)})
     rest = reference_positions(scene)
     np.testing.assert_allclose(node_forces(scene, position=rest), 0.0, atol=1e-9)
     expected = np.zeros_like(rest)
     expected[-1, :, 0] = -K * 0.008 * 0.057 * 0.02
-    found = node_forces(scene, position=rest + [0.05e-3, 0.0])
+    found = node_forces(scene, position=rest + np.array([0.05e-3, 0.0]))
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
