@@ -224,11 +224,10 @@ def test_the_impactor_is_drawn_on_top_of_the_cells() -> None:
 
 def test_a_support_is_drawn_in_place_of_the_floor() -> None:
     """Ribs and gaps below y = 0 where they are, and the window holds them."""
-    plain = scene_of(intact(), FlatBlock())
     ribs = Support(kind="ribs", pitch=0.05, width=0.02, depth=0.02)
-    scene = plain.model_copy(update={"base": Base(kind="floor"), "support": ribs})
+    scene = scene_of(base=Base(kind="floor"), support=ribs)
     assert window(scene).y_min < -0.02
-    image = raster.frame(intact(), scene, (1280, 720))
+    image = raster.frame(intact(scene), scene, (1280, 720))
     view = fit(window(scene), raster.Layout((1280, 720)).field)
     tones = Look.of(scene).tones
 
