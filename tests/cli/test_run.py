@@ -157,6 +157,7 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
         "manifest.json",
         "scene.toml",
         "snapshots.npz",
+        "state.npz",
         "summary.json",
     ]
     again = load_scene(folder / "scene.toml")

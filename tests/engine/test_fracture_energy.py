@@ -78,7 +78,7 @@ def test_brittle_bonds_of_any_length_hold_the_same_over_their_face(dx: float, sh
     assert history["broken_bonds"][-1] == ROWS
     taken = history["foam_kinetic_J"][0] - history["foam_kinetic_J"][-1]
     assert taken / (ROWS * 0.005 * Z) == pytest.approx(0.25 * TOUGHNESS, rel=0.01)
-    for a, b in limits(scene):
+    for a, b in limits(scene.foam, scene.block):
         assert a == Limit(pytest.approx(math.sqrt(share), rel=1e-12), 1.0)
         assert b == Limit()
 
@@ -89,7 +89,8 @@ def test_limits_go_by_the_length_of_the_bond_along_each_axis() -> None:
     Bonds that soften hold at least 4 and 2 times that, long ones at limits that are lower.
     """
     foam = Foam(fracture_energy=130.0, shear_fracture_energy=42.0)
-    tension, shear = limits(two_columns(0.002, 0.008, foam))
+    scene = two_columns(0.002, 0.008, foam)
+    tension, shear = limits(scene.foam, scene.block)
     held = 0.5 * K * E_T**2 * np.array([0.002, 0.008])
     for limit, energy in zip(tension, held, strict=True):
         assert limit == Limit(1.0, pytest.approx(130.0 / energy))
@@ -102,7 +103,7 @@ def test_limits_go_by_the_length_of_the_bond_along_each_axis() -> None:
 def test_cells_of_the_paper_have_the_limits_of_table_1(softening: bool) -> None:
     """Exactly: a factor of 1 changes no bit."""
     scene = Scene(foam=Foam(softening=softening), numerics=Numerics(end=1e-3))
-    tension, shear = limits(scene)
+    tension, shear = limits(scene.foam, scene.block)
     assert tension == (Limit(1.0, 4.0 if softening else 1.0),) * 2
     assert shear == (Limit(1.0, 2.0 if softening else 1.0),) * 2
 

@@ -36,22 +36,9 @@ class Outline(Edged):
     def _check_simple(self) -> "Outline":
         import shapely  # takes a while to load, and most scenes do without
 
-        points = np.array(self.vertices)
+        points = geometry.checked(self.vertices)
         extent = geometry.size(points)
-        if extent < 1e-4:
-            raise ValueError(
-                f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
-                "lengths are in metres"
-            )
         least = geometry.TOLERANCE * extent
-        for k, vertex in enumerate(points):
-            near = np.flatnonzero(np.linalg.norm(points[:k] - vertex, axis=1) <= least)
-            if near.size:
-                closing = near[0] == 0 and k == len(points) - 1
-                raise ValueError(
-                    f"impactor.vertices[{k}] = {list(self.vertices[k])}: repeats an earlier "
-                    f"corner; each must be given once{_CLOSES if closing else ''}; leave it out"
-                )
         if not shapely.LinearRing(points).is_simple:
             said = (
                 str(shapely.is_valid_reason(shapely.Polygon(points))).partition("[")[2].rstrip("]")
@@ -75,6 +62,3 @@ class Outline(Edged):
     def origin(self) -> np.ndarray:
         """Return the origin of the given corners."""
         return np.zeros(2)
-
-
-_CLOSES = ", the outline closes by itself"

@@ -6,6 +6,7 @@ An outline is an array (n, 2) of vertices [m], counter-clockwise with y upwards.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,31 @@ TOLERANCE = 1e-9
 def size(points: np.ndarray) -> float:
     """Larger side of the bounding box [m]."""
     return float(np.max(np.ptp(points, axis=0)))
+
+
+def checked(vertices: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Corners as an array (n, 2) [m].
+
+    Raises ValueError, in the words of a scene: they are too near to one another, or one repeats.
+    """
+    points = np.array(vertices)
+    extent = size(points)
+    if extent < 1e-4:
+        raise ValueError(
+            f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
+            "lengths are in metres"
+        )
+    for k, vertex in enumerate(points):
+        near = np.flatnonzero(np.linalg.norm(points[:k] - vertex, axis=1) <= TOLERANCE * extent)
+        if near.size:
+            closes = (
+                ", the outline closes by itself" if (near[0], k) == (0, len(points) - 1) else ""
+            )
+            raise ValueError(
+                f"impactor.vertices[{k}] = {list(vertices[k])}: repeats an earlier corner; each "
+                f"must be given once{closes}; leave it out"
+            )
+    return points
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:

@@ -34,20 +34,8 @@ class Polygon(Impactor):
 
     @model_validator(mode="after")
     def _check_convex(self) -> "Polygon":
-        points = np.array(self.vertices)
-        extent = geometry.size(points)
-        if extent < 1e-4:
-            raise ValueError(
-                f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
-                "lengths are in metres"
-            )
-        least = geometry.TOLERANCE * extent
-        for k, vertex in enumerate(points):
-            if np.any(np.linalg.norm(points[:k] - vertex, axis=1) <= least):
-                raise ValueError(
-                    f"impactor.vertices[{k}] = {list(self.vertices[k])}: repeats an earlier "
-                    "corner; each must be given once; leave it out"
-                )
+        points = geometry.checked(self.vertices)
+        least = geometry.TOLERANCE * geometry.size(points)
         hull = geometry.convex_hull(points)
         if len(hull) < 3:
             raise ValueError(
