@@ -19,12 +19,6 @@ from taichi_foam.scene.options import Base
 
 _Coordinate = Annotated[float, Field(ge=-5, le=5)]
 _Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
-_Length = Annotated[float, Field(gt=0, le=5)]
-
-_LENGTHS = {
-    "allowed": "none, or above 0 and at most 5 m",
-    "fix": "lengths are in metres (20 mm is 0.02)",
-}
 
 _KEYS = {"floor": (), "ribs": ("pitch", "width", "depth"), "outline": ("outline",)}
 """What each kind of support needs."""
@@ -45,14 +39,18 @@ class Support(Part):
         "ribs and outline need base.kind = 'floor', whose friction is theirs; the impactor is "
         "stopped at y = 0 on any of them (base.stops_impactor)",
     )
-    pitch: _Length | None = quantity(
-        None, "m", "from rib to rib, middle to middle (ribs only)", **_LENGTHS
+    pitch: float | None = quantity(
+        None, "m", "from rib to rib, middle to middle (ribs only)", above=0, at_most=5
     )
-    width: _Length | None = quantity(
-        None, "m", "width of a rib, less than the pitch (ribs only)", **_LENGTHS
+    width: float | None = quantity(
+        None, "m", "width of a rib, less than the pitch (ribs only)", above=0, at_most=5
     )
-    depth: _Length | None = quantity(
-        None, "m", "of the gaps between ribs, down to their level bottom (ribs only)", **_LENGTHS
+    depth: float | None = quantity(
+        None,
+        "m",
+        "of the gaps between ribs, down to their level bottom (ribs only)",
+        above=0,
+        at_most=5,
     )
     offset: float = quantity(
         0.0, "m", "of a rib's middle from x = 0 (ribs only)", at_least=-5, at_most=5
