@@ -1,11 +1,12 @@
-"""Contact of mass points: with the impactor, with the floor, and of pieces with each other."""
+"""Contact of mass points: with impactor, floor or support, and of pieces with each other."""
 
 import taichi as ti
 
 from taichi_foam.engine import breaking, lanes, makeup, turning
-from taichi_foam.engine.grading import B
+from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
 from taichi_foam.laws import contact as contact_law
+from taichi_foam.laws.shape.edges import Edged
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
@@ -24,7 +25,7 @@ vec3i = ti.types.vector(3, ti.i32)
 
 @ti.func
 def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
-    """Whether any of a pack's nodes may touch the impactor or the floor, or just did.
+    """Whether any of a pack's nodes may touch the impactor or the support, or just did.
 
     The margin sees to it that a node which leaves them is looked at once more: its friction springs
     go slack.
@@ -35,13 +36,28 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
     if ti.static(lattice.features.turns):
         near = turning.is_near(lattice, b, x, y, p)
     may = near | (y < 0.5 * p.cell.y + p.skin)
-    if ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
+    if ti.static(lattice.features.supported):
+        may = near | _is_near_support(x, y, p)
+        if ti.static(lattice.features.shaped):
+            may &= lattice.model.mobility[b, i, k].y > 0.0
+    elif ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
         low = y < lattice.model.filling[b, i, k].reach + p.skin
         may = (near | low) & (lattice.model.mobility[b, i, k].y > 0.0)
     elif p.hold_y and k == 0:
         # the held row is part of the support, which lets the impactor pass
         may[0] = 0
     return lanes.any_of(may)
+
+
+@ti.func
+def _is_near_support(x, y, p: ti.template()):
+    """Whether a pack's points lie in the box around the support's outline, or within reach of it.
+
+    No mass point reaches further than half the longer side of its cell.
+    """
+    margin = 0.5 * p.cell.max() + p.skin
+    beside = (x > p.support_low.x - margin) & (x < p.support_high.x + margin)
+    return beside & (y > p.support_low.y - margin) & (y < p.support_high.y + margin)
 
 
 @ti.func
@@ -71,7 +87,7 @@ def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
 
 @ti.func
 def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()) -> vec2:
-    """Force [N] of the impactor and the floor on a node.
+    """Force [N] of the impactor, and of the floor or the support, on a node.
 
     Work and the force on the impactor are added to the strip's. The first stage of a step also
     latches the friction springs: slid off beyond mu N, and slack where there is no touch.
@@ -120,34 +136,86 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 ] - (pressing.y + rubbing.y)
                 lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -found[0])
                 force += pressing + rubbing
-        # between the node and the floor lies half a cell of foam, or what crushing has left of it
-        half = 0.5 * p.cell.y
-        face = p.area.y
-        if ti.static(lattice.features.shaped):
-            half = lattice.model.filling[b, i, k].reach[lane]
-            face *= lattice.model.filling[b, i, k].face_b[lane]
-        if now.y < half:
-            stand = vec2(0.0)
-            radius = half * (1.0 + _least_height(lattice, b, i, j))
-            if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
-                stand.y = contact_law.normal_force(stiffness, now.y - half)
-            elif now.y < radius:
-                c = makeup.constants_at(lattice, B, b, j, p)
-                stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
-            stand.x = contact_law.tangential_force(
-                stiffness,
-                lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
-                p.floor_friction,
-                stand.y,
-            )
-            on_floor = -stand.x / stiffness
-            work[BASE] -= weight * stand.dot(speed)
-            force += stand
+        if ti.static(lattice.features.supported):
+            found = _stand_on_support(lattice, b, i, j, stage, now, stiffness, p)
+            on_floor = found[2]
+            work[BASE] -= weight * found.xy.dot(speed)
+            force += found.xy
+        else:
+            # between node and floor lies half a cell of foam, or what crushing has left of it
+            half = 0.5 * p.cell.y
+            face = p.area.y
+            if ti.static(lattice.features.shaped):
+                half = lattice.model.filling[b, i, k].reach[lane]
+                face *= lattice.model.filling[b, i, k].face_b[lane]
+            if now.y < half:
+                stand = vec2(0.0)
+                radius = half * (1.0 + _least_height(lattice, b, i, j))
+                if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
+                    stand.y = contact_law.normal_force(stiffness, now.y - half)
+                elif now.y < radius:
+                    c = makeup.constants_at(lattice, B, b, j, p)
+                    stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
+                stand.x = contact_law.tangential_force(
+                    stiffness,
+                    lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
+                    p.floor_friction,
+                    stand.y,
+                )
+                on_floor = -stand.x / stiffness
+                work[BASE] -= weight * stand.dot(speed)
+                force += stand
         lattice.state.work[b, strip] = work
     if stage == 0:
         lattice.state.slip[b, i, k].impactor[lane] = on_impactor
         lattice.state.slip[b, i, k].floor[lane] = on_floor
     return force
+
+
+@ti.func
+def _stand_on_support(
+    lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64, p: ti.template()
+) -> vec3:
+    """Force [N] of the support's outline on a node, and the stretch of its friction spring [m].
+
+    The floor's law along the way out of the outline. Where that is level, the foam between lies
+    beside the node: half a cell's width of it, by the crush and the faces of its bonds A.
+    """
+    rows = ti.cast(p.support_rows, ti.i32)
+    found = Edged.distance(lattice.model.support, b, rows, now)
+    normal = found.yz
+    flank = normal.x * normal.x  # the rest, to 1, is upright
+    half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
+    upright, sideways = p.area.y, p.area.x
+    if ti.static(lattice.features.shaped):
+        half = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].reach[
+            lanes.lane_of(lattice, j)
+        ]
+        upright *= makeup.wider_face(lattice, B, b, i, j)
+        sideways *= makeup.wider_face(lattice, A, b, i, j)
+    stand, stretch = vec2(0.0), 0.0
+    if found[0] < half:
+        height = _least_height(lattice, b, i, j)
+        strain = height + flank * (_least_width(lattice, b, i, j) - height)
+        radius = half * (1.0 + strain)
+        press = 0.0
+        if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
+            press = contact_law.normal_force(stiffness, found[0] - half)
+        elif found[0] < radius:
+            c = makeup.constants_at(lattice, B, b, j, p)
+            face = upright + flank * (sideways - upright)
+            press = -face * lattice.law.contact_stress(c, found[0], radius, half)
+        tangent = vec2(normal.y, -normal.x)
+        along = contact_law.tangential_force(
+            stiffness,
+            lattice.state.slip[b, i, lanes.pack_of(lattice, j)].floor[lanes.lane_of(lattice, j)]
+            + _slid(lattice, b, i, j, stage).dot(tangent),
+            p.floor_friction,
+            press,
+        )
+        stand = press * normal + along * tangent
+        stretch = -along / stiffness
+    return vec3(stand.x, stand.y, stretch)
 
 
 @ti.func
@@ -163,14 +231,19 @@ def _least_height(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
+    """The worst strain of a node's bonds A."""
+    bond_a = ti.static(lattice.state.bond_a)
+    return ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
+
+
+@ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
 
     Never more than the room that there was when the node could first touch.
     """
-    bond_a = ti.static(lattice.state.bond_a)
-    worst_a = ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
-    width = p.cell.x * (1.0 + worst_a)
+    width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
     if ti.static(lattice.features.shaped):

@@ -34,6 +34,7 @@ class Features:
     turns          the impactor moves and turns in the plane
     crosshead      the impactor keeps its velocity, whatever the force
     shaken         a pulse accelerates the base
+    supported      the block stands on a support with an outline, in place of the floor
     """
 
     law: BondLaw
@@ -51,6 +52,7 @@ class Features:
     turns: bool
     crosshead: bool
     shaken: bool
+    supported: bool
 
 
 def features_of(scene: Scene) -> Features:
@@ -74,6 +76,7 @@ def features_of(scene: Scene) -> Features:
         turns=scene.turns,
         crosshead=scene.impactor is not None and scene.impactor.motion == "crosshead",
         shaken=scene.base.acceleration is not None,
+        supported=scene.support.kind != "floor",
     )
 
 

@@ -50,6 +50,21 @@ def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template())
 
 
 @ti.func
+def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
+    """Share of the wider face of a mass point's two bonds along `axis`, in a shaped block."""
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    found = 0.0
+    if ti.static(axis == A):
+        filling = ti.static(lattice.model.filling.face_a)
+        found = ti.max(filling[b, i, k][lane], filling[b, i - 1, k][lane])
+    else:
+        filling = ti.static(lattice.model.filling.face_b)
+        under, under_lane = lanes.pack_of(lattice, j - 1), lanes.lane_of(lattice, j - 1)
+        found = ti.max(filling[b, i, k][lane], filling[b, i, under][under_lane])
+    return found
+
+
+@ti.func
 def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Reference volume [m3] that a bond stands for."""
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)

@@ -22,6 +22,7 @@ from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
+from taichi_foam.laws.shape.edges import edges_of
 from taichi_foam.laws.shape.outline import convex_hull
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
@@ -75,6 +76,9 @@ MEMBERS = {
     "impactor_inertia": ti.f64,
     "pulse_points": ti.f64,  # in `ModelFields.pulse`, as a number: see Layout of whole ones
     "hull_corners": ti.f64,  # in `ModelFields.hull`, as a number: see Layout of whole ones
+    "support_rows": ti.f64,  # in `ModelFields.support`, as a number: see Layout of whole ones
+    "support_low": vec2,  # corners of the box around the support with an outline
+    "support_high": vec2,
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
     "impactor_friction": ti.f64,
@@ -134,6 +138,7 @@ class Model:
     surface    (n, 3) of the impactor, a row of zeros without one
     hull       (n, 2) corners of its convex hull, if it turns
     pulse      (n, 2) times [s] and accelerations [m/s2] of the base, if it is shaken
+    support    (n, 3) edges of the support's outline, if it has one, see `edges_of`
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
     filling    (I, J, 6) mass of each mass point [kg], share of the faces of bonds A and B, reach
@@ -147,6 +152,7 @@ class Model:
     surface: NDArray[np.float64]
     hull: NDArray[np.float64] | None
     pulse: NDArray[np.float64] | None
+    support: NDArray[np.float64] | None
     strengths: NDArray[np.float64] | None
     tables: NDArray[np.float64] | None
     filling: NDArray[np.float64] | None
@@ -157,12 +163,13 @@ class Model:
 def model_of(scene: Scene) -> Model:
     """The model of a scene."""
     law, graded = type(scene.foam.law_for(scene.model)), grading(scene)
-    record = parameters_type(law)
+    record, outline = parameters_type(law), scene.support.outline_under(scene.block)
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
         surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
         hull=_hull(scene) if scene.turns else None,
         pulse=_pulse(scene) if scene.base.acceleration is not None else None,
+        support=None if outline is None else edges_of(outline),
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(scene, graded),
         filling=_filled(scene) if features_of(scene).shaped else None,
@@ -215,6 +222,7 @@ class ModelFields:
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
     hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
     pulse       (batch, MOST_POINTS) time and acceleration of the base, where it is shaken
+    support     (batch, SURFACE_ROWS) three numbers each, as `surface`, where it has an outline
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
                 (batch, I, packs) of the nodes of a shaped block
@@ -248,6 +256,9 @@ class ModelFields:
         if features.shaken:
             self.pulse = vec2.field()
             layout.listed(MOST_POINTS, self.pulse)
+        if features.supported:
+            self.support = vec3.field()
+            layout.listed(SURFACE_ROWS, self.support)
         if features.scattered:
             self.strengths = (small_pack.field(), small_pack.field())
             layout.of_nodes(*self.strengths)
@@ -331,6 +342,9 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_inertia": 1.0,
         "pulse_points": 0.0 if base.acceleration is None else len(base.acceleration.time),
         "hull_corners": 0.0,
+        "support_rows": 0.0,
+        "support_low": [0.0, 0.0],
+        "support_high": [0.0, 0.0],
         "impactor_mass": 1.0,
         "impactor_rate": 0.0,
         "impactor_friction": 0.0,
@@ -373,6 +387,13 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_reach": impactor.reach,
             "impactor_inertia": impactor.moment_of_inertia,
             "hull_corners": len(_hull(scene)),
+        }
+    outline = scene.support.outline_under(block)
+    if outline is not None:
+        values |= {
+            "support_rows": len(edges_of(outline)),
+            "support_low": outline.min(axis=0).tolist(),
+            "support_high": outline.max(axis=0).tolist(),
         }
     return values
 

@@ -36,6 +36,7 @@ Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 vec2 = ti.types.vector(2, ti.f64)
+vec3 = ti.types.vector(3, ti.f64)
 
 # Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
 REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
@@ -68,6 +69,8 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
         _put_hull(lattice, b, model.hull)
     if model.pulse is not None:
         _put_pulse(lattice, b, model.pulse)
+    if model.support is not None:
+        _put_support(lattice, b, model.support)
     if model.strengths is not None:
         _put_strengths(lattice, b, model.strengths)
     if model.filling is not None:
@@ -167,6 +170,12 @@ def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
 def _put_pulse(lattice: ti.template(), b: ti.i32, pulse: Table):
     for n in range(pulse.shape[0]):
         lattice.model.pulse[b, n] = vec2(pulse[n, 0], pulse[n, 1])
+
+
+@ti.kernel
+def _put_support(lattice: ti.template(), b: ti.i32, support: Table):
+    for row in range(support.shape[0]):
+        lattice.model.support[b, row] = vec3(support[row, 0], support[row, 1], support[row, 2])
 
 
 @ti.kernel

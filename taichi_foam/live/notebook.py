@@ -80,7 +80,8 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
     plain = Scene(numerics=Numerics(end=1.0))
     found = []
-    for name in ("block", "foam", "impactor", "base", "model", "numerics", "start", "output"):
+    parts = ("block", "foam", "impactor", "base", "support", "model", "numerics", "start", "output")
+    for name in parts:
         part, default = getattr(scene, name), getattr(plain, name)
         for key, field in type(part).model_fields.items() if part is not None else ():
             value = getattr(part, key)

@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from taichi_foam.picture.colours import THEMES, Rgb, Theme, shades
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, View
+from taichi_foam.scene.outlines import Corners
 
 Image8 = NDArray[np.uint8]
 
@@ -75,12 +76,23 @@ def blank(width: int, height: int, colour: Rgb = _LIGHT.page) -> Image8:
     return image
 
 
-def field(image: Image8, view: View, line: float, tones: Theme = _LIGHT) -> None:
-    """Prepare the view's box: empty, with a hatched floor below y = 0 and a thin frame."""
+def field(
+    image: Image8,
+    view: View,
+    line: float,
+    tones: Theme = _LIGHT,
+    support: Corners | None = None,
+) -> None:
+    """Prepare the view's box: empty, with a hatched floor below y = 0 and a thin frame.
+
+    A support with an outline, corners [x, y] [m], is drawn in place of the floor.
+    """
     box = view.box
     rectangle(image, box, tones.field)
     ground = round(view.y_zero)
-    if box.top < ground < box.bottom:
+    if support is not None:
+        _body(image, view, line, tones, support)
+    elif box.top < ground < box.bottom:
         _hatch(image, Box(box.left, ground, box.right, box.bottom), line, tones)
     edge = max(1, round(line))
     for side in (
@@ -95,6 +107,24 @@ def field(image: Image8, view: View, line: float, tones: Theme = _LIGHT) -> None
 def rectangle(image: Image8, box: Box, colour: Rgb) -> None:
     """Fill `box` with `colour`."""
     image[max(0, box.top) : max(0, box.bottom), max(0, box.left) : max(0, box.right)] = colour
+
+
+def _body(image: Image8, view: View, line: float, tones: Theme, corners: Corners) -> None:
+    """A rigid body, as far as it lies in the view's box, with a line along its outline."""
+    fine, box = 4, view.box  # as for the floor's strokes
+    left, top = max(0, box.left), max(0, box.top)
+    seen = image[top : max(0, box.bottom), left : max(0, box.right)]
+    if seen.size == 0:
+        return
+    patch = Image.new("RGB", (seen.shape[1] * fine, seen.shape[0] * fine), tones.field)
+    x, y = np.array(corners).T
+    column = fine * (view.x_zero + view.scale * x - left)
+    row = fine * (view.y_zero - view.scale * y - top)
+    points = [*zip(column.tolist(), row.tolist(), strict=True)]
+    draw = ImageDraw.Draw(patch)
+    draw.polygon(points, fill=tones.frame)
+    draw.line([*points, points[0]], fill=tones.floor, width=max(1, round(2 * line * fine)))
+    seen[:] = np.array(patch.resize((seen.shape[1], seen.shape[0]), Image.Resampling.BOX))
 
 
 def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:

@@ -162,7 +162,7 @@ def frame(
     for run, box in zip(lineup.runs, layout.fields, strict=True):
         view = fit(lineup.window, box)
         scale = view.scale
-        annotate.field(image, view, unit, tones)
+        annotate.field(image, view, unit, tones, raster.support_of(run.scene))
         raster.draw(image, at(run.snapshots, time), run.scene, view, unit, look, key)
     if not layout.has_text:
         return image

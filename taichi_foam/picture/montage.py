@@ -169,7 +169,8 @@ def panel(
     """
     below = Box(box.left, box.top + over, box.right, box.bottom)
     view, text, ink = fit(world, below), TEXT * unit, look.tones.ink
-    annotate.field(image, replace(view, box=box), unit, look.tones)
+    whole = replace(view, box=box)
+    annotate.field(image, whole, unit, look.tones, raster.support_of(scene))
     raster.draw(image, snapshot, scene, view, 0.85 * unit, look, key)
     place, label = (box.left + 0.4 * text, box.top + 1.2 * text), annotate.font(text, bold=True)
     time = annotate.time_text(snapshot.time, interval)

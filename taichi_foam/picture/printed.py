@@ -203,7 +203,7 @@ def _show(axis: Axes, world: Window, wide: float, tall: float) -> float:
 def _draw(
     axis: Axes, snapshot: Snapshot, scene: Scene, look: Look, scale: float, dense: bool
 ) -> None:
-    """Cells in their colours, lines along open sides, floor and impactor; `scale` in mm per m."""
+    """Cells in their colours, lines along open sides, support and impactor; `scale` in mm per m."""
     block, key, tones = scene.block, look.shown.key(scene), look.tones
     there = filling(block).there
     shapes, sides = cells.shapes_of(snapshot, block)
@@ -215,7 +215,12 @@ def _draw(
     if size >= _GRID_CELL and not dense:
         grid = colours.grid_line_map(key.shades, _GRID_STRENGTH)[level].ravel()
         edges = np.stack([grid >> 16, grid >> 8 & 255, grid & 255], axis=-1) / 255
-    axis.axhline(0, color=_tone(tones.floor), linewidth=0.8, zorder=1)
+    support, floor = scene.support.outline_under(block), _tone(tones.floor)
+    if support is None:
+        axis.axhline(0, color=floor, linewidth=0.8, zorder=1)
+    else:
+        body = {"facecolor": _tone(tones.frame), "edgecolor": floor, "linewidth": 0.8}
+        axis.add_patch(Polygon(support, zorder=1, **body))
     axis.add_collection(
         PolyCollection(
             list(shapes), facecolors=shades, edgecolors=edges,

@@ -25,6 +25,7 @@ from taichi_foam.picture.modes import Key
 from taichi_foam.picture.polygons import FINE, GRID_BITS, LAYER_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
 from taichi_foam.scene.filling import filling
+from taichi_foam.scene.outlines import Corners
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
@@ -85,7 +86,8 @@ def frame(
     key = look.shown.key(scene)
     name = scene.name if title is None else title
     world, falls = world or window(scene), scene.impactor is not None
-    page, view = _page(layout.size, world, name, look, key, bool(note), falls)
+    stands_on = support_of(scene)
+    page, view = _page(layout.size, world, name, look, key, bool(note), falls, stands_on)
     image, unit = page.copy(), layout.unit
     draw(image, snapshot, scene, view, unit, look, threads=threads)
     if curve is not None and layout.curve is not None:
@@ -103,6 +105,12 @@ def frame(
                 displacement = sunk(snapshot, scene)
             annotate.write(image, layout.depth, depth_text(displacement), face, colour=ink)
     return image
+
+
+def support_of(scene: Scene) -> Corners | None:
+    """Corners [m] of the support that is drawn in place of the floor; None: it is the floor."""
+    outline = scene.support.outline_under(scene.block)
+    return None if outline is None else tuple((x, y) for x, y in outline.tolist())
 
 
 def check_size(size: tuple[int, int]) -> None:
@@ -161,13 +169,14 @@ def _page(
     key: Key,
     noted: bool,
     falls: bool,
+    support: Corners | None,
 ) -> tuple[Image8, View]:
     """All of a frame that does not change over a run, read-only, and the view of its field."""
     layout, tones = Layout(size, look.words), look.tones
     unit = layout.unit
     image = annotate.blank(*size, tones.page)
     view = fit(world, layout.field)
-    annotate.field(image, view, unit, tones)
+    annotate.field(image, view, unit, tones, support)
     if layout.has_text:
         bold, plain = annotate.font(28 * unit, bold=True), annotate.font(21 * unit)
         room = size[0] * (0.6 if noted else 1.0) - 2 * layout.title[0]

@@ -52,9 +52,10 @@ class View:
 def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     """The window of a run, the same for all of its frames.
 
-    Holds the block as it starts, `side` of its width on each side, a strip of floor, and
-    `above` of its height for the impactor (a seventh of it where there is no impactor, up to twice
-    as much for one that turns).
+    Holds the block as it starts, `side` of its width on each side, a strip of floor, or of a
+    support with an outline as much as reaches half of the block's height down, and `above` of its
+    height for the impactor (a seventh of it where there is no impactor, up to twice as much for
+    one that turns).
     """
     block, impactor = scene.block, scene.impactor
     base = np.array([0.0, block.foot])
@@ -75,6 +76,9 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
             max(x_max, min(ends.max() - margin, x_max + span / 2)),
         )
     tall = y_max - y_min
+    support = scene.support.outline_under(block)
+    if support is not None:
+        y_min = max(min(y_min, support[:, 1].min()), y_min - tall / 2)
     top = above if impactor is not None else above / 7
     if impactor is not None and not impactor.guided:
         top = max(above, min(2.1 * impactor.reach / tall, 2 * above))

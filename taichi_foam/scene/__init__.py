@@ -19,6 +19,7 @@ from taichi_foam.laws.shape.wedge import Wedge
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.pulse import Pulse
+from taichi_foam.scene.support import Support
 from taichi_foam.scene.whole import CHOICE_SETS, Scene
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Pulse",
     "Scene",
     "Start",
+    "Support",
     "TabulatedFoam",
     "Wedge",
 ]

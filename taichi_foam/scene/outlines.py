@@ -37,9 +37,9 @@ def polygon(outline: Corners | Array, holes: Iterable[Corners | Array] = ()) -> 
 
 def problems(outline: Corners, holes: Sequence[Corners]) -> list[str]:
     """What is wrong with an outline and holes, in whole sentences."""
-    found = _problems_of_ring("block.outline", outline)
+    found = problems_of_ring("block.outline", outline)
     for number, hole in enumerate(holes):
-        found += _problems_of_ring(f"block.holes[{number}]", hole)
+        found += problems_of_ring(f"block.holes[{number}]", hole)
     return found or _problems_of_holes(outline, holes)
 
 
@@ -80,7 +80,8 @@ def lengths(shape: Polygon, levels: Array, marks: Array, upright: bool) -> Array
     return np.round(found, ROUNDING)
 
 
-def _problems_of_ring(key: str, corners: Corners) -> list[str]:
+def problems_of_ring(key: str, corners: Corners) -> list[str]:
+    """What is wrong with one polygon's corners, in whole sentences."""
     import shapely
 
     points = np.array(corners)

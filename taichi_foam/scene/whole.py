@@ -15,12 +15,13 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, driven, fall, filling, sources
+from taichi_foam.scene import assumed, driven, fall, filling, sources, support
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+from taichi_foam.scene.support import Support
 from taichi_foam.scene.values import changed
 
 CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -101,6 +102,9 @@ class Scene(Part):
         default=None, description="what hits the block; none: nothing does"
     )
     base: Base = Field(default=Base(), description="what holds the bottom row")
+    support: Support = Field(
+        default=Support(), description="what the block lies on, if not a floor"
+    )
     model: Model = Field(default=Model(), description="readings of what the paper leaves open")
     numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
     start: Start = Field(default=Start(), description="deformation and motion at the start")
@@ -129,6 +133,7 @@ class Scene(Part):
             *_problems_of_foam(self),
             *_problems_of_layers(self),
             *_problems_of_base(self),
+            *support.problems(self.support, self.base, self.block),
             *assumed.problems(self.assumed or (), self),
             *_problems_of_start(self),
             *_problems_of_times(self),

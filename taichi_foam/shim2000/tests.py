@@ -25,6 +25,7 @@ from taichi_foam.scene import (
     Model,
     Scene,
     Start,
+    Support,
     Wedge,
 )
 
@@ -125,6 +126,8 @@ _CONDITIONS: Mapping[str, tuple[str, ...]] = {
     # The rig let the wedge sink deeper than the block is high. How the bottom row is held
     # (base.kind) is a reading.
     "base": ("stops_impactor", "acceleration"),
+    # It lay on a plate.
+    "support": tuple(Support.model_fields),
     # It is the same in both directions.
     "across": ("foam",),
     # Decelerations are counted without gravity. All else there is a matter of computing.

@@ -16,7 +16,7 @@ from taichi_foam.scene.filling import filling
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
-SAME = ("block", "foam", "across", "model", "base", "start")
+SAME = ("block", "foam", "across", "model", "base", "support", "start")
 """Parts of a scene that a run has in common with the one that left its block.
 
 A pulse of the base may be another one.

@@ -11,7 +11,10 @@ from taichi_foam.cli.reference import page
 from taichi_foam.scene import Scene
 from taichi_foam.scene.keys import keys
 
-PARTS = "scene, block, block.layers[], foam, across, impactor, base, model, numerics, start, output"
+PARTS = (
+    "scene, block, block.layers[], foam, across, impactor, base, support, model, numerics, start, "
+    "output"
+)
 
 
 def test_all_keys_fit_into_eighty_columns(invoke: Callable) -> None:

@@ -23,7 +23,7 @@ from taichi_foam.scene.values import settings
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 KEYS = list(keys(Scene))
-PARTS = ("block", "across", "base", "model", "numerics", "start", "output")
+PARTS = ("block", "across", "base", "support", "model", "numerics", "start", "output")
 CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 
 #: Every class that a scene can hold: its part, its tag where it is one of several, the class.

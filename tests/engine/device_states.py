@@ -31,6 +31,7 @@ from taichi_foam.scene import (
     Numerics,
     Output,
     Scene,
+    Support,
     TabulatedFoam,
     Wedge,
 )
@@ -118,7 +119,7 @@ def big_scenes() -> list[Scene]:
 
 
 def pad_scenes() -> list[Scene]:
-    """A pad with oblique sides and a hole, of two foams by their curves, on a floor."""
+    """A pad with oblique sides and a hole, of two foams by their curves, on ribs."""
     columns, rows = SMALL
     width, height = 0.005 * columns, 0.005 * rows
     half, strain = 0.5 * width, (0, 0.05, 0.6, 0.8, 0.9)
@@ -141,6 +142,7 @@ def pad_scenes() -> list[Scene]:
             foam=soft,
             impactor=FlatBlock(width=0.05, mass=0.1, velocity=velocity),
             base=Base(kind="floor"),
+            support=Support(kind="ribs", pitch=0.02, width=0.01, depth=0.01),
             numerics=Numerics(end=2.0e-3, gravity=9.81),
         )
         for velocity in (8.0, 9.0)

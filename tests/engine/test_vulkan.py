@@ -81,7 +81,7 @@ def test_no_float_lies_where_vulkan_misreads_it(states: tuple[States, States]) -
 
 
 def test_a_pad_of_two_foams_agrees_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:
-    """Masses, faces and foams by place."""
+    """Masses, faces and foams by place, on a ribbed support."""
     on_cpu, on_vulkan = states
     assert np.abs(part(on_cpu, "pad")["e_min_a"]).max() > 0.0
     assert_close(part(on_cpu, "pad"), part(on_vulkan, "pad"), STEPS_BEFORE)

@@ -18,7 +18,17 @@ from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.polygons import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
-from taichi_foam.scene import Cylinder, FlatBlock, IShape, Numerics, Output, Start, Wedge
+from taichi_foam.scene import (
+    Base,
+    Cylinder,
+    FlatBlock,
+    IShape,
+    Numerics,
+    Output,
+    Start,
+    Support,
+    Wedge,
+)
 
 LIGHT = colours.THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
@@ -210,6 +220,26 @@ def test_the_impactor_is_drawn_on_top_of_the_cells() -> None:
     y = scene.contact_height + scene.block.dy / 4  # within the top cells' outer half
     pixel = image[int(view.y_zero - view.scale * y) - 1, 320]
     np.testing.assert_array_equal(pixel, LIGHT.steel)
+
+
+def test_a_support_is_drawn_in_place_of_the_floor() -> None:
+    """Ribs and gaps below y = 0 where they are, and the window holds them."""
+    ribs = Support(kind="ribs", pitch=0.05, width=0.02, depth=0.02)
+    scene = scene_of(base=Base(kind="floor"), support=ribs)
+    assert window(scene).y_min < -0.02
+    image = raster.frame(intact(scene), scene, (1280, 720))
+    view = fit(window(scene), raster.Layout((1280, 720)).field)
+    tones = Look.of(scene).tones
+
+    def at(x: float, y: float) -> tuple[int, ...]:
+        return tuple(
+            image[round(view.y_zero - view.scale * y), round(view.x_zero + view.scale * x)]
+        )
+
+    for x in (-0.05, 0.0, 0.05):
+        assert at(x, -0.01) == tones.frame
+        assert at(x + 0.025, -0.01) == tones.field
+        assert at(x + 0.025, -0.025) == tones.frame
 
 
 def test_nothing_is_drawn_outside_the_field() -> None:

@@ -190,6 +190,20 @@ BAD = [
     (RECTANGULAR, "model.piece_friction=inf", ["model.piece_friction = inf", "a finite number"]),
     (RECTANGULAR, "base.stops_impactor=no", ["base.stops_impactor = 'no'", "true or false"]),
     (RECTANGULAR, "base.stops_impactor=1", ["base.stops_impactor = 1", "true or false"]),
+    # what the block stands on
+    (
+        RECTANGULAR,
+        "support.kind=spikes",
+        ["support.kind = 'spikes'", "'floor', 'ribs' or 'outline'"],
+    ),
+    (
+        RECTANGULAR,
+        "support.kind=ribs",
+        ["support.pitch: missing", "support.kind = 'ribs' needs it"],
+    ),
+    (RECTANGULAR, "support.pitch=-1", ["support.pitch = -1", "above 0", "metres"]),
+    (RECTANGULAR, "support.pitch=0.02", ["support.pitch = 0.02", "that is 'floor'"]),
+    (RECTANGULAR, "support.outline=[[0,0],[0,9],[1,1]]", ["support.outline[1][1] = 9", "metres"]),
     # cuts
     (RECTANGULAR, "start.cuts=[[0,0,1]]", ["start.cuts[0][3]: missing", "lines of four numbers"]),
     (RECTANGULAR, "start.cuts=[[0,0,1,1,1]]", ["start.cuts[0]", "lines of four numbers"]),

@@ -202,6 +202,7 @@ def test_every_key_of_a_scene_has_been_decided():
         },
         "base": {"kind", "friction"},
         "across": set(),
+        "support": set(),
         "numerics": {
             "dt", "safety", "damping_time", "contact_stiffness", "end", "time_limit",
         },

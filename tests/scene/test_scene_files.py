@@ -28,6 +28,7 @@ from taichi_foam.scene import (
     Pulse,
     Scene,
     Start,
+    Support,
     Wedge,
 )
 from taichi_foam.scene.files import scene_to_toml
@@ -177,11 +178,16 @@ def test_toml_gives_an_equal_scene_back(tmp_path_factory, scene):
     assert load_scene(path) == scene
 
 
-def test_toml_of_driven_scenes_gives_equal_ones_back(tmp_path):
+def test_toml_of_other_scenes_gives_equal_ones_back(tmp_path):
     pulse = Pulse(time=[0.0, 0.1 + 0.2, 1.0], acceleration=[0.0, -1e3 / 3, 7.0])
     shaken = Scene(base=Base(acceleration=pulse), numerics=Numerics(end=1e-3))
     plate = FlatBlock(motion="crosshead", velocity=0.7, travel=0.03)
-    for name, scene in (("shaken", shaken), ("pressed", Scene(impactor=plate))):
+    held = {"base": Base(kind="floor"), "impactor": FlatBlock()}
+    ribs = Scene(support=Support(kind="ribs", pitch=0.1 / 3, width=0.02, depth=0.01), **held)
+    drawn = ((-0.1, -0.1), (0.1 / 3, -0.1), (0, 0))
+    ridge = Scene(support=Support(kind="outline", outline=drawn), **held)
+    scenes = {"shaken": shaken, "pressed": Scene(impactor=plate), "ribs": ribs, "ridge": ridge}
+    for name, scene in scenes.items():
         path = write(tmp_path, f"{name}.toml", scene_to_toml(scene))
         assert load_scene(path) == scene
 

@@ -13,14 +13,8 @@ class Edged(Impactor):
     """What impactors share whose outline may have notches: the surface is their edges."""
 
     def surface(self) -> np.ndarray:
-        """Return two rows for each edge: its start (x, y) and half its length; its normal [m]."""
-        outline = self.outline()
-        along = np.roll(outline, -1, axis=0) - outline
-        length = np.hypot(along[:, 0], along[:, 1])
-        rows = np.zeros((2 * len(outline), 3))
-        rows[0::2] = np.column_stack([outline, 0.5 * length])
-        rows[1::2, :2] = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-        return rows
+        """Return the rows of its edges, see `edges_of`."""
+        return edges_of(self.outline())
 
     @staticmethod
     @ti.func
@@ -63,6 +57,20 @@ class Edged(Impactor):
             if length > 0.0:
                 normal = side * away / length
         return vec3(distance, normal.x, normal.y)
+
+
+def edges_of(outline: np.ndarray) -> np.ndarray:
+    """Return two rows for each edge: its start (x, y) and half its length; its normal [m].
+
+    Args:
+        outline: (n, 2), counter-clockwise [m].
+    """
+    along = np.roll(outline, -1, axis=0) - outline
+    length = np.hypot(along[:, 0], along[:, 1])
+    rows = np.zeros((2 * len(outline), 3))
+    rows[0::2] = np.column_stack([outline, 0.5 * length])
+    rows[1::2, :2] = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    return rows
 
 
 def counter_clockwise(points: np.ndarray) -> np.ndarray:
