@@ -168,7 +168,7 @@ def test_a_block_that_is_cut_through_is_two_pieces_from_the_start(line: tuple) -
     scene = cut_scene(line, block=block)
     first, *_, last = run(scene).snapshots
     for state in (first, last):
-        assert pieces(state) == 2
+        assert pieces(state, block) == 2
         cut_a, cut_b = (found.tolist() for found in (state.broken_a, state.broken_b))
         assert [cut_a, cut_b] == [
             cuts(scene)[:-1, :, 0].tolist(),
