@@ -324,7 +324,7 @@ def parameters_of(scene: Scene) -> dict:
         **_foam(scene, grading(scene), 0),
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
-        "node_mass": block.node_mass,
+        "node_mass": _whole_mass(block),
         "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
         "drag": drag if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
@@ -466,6 +466,13 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
         "b": shares[B],
         **_masses(block, graded.places == n),
     }
+
+
+def _whole_mass(block: Block) -> float:
+    """Mass [kg] of a mass point whose cell is full, of the lightest foam that there is."""
+    filled = filling(block)
+    whole = filled.mass[filled.share >= 1.0]
+    return float(whole.min() if whole.size else filled.mass.max())
 
 
 def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:

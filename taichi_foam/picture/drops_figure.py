@@ -43,7 +43,7 @@ def drops_figure(results: Sequence[Result]) -> Figure:
                     f"{100 * strain:.0f} %", (number, peak), (-4, 7), textcoords="offset points",
                     ha="right", fontsize=10,
                 )  # fmt: skip
-        right.set_ylim(0.0, 1.18 * max((p for p in peaks if p is not None), default=1.0))
+        right.set_ylim(0.0, 1.18 * (max((p for p in peaks if p is not None), default=0.0) or 1.0))
         right.set_xlim(min(numbers) - 0.7, max(numbers) + 0.5)
         right.xaxis.set_major_locator(MaxNLocator(integer=True))
         right.set_xlabel("drop")

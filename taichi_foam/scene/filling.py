@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.scene import outlines
-from taichi_foam.scene.block import Block
+from taichi_foam.scene.block import Block, rows_of
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -270,10 +270,18 @@ def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np
 
 
 def problems(block: Block) -> list[str]:
-    """Say in whole sentences why the lattice cannot hold the block's outline."""
+    """Say in whole sentences why the lattice cannot hold the block's outline and layers."""
     if block.is_rectangle:
         return []
     filled = filling(block)
+    empty = [
+        f"block.layers[{number}]: {layer.bottom:g} to {layer.top:g} m has no foam; the outline "
+        "ends below it, or a hole takes it; move the layer, or leave it out"
+        for number, layer in enumerate(block.layers)
+        if not filled.there[:, rows_of(block, layer)].any()
+    ]
+    if empty:
+        return empty
     more = "take more block.columns and block.rows, or make it wider"
     if not filled.there.any():
         return [f"block.outline: fills no cell of the lattice by a quarter; {more}"]

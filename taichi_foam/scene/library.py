@@ -118,8 +118,9 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
     near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(
-        f"{asked}{shown(name)}: not in the library; {meant} A file's name ends with .toml; "
-        "`taichi-foam foam list` lists the foams, `taichi-foam foam import` makes one of a test"
+        f"{asked}{shown(name)}: not in the library; {meant} A foam file's name ends with .toml, "
+        "and a test in a CSV file is the foam's curve; `taichi-foam foam list` lists the foams, "
+        "`taichi-foam foam import` makes one of a test"
     )
 
 

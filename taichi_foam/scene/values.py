@@ -118,8 +118,8 @@ def _place(listed: Any, number: int, key: str) -> Any:
         raise UserError(f"{key_shown(key)}: unknown key; only lists have places [0], [1] and so on")
     if number >= len(listed):
         raise UserError(
-            f"{key_shown(key)}: the list has {len(listed)} entries, counted from [0]; give the "
-            "whole list to make it longer"
+            f"{key_shown(key)}: beyond the end of the list, which has {len(listed)}, counted from "
+            "[0]; give the whole list to make it longer"
         )
     return listed[number]
 

@@ -260,6 +260,13 @@ def test_layers_that_cannot_be_are_refused(layers: Any, fragment: str) -> None:
     assert fragment in str(caught.value)
 
 
+def test_a_layer_without_foam_is_refused() -> None:
+    half = {"outline": [[-0.05, 0], [0.05, 0], [0.05, 0.02], [-0.05, 0.02]]}
+    layers = [{"bottom": 0.03, "top": 0.04, "foam": STIFF}]
+    with pytest.raises(UserError, match=r"block.layers\[0\]: 0.03 to 0.04 m has no foam"):
+        Scene.checked({"block": {**SIZE, **half, "layers": layers}, **DROP}, "scene")
+
+
 def test_a_turned_lattice_has_no_layers() -> None:
     block = {**SIZE, "width": 0.2, "height": 0.2, "layers": [BAND], "lattice_angle_deg": 10.0,
              "outline": [[-0.05, 0], [0.05, 0], [0.05, 0.05], [-0.05, 0.05]]}  # fmt: skip
@@ -270,7 +277,7 @@ def test_a_turned_lattice_has_no_layers() -> None:
 @pytest.mark.parametrize(
     ("key", "told_of"),
     [
-        ("block.layers[3].density", "has 1 entries"),
+        ("block.layers[3].density", "which has 1, counted from"),
         ("block.layers.density", "a list has no keys"),
         ("block.rows[0]", "no keys of its own"),
         ("block[0].rows", "only lists have places"),

@@ -55,6 +55,48 @@ def test_a_crosshead_gives_the_foams_curve_back(pressed: Result, tmp_path: Path)
     assert tf.load(tmp_path / "test").scene == pressed.scene
 
 
+@pytest.mark.parametrize(
+    ("block", "area"),
+    [
+        ({"mass_points": "faces"}, 0.05 * 0.057),
+        ({"outline": [(-0.0125, 0), (0.0125, 0), (0.0125, 0.1), (-0.0125, 0.1)]}, 0.025 * 0.057),
+    ],
+    ids=["faces", "outline"],
+)
+def test_the_curve_is_over_what_there_is(block: dict, area: float) -> None:
+    """Height between the faces that are touched, area of the foam under the plate."""
+    plain = small_scene().block
+    scene = Scene(
+        block=plain.model_validate({**plain.model_dump(), **block}),
+        foam=Foam(),
+        impactor=CROSSHEAD,
+        model=Model(crushed_room=False),
+        numerics=Numerics(damping_time=4e-6),
+        output=FILES,
+    )
+    found = run(scene)
+    curve = compression_curve(found)
+    assert curve is not None
+    strain, stress = curve
+    height = 0.1 if block.get("mass_points") else GAUGE
+    assert strain[-1] == pytest.approx(0.6 * GAUGE / height, abs=1e-3)
+    late = strain > 0.2
+    assert stress[late].mean() == pytest.approx(2.78e6 * 0.05, rel=0.02)
+    force = found.history["contact_force_N"][-len(strain) :][late].mean()
+    assert stress[late].mean() == pytest.approx(force / area, rel=0.01)
+
+
+def test_a_shaken_block_alone_closes_its_ledger() -> None:
+    """Nothing is booked for an impactor that is not there."""
+    pulse = Pulse(time=(0.0, 1e-3, 2e-3), acceleration=(0.0, 300.0, 0.0))
+    scene = small_scene(
+        base=Base(kind="gripped", acceleration=pulse), numerics=Numerics(end=3e-3), output=FILES
+    )
+    history = run(scene).history
+    assert np.abs(history["base_J"]).max() > 0.0
+    assert np.abs(history["residual_J"]).max() < 1e-3 * np.abs(history["base_J"]).max()
+
+
 def test_a_crosshead_keeps_its_speed_and_its_work_is_booked(pressed: Result) -> None:
     history = pressed.history
     assert (history["velocity_m_s"] == 0.5).all()

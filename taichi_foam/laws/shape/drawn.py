@@ -37,8 +37,11 @@ class Outline(Edged):
         import shapely  # takes a while to load, and most scenes do without
 
         points = geometry.checked(self.vertices)
-        extent = geometry.size(points)
-        least = geometry.TOLERANCE * extent
+        if len(geometry.convex_hull(points)) < 3:
+            raise ValueError(
+                "impactor.vertices: all on one line; they must enclose an area; "
+                "move one of them off the line"
+            )
         if not shapely.LinearRing(points).is_simple:
             said = (
                 str(shapely.is_valid_reason(shapely.Polygon(points))).partition("[")[2].rstrip("]")
@@ -47,11 +50,6 @@ class Outline(Edged):
             raise ValueError(
                 f"impactor.vertices: the outline crosses or touches itself near [{place}]; it must "
                 "be one simple outline; give its corners in order along it"
-            )
-        if abs(geometry.area(points)) <= least * extent:
-            raise ValueError(
-                "impactor.vertices: all on one line; they must enclose an area; "
-                "move one of them off the line"
             )
         return self
 
