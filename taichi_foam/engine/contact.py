@@ -136,35 +136,10 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 ] - (pressing.y + rubbing.y)
                 lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -found[0])
                 force += pressing + rubbing
-        if ti.static(lattice.features.supported):
-            found = _stand_on_support(lattice, b, i, j, stage, now, stiffness, p)
-            on_floor = found[2]
-            work[BASE] -= weight * found.xy.dot(speed)
-            force += found.xy
-        else:
-            # between node and floor lies half a cell of foam, or what crushing has left of it
-            half = 0.5 * p.cell.y
-            face = p.area.y
-            if ti.static(lattice.features.shaped):
-                half = lattice.model.filling[b, i, k].reach[lane]
-                face *= lattice.model.filling[b, i, k].face_b[lane]
-            if now.y < half:
-                stand = vec2(0.0)
-                radius = half * (1.0 + _least_height(lattice, b, i, j))
-                if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
-                    stand.y = contact_law.normal_force(stiffness, now.y - half)
-                elif now.y < radius:
-                    c = makeup.constants_at(lattice, B, b, j, p)
-                    stand.y = -face * lattice.law.contact_stress(c, now.y, radius, half)
-                stand.x = contact_law.tangential_force(
-                    stiffness,
-                    lattice.state.slip[b, i, k].floor[lane] + _slid(lattice, b, i, j, stage).x,
-                    p.floor_friction,
-                    stand.y,
-                )
-                on_floor = -stand.x / stiffness
-                work[BASE] -= weight * stand.dot(speed)
-                force += stand
+        standing = _stand(lattice, b, i, j, stage, now, stiffness, p)
+        on_floor = standing[2]
+        work[BASE] -= weight * standing.xy.dot(speed)
+        force += standing.xy
         lattice.state.work[b, strip] = work
     if stage == 0:
         lattice.state.slip[b, i, k].impactor[lane] = on_impactor
@@ -173,17 +148,20 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
 
 
 @ti.func
-def _stand_on_support(
+def _stand(
     lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64, p: ti.template()
 ) -> vec3:
-    """Force [N] of the support's outline on a node, and the stretch of its friction spring [m].
+    """Force [N] of the floor or the support on a node, and the stretch of its friction spring [m].
 
-    The floor's law along the way out of the outline. Where that is level, the foam between lies
-    beside the node: half a cell's width of it, by the crush and the faces of its bonds A.
+    Between lies half a cell of foam, or what crushing has left of it, along the way out of the
+    outline. Where that is level, the foam lies beside the node: half a cell's width of it, by the
+    crush and the faces of its bonds A.
     """
-    rows = ti.cast(p.support_rows, ti.i32)
-    found = Edged.distance(lattice.model.support, b, rows, now)
-    normal = found.yz
+    distance, normal = now.y, vec2(0.0, 1.0)
+    if ti.static(lattice.features.supported):
+        rows = ti.cast(p.support_rows, ti.i32)
+        found = Edged.distance(lattice.model.support, b, rows, now)
+        distance, normal = found[0], found.yz
     flank = normal.x * normal.x  # the rest, to 1, is upright
     half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
     upright, sideways = p.area.y, p.area.x
@@ -194,17 +172,17 @@ def _stand_on_support(
         upright *= makeup.wider_face(lattice, B, b, i, j)
         sideways *= makeup.wider_face(lattice, A, b, i, j)
     stand, stretch = vec2(0.0), 0.0
-    if found[0] < half:
+    if distance < half:
         height = _least_height(lattice, b, i, j)
         strain = height + flank * (_least_width(lattice, b, i, j) - height)
         radius = half * (1.0 + strain)
         press = 0.0
         if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
-            press = contact_law.normal_force(stiffness, found[0] - half)
-        elif found[0] < radius:
+            press = contact_law.normal_force(stiffness, distance - half)
+        elif distance < radius:
             c = makeup.constants_at(lattice, B, b, j, p)
             face = upright + flank * (sideways - upright)
-            press = -face * lattice.law.contact_stress(c, found[0], radius, half)
+            press = -face * lattice.law.contact_stress(c, distance, radius, half)
         tangent = vec2(normal.y, -normal.x)
         along = contact_law.tangential_force(
             stiffness,
