@@ -84,21 +84,30 @@ def stiffen(lattice: ti.template(), p: ti.template()):
 
 
 @ti.func
+def shear(lattice: ti.template(), p: ti.template()):
+    for i in range(lattice.columns):
+        for k in range(lattice.packs):
+            cells.shear_pack(lattice, 0, i, k, i, 0, i % 3, p)
+
+
+@ti.func
 def look(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        cells.look_column(lattice, 0, i, p)
+        cells.look_column(lattice, 0, i, 1, p)
 
 
 @ti.func
 def press(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        cells.press_column(lattice, 1, 0, i, i, 0, i % 3, p)
+        for k in range(lattice.packs):
+            if lattice.scratch.presses[0, i, k]:
+                cells.press_pack(lattice, 0, i, k, i, 0, i % 3, p)
 
 
 @ti.func
 def node_stage(lattice: ti.template(), p: ti.template()):
     for i in range(lattice.columns):
-        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, (i + 1) % 3, p)
+        nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, p)
 
 
 @ti.func
@@ -115,7 +124,7 @@ def bodies(lattice: ti.template(), p: ti.template()):
 
 @ti.func
 def push(lattice: ti.template(), p: ti.template()):
-    contact.push_pieces(lattice, 0, p)
+    contact.push_pieces(lattice, 0, 1, p)
 
 
 @ti.func
@@ -138,10 +147,11 @@ def row(lattice: ti.template(), p: ti.template()):
 # another part.
 PARTS = (
     ("flow of the worst strain, once a step", flow, 0.25, True),
-    ("room: which cells may press, once a step", look, 0.25, True),
-    ("bonds with history, first stage", first_bonds, 0.25, True),
-    ("bonds, two middle stages", middle_bonds, 0.5, True),
-    ("bonds with failure, last stage", last_bonds, 0.25, True),
+    ("cells: which let go, which may press, once a step", look, 0.25, True),
+    ("bonds with history and cells, first stage", first_bonds, 0.25, True),
+    ("bonds and cells, two middle stages", middle_bonds, 0.5, True),
+    ("bonds with failure and cells, last stage", last_bonds, 0.25, True),
+    ("  of these: shear of cells, four times a step", shear, 1.0, False),
     ("  of these: stiffening, four times a step", stiffen, 1.0, False),
     ("  of these: room of crushed cells", press, 1.0, False),
     ("nodes, four times a step", node_stage, 1.0, True),

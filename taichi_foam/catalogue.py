@@ -24,6 +24,12 @@ from taichi_foam.shim2000 import tests
 
 _LONGEST_NAME = 1_000
 
+# Keys of a foam that say how the model reads it; the others are its constants.
+_FOAM_READINGS = frozenset({"softening"})
+_NO_CONSTANTS = _FOAM_READINGS | {
+    "law", "source", "crush_band", "rate", "rate_exponent", "strength_scatter", "strength_seed",
+}  # fmt: skip
+
 
 def load_scene(
     source: str | Path | Scene,
@@ -59,17 +65,40 @@ def load_scene(
 
 
 def _chosen(data: Mapping[str, Any], choices: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield what a choice set says of a scene, of the foams of its layers too."""
+    """Yield what a choice set says of a scene, of the foams of its layers too.
+
+    A block of one's own keeps its lattice, and a foam of one's own its constants.
+    """
     for key, value in choices.items():
+        field = key.partition(".")[2]
         if key.startswith("foam."):
             for head in heads_of_foams(data):
                 foam = at(data, f"{head}foam")
+                own = _is_own(foam)
                 law = FOAMS.kind_of({} if foam in (None, NOTHING) else foam)
                 # another law may lack what the paper's has
-                if law is None or key.partition(".")[2] in law.model_fields:
+                known = law is None or field in law.model_fields
+                if known and not (own and field not in _FOAM_READINGS):
                     yield head + key, value
+        elif key.startswith("block."):
+            if not data.get("block"):
+                yield key, value
         elif data.get("impactor") is not None or not key.startswith("impactor."):
             yield key, value
+
+
+def _is_own(foam: Any) -> bool:
+    """Whether raw data of a foam has constants that are of no choice set: it is not the paper's."""
+    if foam in (None, NOTHING):
+        return False
+    if not isinstance(foam, Mapping):
+        return True  # a name, a file, a law's own object
+    return any(
+        key not in _NO_CONSTANTS
+        and value is not None
+        and value not in [choices.get(f"foam.{key}") for choices in CHOICE_SETS.values()]
+        for key, value in foam.items()
+    )
 
 
 def list_scenes() -> dict[str, str]:

@@ -15,6 +15,7 @@ from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import initial_state
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Numerics, Output, Scene
+from taichi_foam.scene.filling import filling
 
 # The one small block of these tests: 10 x 20 nodes, any size and cell shape.
 COLUMNS, ROWS = 10, 20
@@ -98,7 +99,7 @@ def node_forces(scene: Scene, **start: object) -> np.ndarray:
     assert start.get("velocity") is None
     instant = scene.numerics.model_copy(update={"dt": INSTANT, "damping_time": 0.0})
     with bench(scene.model_copy(update={"numerics": instant}), **start) as loaded:
-        return loaded.step(1).velocity * (scene.block.node_mass / INSTANT)
+        return loaded.step(1).velocity * (filling(scene.block).mass[..., None] / INSTANT)
 
 
 def run_to(scene: Scene, time: float, steps: int, **start: object) -> Snapshot:

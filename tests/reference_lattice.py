@@ -1,11 +1,11 @@
-"""Sections 4.1-4.5 of the paper in NumPy, tensor by tensor: what the program must agree with.
+"""The lattice of docs/model.md in NumPy, tensor by tensor: what the program must agree with.
 
 Nothing is shared with the program: strains come from the Green-Lagrange tensor (Eq. 12), forces
-from F S N (Eqs 10-11), and it loops over bonds one by one. Shear forces of the variational
-form are differences of the shear energy.
+of bonds from F S N (Eqs 10-11) one by one, and those of cells are differences of their energies.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,8 @@ class ReferenceLattice:
     velocity: np.ndarray | None = None
     worst_a: np.ndarray | None = None  # (I-1, J), 0 by default
     worst_b: np.ndarray | None = None
+    intact_a: np.ndarray | None = None  # share of a whole bond's face, 1 by default
+    intact_b: np.ndarray | None = None
     broken_a: set[tuple[int, int]] = field(default_factory=set)
     broken_b: set[tuple[int, int]] = field(default_factory=set)
 
@@ -39,33 +41,45 @@ class ReferenceLattice:
         broken = self.broken_a if axis == 0 else self.broken_b
         return self.exists(axis, i, j) and (i, j) not in broken
 
-    def gradient(self, axis: int, i: int, j: int) -> np.ndarray | None:
-        """F with the columns along x and y (Eq. 13, 27); None for the second where none is left.
+    def left(self, axis: int) -> np.ndarray:
+        """Shares of the bonds' faces that carry tension and shear; 0 of broken ones."""
+        shape = (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
+        given = (self.intact_a, self.intact_b)[axis]
+        shares = np.ones(shape) if given is None else given.copy()
+        for place in self.broken_a if axis == 0 else self.broken_b:
+            shares[place] = 0.0
+        return shares
+
+    def counts(self, axis: int, i: int, j: int, side: int) -> bool:
+        """Whether the cell ahead of a bond (`side` 0), or behind it (-1), is in its gradient.
+
+        By the face form as long as both bonds that cross there are whole (Eq. 27), else as long as
+        it carries shear.
+        """
+        if self.scene.model.shear == "face":
+            ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
+            step = (0, side) if axis == 0 else (side, 0)
+            return all(self.whole(1 - axis, m + step[0], n + step[1]) for m, n in ends)
+        m, n = (i, j + side) if axis == 0 else (i + side, j)
+        return 0 <= m < self.I - 1 and 0 <= n < self.J - 1 and self.grips[m, n] > 0.0
+
+    def gradient(self, axis: int, i: int, j: int) -> np.ndarray:
+        """F with the columns along x and y (Eqs 13, 27); zeros for the second where none is left.
 
         The cross column is the mean of the one-sided differences at the two end nodes, on each side
-        one for each, that the chosen reading of Eq. 27 keeps.
+        that counts.
         """
-        keeps = {"either": all, "both": any}.get(self.scene.model.broken_halves)
         x, (dx, dy) = self.position, self.cell
         ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
         length, beside = (dx, dy) if axis == 0 else (dy, dx)
         along = (x[ends[1]] - x[ends[0]]) / length
         step = np.array([0, 1]) if axis == 0 else np.array([1, 0])
         differences = []
-        for side in (0, -1):  # the crossing bond that starts at the node, or ends there
-            crossing = [
-                (end[0] + side * int(step[0]), end[1] + side * int(step[1])) for end in ends
-            ]
-            whole = [self.whole(1 - axis, *c) for c in crossing]
-            if keeps:
-                # a half without a pair of nodes at its ends is no half
-                there = all(self.exists(1 - axis, *c) for c in crossing)
-                whole = [there and keeps(whole)] * 2
-            differences += [
-                x[c[0] + step[0], c[1] + step[1]] - x[c]
-                for c, counts in zip(crossing, whole, strict=True)
-                if counts
-            ]
+        for side in (0, -1):  # what starts at the node, and what ends there
+            if self.counts(axis, i, j, side):
+                for end in ends:
+                    first = np.array(end) + side * step
+                    differences.append(x[tuple(first + step)] - x[tuple(first)])
         across = np.mean(differences, axis=0) / beside if differences else 0 * along
         columns = [along, across] if axis == 0 else [across, along]
         return np.stack(columns, axis=1)
@@ -101,61 +115,75 @@ class ReferenceLattice:
         sigma -= K * behind
         return min(sigma, 0.0) if broken else sigma
 
-    def sheared_volume(self, axis: int, i: int, j: int) -> float:
-        """Reference volume [m3] of a bond that carries shear: whole and no bare fibre."""
-        bare = not self.gradient(axis, i, j)[:, 1 - axis].any()
-        volume = self.cell[0] * self.cell[1] * self.scene.block.thickness
-        return 0.0 if bare or not self.whole(axis, i, j) else volume
+    @cached_property
+    def grips(self) -> np.ndarray:
+        """Shares of cells that carry shear (I-1, J-1).
 
-    def columns_of_gradients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What positions F's columns are made of: along and across, (2, I, J, nodes) each.
-
-        F is linear in the positions: it is taken of a lattice whose positions are unit vectors.
-        With them come the volumes [m3] of what carries shear, (2, I, J).
+        What they hold, times the better of their two sides along each axis.
         """
-        nodes = self.I * self.J
-        units = replace(self, position=np.eye(nodes).reshape(self.I, self.J, nodes))
-        along, across = np.zeros((2, 2, self.I, self.J, nodes))
-        volume = np.zeros((2, self.I, self.J))
-        for axis, i, j in self.bonds():
-            F = units.gradient(axis, i, j)
-            along[axis, i, j], across[axis, i, j] = F[:, axis], F[:, 1 - axis]
-            volume[axis, i, j] = self.sheared_volume(axis, i, j)
-        return along, across, volume
+        a, b = self.left(0), self.left(1)
+        along = np.maximum(a[:, :-1], a[:, 1:]), np.maximum(b[:-1], b[1:])
+        return self.held() * along[0] * along[1]
 
-    def shear_energies(self, position: np.ndarray, columns: tuple | None = None) -> np.ndarray:
-        """G gamma^2 / 2 times its volume [J] of every bond, (2, I, J)."""
-        along, across, volume = columns or self.columns_of_gradients()
-        nodes = position.reshape(-1, 2)
-        gamma = ((along @ nodes) * (across @ nodes)).sum(axis=-1)
-        return 0.5 * self.scene.foam.shear_modulus * gamma**2 * volume
+    def cell_strains(self, corners: np.ndarray) -> np.ndarray:
+        """Shear strains of cells (4, ..., 2): of the means of their opposite sides."""
+        dx, dy = self.cell
+        first, second, third, fourth = corners
+        along_x = 0.5 * ((second - first) + (third - fourth)) / dx
+        along_y = 0.5 * ((fourth - first) + (third - second)) / dy
+        return (along_x * along_y).sum(axis=-1)
+
+    @property
+    def volume(self) -> float:
+        """Of a cell [m3]."""
+        return self.cell[0] * self.cell[1] * self.scene.block.thickness
+
+    def shear_energies(self, corners: np.ndarray) -> np.ndarray:
+        """G gamma^2 / 2 times what the volume of each cell grips [J]."""
+        modulus = self.scene.foam.shear_modulus
+        return 0.5 * modulus * self.volume * self.grips * self.cell_strains(corners) ** 2
+
+    def shear_losses(self, velocities: np.ndarray) -> np.ndarray:
+        """Half of the powers [W] that cells lose in shear, at velocities of corners (4, ..., 2).
+
+        Strains are of second order in the positions: a difference over any way is exact.
+        """
+        f, corners = self.scene.foam, self.corners()
+        time = 0.1 * min(self.cell)  # over a velocity of 1 m/s
+        ahead, behind = (self.cell_strains(corners + way * velocities) for way in (time, -time))
+        rates = (ahead - behind) / (2.0 * time)
+        viscosity = self.scene.numerics.damping_time * f.shear_modulus
+        return 0.5 * viscosity * self.volume * self.grips * rates**2
 
     def shear_forces(self) -> np.ndarray:
-        """Less the gradient of the shear energy [N], (I, J, 2), by central differences.
+        """Less the gradients of the cells' energy by position and of their loss by velocity [N].
 
-        In one coordinate the energy is a polynomial of degree four (gamma is at most quadratic), so
-        that the difference over five points is exact, and its step may be long: rounding is small.
-        A node's energy is that of the bonds near it, so every third node is moved at once.
+        In one coordinate both are polynomials of degree four at most, so that the difference over
+        five points is exact, and its step may be long: rounding is small.
         """
-        step = 0.1 * min(self.cell)
-        columns = self.columns_of_gradients()
-        forces = np.zeros_like(self.position)
-        for first_i, first_j, component in np.ndindex(3, 3, 2):
-            way = np.zeros_like(self.position)
-            way[first_i::3, first_j::3, component] = step
-            slope = np.zeros((self.I, self.J))
-            for ahead, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
-                energies = self.shear_energies(self.position + ahead * way, columns)
-                slope += weight * energies.sum(axis=0) / (12.0 * step)
-            for i in range(first_i, self.I, 3):
-                for j in range(first_j, self.J, 3):
-                    near = slope[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
-                    forces[i, j, component] = -near.sum()
-        return forces
+        forces = self.corner_slopes(self.shear_energies, self.corners(), 0.1 * min(self.cell))
+        if self.velocity is not None and self.scene.model.damping == "stiffness":
+            forces = forces + self.corner_slopes(self.shear_losses, self.corners("velocity"), 1.0)
+        return -forces
 
-    def corners(self) -> np.ndarray:
-        """Positions of the corners of the cells between four nodes, anticlockwise (4, I-1, J-1)."""
-        x = self.position
+    def corner_slopes(
+        self, function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float
+    ) -> np.ndarray:
+        """Gradient (I, J, 2) of a sum over cells by what their corners (4, I-1, J-1, 2) are at."""
+        slopes = np.zeros_like(self.position)
+        for corner, component in np.ndindex(4, 2):
+            total = np.zeros((self.I - 1, self.J - 1))
+            for way, weight in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0)):
+                moved = at.copy()
+                moved[corner, ..., component] += way * step
+                total += weight * function(moved) / (12.0 * step)
+            i, j = ((0, 0), (1, 0), (1, 1), (0, 1))[corner]
+            slopes[i : i + self.I - 1, j : j + self.J - 1, component] += total
+        return slopes
+
+    def corners(self, name: str = "position") -> np.ndarray:
+        """Positions, or velocities, of the corners of the cells, anticlockwise (4, I-1, J-1, 2)."""
+        x = getattr(self, name)
         return np.stack([x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]])
 
     def rooms(self) -> np.ndarray:
@@ -190,55 +218,46 @@ class ReferenceLattice:
 
         In one coordinate the energy is a parabola, so that a difference over a long way is exact.
         """
-        f, (dx, dy) = self.scene.foam, self.cell
+        f = self.scene.foam
         left, corners = self.rooms(), self.corners()
         room = np.minimum(left, 1.0 + f.densification_strain)
         yielded = np.clip((left - 1.0 - f.yield_strain) / f.yield_strain, 0.0, 1.0)
         stiffness = PACKED * f.youngs_modulus * yielded * self.held()
-        stiffness = stiffness * (self.areas(corners) < room) * dx * dy * self.scene.block.thickness
-        forces = np.zeros_like(self.position)
-        step = 0.1 * min(self.cell)
-        for corner, component in np.ndindex(4, 2):
-            energy = []
-            for way in (-step, step):
-                moved = corners.copy()
-                moved[corner, ..., component] += way
-                energy.append(0.5 * stiffness * (room - self.areas(moved)) ** 2)
-            i, j = ((0, 0), (1, 0), (1, 1), (0, 1))[corner]
-            slope = (energy[1] - energy[0]) / (2.0 * step)
-            forces[i : i + self.I - 1, j : j + self.J - 1, component] -= slope
-        return forces
+        stiffness = stiffness * (self.areas(corners) < room) * self.volume
+
+        def energies(moved: np.ndarray) -> np.ndarray:
+            return 0.5 * stiffness * (room - self.areas(moved)) ** 2
+
+        return -self.corner_slopes(energies, corners, 0.1 * min(self.cell))
 
     def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
         """Force [N] of the face on the bond's first node: T = F S N A0, and its dashpot."""
         block, f = self.scene.block, self.scene.foam
         dx, dy = self.cell
         area = (dy if axis == 0 else dx) * block.thickness
-        broken = not self.whole(axis, i, j)
-        sheared = self.scene.model.shear == "face" and self.sheared_volume(axis, i, j)
+        left = self.left(axis)[i, j]
         worst = (self.worst_a, self.worst_b)[axis]
         F = self.gradient(axis, i, j)
         e, gamma = self.strains(axis, i, j)
+        stress = self.stress(e, 0.0 if worst is None else worst[i, j], left == 0.0)
         S = np.zeros((2, 2))
-        S[axis, axis] = self.stress(e, 0.0 if worst is None else worst[i, j], broken) / (1 + e)
-        if sheared:
-            S[0, 1] = S[1, 0] = f.shear_modulus * gamma
+        S[axis, axis] = (stress * left if stress > 0.0 else stress) / (1 + e)
+        if self.scene.model.shear == "face":
+            S[0, 1] = S[1, 0] = f.shear_modulus * gamma * left
         force = F @ S @ np.eye(2)[axis] * area
-        if self.velocity is not None and not broken:
+        if self.velocity is not None and self.scene.model.damping == "stiffness":
             end = (i + 1, j) if axis == 0 else (i, j + 1)
             rate = (self.velocity[end] - self.velocity[i, j]) / (dx, dy)[axis]
             way = self.position[end] - self.position[i, j]
             closing = way * (way @ rate) / (way @ way)
-            across = {"bond": f.youngs_modulus, "stiffness": f.shear_modulus}
-            viscous = f.youngs_modulus * closing
-            viscous = viscous + across[self.scene.model.damping] * (rate - closing)
-            force = force + self.scene.numerics.damping_time * area * viscous
+            time = self.scene.numerics.damping_time
+            force = force + time * f.youngs_modulus * area * left * closing
         return force
 
     def node_forces(self) -> np.ndarray:
-        """Sum of the faces' forces on every node [N], (I, J, 2)."""
-        variational = self.scene.model.shear == "variational"
-        total = self.shear_forces() if variational else np.zeros((self.I, self.J, 2))
+        """Sum of the forces of bonds and cells on every node [N], (I, J, 2)."""
+        by_cells = self.scene.model.shear == "cell"
+        total = self.shear_forces() if by_cells else np.zeros((self.I, self.J, 2))
         if self.scene.model.crushed_room:
             total += self.room_forces()
         for axis, i, j in self.bonds():

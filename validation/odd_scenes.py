@@ -3,7 +3,8 @@
 Every value is drawn over many decades of what a scene allows: masses from a microgram to a
 thousand tonnes, foams from jelly to steel, cells like needles and like sheets, impacts up to 500
 m/s. Each scene has to end with finite figures, and with an energy residual of at most 1 % or a
-warning; or with a message that says what went wrong and what to do.
+warning; or with a message that says what went wrong and what to do. Nothing that is lost may come
+back, but by the readings of the paper that make energy: shear by faces, contact that jumps.
 
 Kernels are compiled for options and lattice counts: scenes come in groups that share both.
 """
@@ -21,7 +22,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from taichi_foam.analysis.soundness import RESIDUAL_LIMIT
+from taichi_foam.analysis.soundness import FALL_LIMIT, RESIDUAL_LIMIT, largest_fall
 from taichi_foam.engine import runtime
 from taichi_foam.engine.model import FOLLOWED
 from taichi_foam.errors import UserError
@@ -91,6 +92,8 @@ def _judged(result: Result, was_cut: bool) -> Verdict:
         return Verdict(BAD, f"not finite: {', '.join(odd)}")
     if residual is not None and abs(residual) > RESIDUAL_LIMIT and not figures["warnings"]:
         return Verdict(BAD, f"{residual:.1%} unaccounted for, without a warning")
+    if (back := _given_back(result)) is not None:
+        return Verdict(BAD, back)
     if figures["came_to_rest"] is not None and figures["max_displacement_m"] is None:
         return Verdict(BAD, "touched, and has no displacement")
     if was_cut:
@@ -102,6 +105,17 @@ def _judged(result: Result, was_cut: bool) -> Verdict:
     )
 
 
+def _given_back(result: Result) -> str | None:
+    """What a mechanism has given back of its dissipation, where the step can be trusted."""
+    model, residual = result.scene.model, result.summary["energy_residual"]
+    makes_energy = model.shear == "face" or model.broken_contact == "jump"
+    fall = largest_fall(result)
+    if makes_energy or fall is None or residual is None or abs(residual) > RESIDUAL_LIMIT:
+        return None
+    column, share = fall
+    return f"{column.name} fell by {share:.2%} of the energy" if share > FALL_LIMIT else None
+
+
 def _options(rng: np.random.Generator) -> dict[str, Any]:
     """What kernels are compiled for."""
 
@@ -111,10 +125,9 @@ def _options(rng: np.random.Generator) -> dict[str, Any]:
     return {
         "block.columns": int(rng.integers(2, 17)),
         "block.rows": int(rng.integers(2, 13)),
-        "model.damping": one("bond", "stiffness", "absolute"),
-        "model.shear": one("face", "face", "variational"),
+        "model.damping": one("stiffness", "stiffness", "absolute"),
+        "model.shear": one("cell", "cell", "face"),
         "model.shear_failure": one("tension-only", "always", "pressure-dependent", "angle"),
-        "model.broken_halves": one("either", "both", "each"),
         "model.broken_contact": one("reload", "reload", "reload", "jump"),
         "model.self_contact": one(True, True, False),
         "model.crushed_room": one(True, True, False),
@@ -122,7 +135,6 @@ def _options(rng: np.random.Generator) -> dict[str, Any]:
         "heeds_rate": one(True, False),
         "exponent": one(1.0, 1.0, 4.0),
         "b": one(1.0, 1.0, 2.0),
-        "weakens": one(True, False),
         "scatters": one(True, False),
     }
 
@@ -139,7 +151,7 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
     fixed = dict(options)
     shape, heeds_rate = fixed.pop("impactor.shape"), fixed.pop("heeds_rate")
     exponent, b = fixed.pop("exponent"), fixed.pop("b")
-    weakens, scatters = fixed.pop("weakens"), fixed.pop("scatters")
+    scatters = fixed.pop("scatters")
     width = decades(1e-3, 5.0)
     height = width * decades(0.05, 20.0)
     thickness, density = decades(1e-4, 1.0), decades(1.0, 5000.0)
@@ -189,7 +201,6 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
             "tensile_strain": decades(1e-3, 2.0),
             "shear_strain": decades(1e-3, 2.0),
             "crushed_tensile_fraction": rng.uniform(0.05, 1.0),
-            "crushed_strength": rng.uniform(0.0, 0.99) if weakens else 1.0,
             "softening": bool(rng.integers(2)),
             "strength_scatter": rng.uniform(0.01, 0.5) if scatters else 0.0,
             "rate": decades(1.0, 1e9) if heeds_rate else None,

@@ -47,7 +47,7 @@ STEPS = ("auto", "fine")
 # Before anything breaks: what is compared, as the history has it.
 COLUMNS = (
     "displacement_m", "velocity_m_s", "deceleration_smoothed_m_s2", "contact_force_N",
-    "impactor_kinetic_J", "foam_kinetic_J", "strain_J", "crushing_J", "shear_J", "damping_J",
+    "impactor_kinetic_J", "foam_kinetic_J", "strain_J", "crushing_J", "shearing_J", "damping_J",
     "friction_J", "contact_J",
 )  # fmt: skip
 SCOUTED = 5e-3  # s: by then every test has broken something

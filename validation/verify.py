@@ -56,7 +56,7 @@ def smoke() -> None:
     kept = Store.open(RESULTS / "verification.json")
     first = convergence.CASES[0]
     strip = cantilever.Strip(
-        0.010, 0.03, 0.15, 0.08, 0.01, travel=0.06, speed=1.0, tensile_strain=0.03
+        0.010, 0.03, 0.15, 0.08, 0.01, travel=0.06, speed=1.0, tensile_strain=0.02
     )
     found = {
         "shock": shock.compute(shock.Shock(shock.PAPER, 150.0, 0.010, length=0.4)),

@@ -6,6 +6,7 @@ these formulas too.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,25 +33,24 @@ class Constants(NamedTuple):
     densification_b: float
     crushed_strain: float
     crushed_stress: float
-    crushed_strength: float
     rate: float
-    half_needs_both: float
     cell_a: float
     cell_b: float
     per_length_a: float
     per_length_b: float
     area_a: float
     area_b: float
+    thickness: float
     dashpot_a: float
     dashpot_b: float
-    excess_a: float
-    excess_b: float
+    shear_viscosity: float
     node_mass: float
     gravity: float
     hold_x: float
     hold_y: float
     floor_friction: float
     contact_stiffness: float
+    contact_dashpot: float
     support_stiffness: float
     impactor_x: float
     impactor_half_width: float
@@ -64,12 +64,8 @@ class Constants(NamedTuple):
 class Features(NamedTuple):
     """What the peers are compiled for: each part of a step that not every scene needs."""
 
-    excess: bool
-    """Dashpots are stronger along a bond than across it."""
     rate: bool
     """The plateau's stress grows with the strain rate."""
-    weakened: bool
-    """Crush across a bond takes tensile strength from it."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,7 @@ class State:
     works: dict[str, float]  # in the order of WORKS
 
 
-WORKS = ("faces", "shear", "dashpots", "impactor", "friction", "base")
+WORKS = ("bonds", "shear", "dashpots", "contact", "friction")
 
 
 @dataclass(frozen=True)
@@ -128,10 +124,14 @@ def case_of(scene: Scene) -> Case:
     area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
     stretch_a, stretch_b = area_a / block.dx, area_b / block.dy  # area over length
     along = numerics.damping_time * foam.youngs_modulus
-    across = numerics.damping_time * foam.shear_modulus if model.damping == "stiffness" else along
     crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
     crushed_stress = foam.crushed_tensile_stress
     contact = numerics.contact_stiffness * foam.youngs_modulus * block.thickness
+    touching = max(
+        min(block.columns, math.floor(impactor.extent / block.dx) + 1),
+        2 * min(block.rows, math.ceil(impactor.nose_depth / block.dy)),
+    )
+    swing = math.sqrt(contact / block.node_mass + touching * contact / impactor.mass)
     outline = impactor.outline()
     constants = Constants(
         youngs_modulus=foam.youngs_modulus,
@@ -150,25 +150,24 @@ def case_of(scene: Scene) -> Case:
         crushed_stress=(
             foam.youngs_modulus * crushed_strain if crushed_stress is None else crushed_stress
         ),
-        crushed_strength=foam.crushed_strength,
         rate=foam.rate or 0.0,
-        half_needs_both=float(model.broken_halves == "either"),
         cell_a=block.dx,
         cell_b=block.dy,
         per_length_a=1.0 / block.dx,
         per_length_b=1.0 / block.dy,
         area_a=area_a,
         area_b=area_b,
-        dashpot_a=across * stretch_a,
-        dashpot_b=across * stretch_b,
-        excess_a=(along - across) * stretch_a,
-        excess_b=(along - across) * stretch_b,
+        thickness=block.thickness,
+        dashpot_a=along * stretch_a,
+        dashpot_b=along * stretch_b,
+        shear_viscosity=numerics.damping_time * foam.shear_modulus,
         node_mass=block.node_mass,
         gravity=numerics.gravity,
         hold_x=float(base.kind == "gripped"),
         hold_y=float(base.kind != "floor"),
         floor_friction=base.friction,
         contact_stiffness=contact,
+        contact_dashpot=2.0 * numerics.contact_damping * contact / swing,
         support_stiffness=(
             contact * impactor.mass / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0
         ),
@@ -180,11 +179,7 @@ def case_of(scene: Scene) -> Case:
         largest_step=0.5 * scene.output.history_interval,
         safety=numerics.safety,
     )
-    features = Features(
-        excess=along != across,
-        rate=foam.rate is not None,
-        weakened=foam.crushed_strength < 1.0,
-    )
+    features = Features(rate=foam.rate is not None)
     start = np.zeros((block.columns, block.rows, 4))
     start[..., :2] = block.positions
     body = np.array([scene.contact_height + impactor.gap, -impactor.velocity])
@@ -201,13 +196,13 @@ def _check(scene: Scene) -> None:
         "an impactor that is no polygon": (
             scene.impactor is not None and scene.impactor.distance is not Impactor.distance
         ),
-        f"damping {model.damping!r}": model.damping not in ("bond", "stiffness"),
+        "mass points that stand for no whole cells": not scene.block.is_rectangle,
+        f"damping {model.damping!r}": model.damping != "stiffness",
         f"shear failure {model.shear_failure!r}": (
             model.shear_failure not in ("always", "pressure-dependent")
         ),
         f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
-        f"broken halves {model.broken_halves!r}": model.broken_halves not in ("either", "both"),
-        f"shear {model.shear!r}": model.shear != "face",
+        f"shear {model.shear!r}": model.shear != "cell",
         "contact of pieces": model.self_contact,
         "the room of crushed foam": model.crushed_room,
         f"piece size {model.piece_size:g}": model.piece_size != 1.0,

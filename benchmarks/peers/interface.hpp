@@ -4,7 +4,7 @@
 namespace peer {
 
 // Works [J] that the lattice adds up in the same Runge-Kutta sum as the motion.
-enum { FACES, SHEAR, DASHPOTS, IMPACTOR, FRICTION, BASE, WORKS };
+enum { BONDS, SHEAR, DASHPOTS, CONTACT, FRICTION, WORKS };
 
 }  // namespace peer
 

@@ -1,7 +1,8 @@
 """LAMMPS's bonded particles on the same lattice: what a general code takes for a like step.
 
 Not the same model: its bonds carry either normal, shear, bending and torsion elastically until
-they break (bpm/rotational) or a normal force with yield (bpm/spring/plastic). Stiffness, mass,
+they break (bpm/rotational) or a normal force with yield (bpm/spring/plastic). Shear belongs to
+bonds there, not to cells: a bond gets the stiffness and the viscosity of one cell. Stiffness, mass,
 damping and size are those of the scene; a plane pushes the nodes under the impactor down at the
 impactor's velocity; pieces do not touch. Velocity Verlet evaluates forces once a step, so that a
 step compares with one Runge-Kutta stage. LAMMPS times its own loop.
@@ -202,12 +203,13 @@ def script_of(scene: Scene, style: Style) -> str:
     if style is ROTATIONAL:
         density = c.node_mass / (math.pi / 6 * cell**3)
         mass = f"set group all diameter {cell!r}\nset group all density {density!r}"
-        rotary = c.dashpot_a * (0.5 * cell) ** 2
+        across = c.shear_viscosity * c.area_a / cell
+        rotary = across * (0.5 * cell) ** 2
         values = (normal, shear, bending, bending, pull, pull, pull * cell, pull * cell,
-                  c.dashpot_a + c.excess_a, c.dashpot_a, rotary, rotary)  # fmt: skip
+                  c.dashpot_a, across, rotary, rotary)  # fmt: skip
     else:
         mass = f"mass 1 {c.node_mass!r}"
-        values = (normal, 0.95, c.dashpot_a + c.excess_a, -c.yield_strain)
+        values = (normal, 0.95, c.dashpot_a, -c.yield_strain)
     middle = 0.5 * (block.columns - 1) + impactor.x / cell
     half = c.impactor_half_width / cell
     return LATTICE.format(

@@ -11,8 +11,8 @@
 #endif
 
 // What a scene's choices ask for; native.py compiles a library for each set of them.
-#if !defined(EXCESS) || !defined(RATE) || !defined(WEAKENED)
-#error "native.py defines EXCESS, RATE and WEAKENED as 0 or 1"
+#if !defined(RATE)
+#error "native.py defines RATE as 0 or 1"
 #endif
 
 namespace peer {
@@ -25,16 +25,18 @@ using std::min;
 using std::pow;
 using std::sqrt;
 
-constexpr bool HAS_EXCESS = EXCESS;      // a bond's dashpot is stronger along it than across it
-constexpr bool HAS_RATE = RATE;          // the plateau's stress grows with the strain rate
-constexpr bool HAS_WEAKENED = WEAKENED;  // crush across a bond takes tensile strength from it
+constexpr bool HAS_RATE = RATE;  // the plateau's stress grows with the strain rate
 
 constexpr int A = 0, B = 1, LAST_STAGE = 3;
 constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole bonds, and of none
-constexpr double BREAKING = -2.0;  // whole until the end of this step
+constexpr double BREAKING = -2.0;    // whole until the end of this step
 constexpr double GUARD = 0.05;       // part of the way to locking where densification goes straight
 constexpr double PACKED = 4.0;       // slope of packed foam against the floor, in Young's moduli
+constexpr double HOLDS_TO = 2.0;     // a torn cell lets go between these diagonals, in cells
+constexpr double FREE_FROM = 4.0;
+constexpr double OPEN_AREA = 1.5;    // and at once by this area, over that at rest
 constexpr double RK4_RADIUS = 2.61;  // |h lambda| of the classical Runge-Kutta method
+constexpr double RK4_DECAY = 2.785;  // the same on the real axis
 constexpr double ASTRAY = 1e5;       // [m, m/s]: a node beyond has blown up
 
 struct Vec {
@@ -42,6 +44,7 @@ struct Vec {
 };
 
 inline Real dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y; }
+inline Real cross(Vec a, Vec b) { return a.x * b.y - a.y * b.x; }
 inline Real clamp(Real value, Real low, Real high) { return min(max(value, low), high); }
 
 // In the order of constants.py, which fills it from a flat array.
@@ -50,13 +53,12 @@ struct Constants {
     Real shear_strength, pressure_coefficient;
     Real densification_strain, locking_strain, densification_a, densification_b;
     Real crushed_strain, crushed_stress;  // where crushed foam breaks in tension
-    Real crushed_strength;  // in tension when crushed across, over that of whole foam
-    Real rate;              // at which the plateau's stress has doubled [1/s]
-    Real half_needs_both;   // of its two bonds; else one is enough
-    Real cell[2], per_length[2], area[2];
-    Real dashpot[2], excess[2];  // on the whole relative velocity; besides, on its part along
+    Real rate;  // at which the plateau's stress has doubled [1/s]
+    Real cell[2], per_length[2], area[2], thickness;
+    Real dashpot[2];       // along a bond [N s/m]
+    Real shear_viscosity;  // of a cell [Pa s]
     Real node_mass, gravity, hold_x, hold_y, floor_friction;
-    Real contact_stiffness, support_stiffness;
+    Real contact_stiffness, contact_dashpot, support_stiffness;
     Real impactor_x, impactor_half_width, impactor_mass, impactor_friction;
     Real step, largest_step, safety;  // step 0: automatic
 };
@@ -125,12 +127,6 @@ inline Dense densification(const Constants& c, Real e) {
     return {stress + slope * (e - inside) - plateau, slope};
 }
 
-// Of foam crushed across to the strain `crossing`, what is left of its tensile strength.
-inline Real strength_left(const Constants& c, Real crossing) {
-    const Real crush = (crossing - c.yield_strain) / (c.densification_strain - c.yield_strain);
-    return 1.0 - (1.0 - c.crushed_strength) * clamp(crush, 0.0, 1.0);
-}
-
 inline Real tensile_limit(const Constants& c, Real worst) {
     return worst < c.yield_strain ? c.crushed_strain : c.tensile_strain;
 }
@@ -142,19 +138,12 @@ inline bool fails_in_shear(const Constants& c, Real e, Real stress, Real tau) {
     return abs(tau) > strength;
 }
 
-// Factors of the two halves in the mean gradient across a bond. A half lies between two
-// crossing bonds, one at each of the bond's nodes, and counts by which of these are whole.
-struct Halves {
-    Real ahead, behind;
-};
-
-inline bool half_counts(const Constants& c, bool near, bool far) {
-    return c.half_needs_both != 0.0 ? near && far : near || far;
-}
-
-inline Halves halves(bool ahead, bool behind, Real per_length) {
-    const Real each = 0.5 * per_length / (ahead && behind ? 2.0 : 1.0);
-    return {ahead ? each : Real(0.0), behind ? each : Real(0.0)};
+// What a cell with a broken side still holds of its forces, by its diagonals.
+inline Real hold_left(const Constants& c, Vec d1, Vec d2, Real before) {
+    const Real across = c.cell[0] * c.cell[0] + c.cell[1] * c.cell[1];
+    const Real size = sqrt(2.0 * max(dot(d1, d1), dot(d2, d2)) / across);
+    if (cross(d1, d2) > 2.0 * OPEN_AREA * c.cell[0] * c.cell[1]) return 0.0;
+    return clamp((FREE_FROM - size) / (FREE_FROM - HOLDS_TO), 0.0, before);
 }
 
 // ---- contact ----
@@ -168,10 +157,10 @@ inline Real tangential_force(Real stiffness, Real stretch, Real limit) {
     return -clamp(stiffness * stretch, -limit, limit);
 }
 
-// The impactor's force on a node at `point` from its lowest point. `path` is how far the node has
-// moved against the impactor since its friction spring was `stretch` long.
+// The impactor's force on a node at `point` from its lowest point, of a relative velocity. `path`
+// is how far the node has moved against the impactor since its friction spring was `stretch` long.
 inline Touch impactor_contact(const Constants& c, const Edge* edges, int edge_count, Vec point,
-                              Vec path, Real stretch) {
+                              Vec relative, Vec path, Real stretch) {
     Touch touch = {{0.0, 0.0}, {0.0, 0.0}, 1.0, 0.0};
     if (!(point.y > 0.0 && abs(point.x) < c.impactor_half_width)) return touch;
     Vec normal = {0.0, -1.0};
@@ -185,7 +174,8 @@ inline Touch impactor_contact(const Constants& c, const Edge* edges, int edge_co
     }
     if (touch.distance >= 0.0) return touch;
     const Vec tangent = {-normal.y, normal.x};
-    const Real force = -c.contact_stiffness * touch.distance;
+    const Real spring = -c.contact_stiffness * touch.distance;
+    const Real force = max(spring - c.contact_dashpot * dot(relative, normal), Real(0.0));
     const Real along = tangential_force(c.contact_stiffness, stretch + dot(path, tangent),
                                         c.impactor_friction * force);
     touch.pressing = {force * normal.x, force * normal.y};
@@ -208,8 +198,8 @@ inline Touch floor_contact(const Constants& c, Real y, Real worst_a, Real worst_
         touch.pressing.y = -c.area[1] * c.youngs_modulus * (strain + PACKED * packed);
     }
     const Real limit = c.floor_friction * touch.pressing.y;
-    touch.pressing.x = tangential_force(c.contact_stiffness, stretch + path, limit);
-    touch.stretch = -touch.pressing.x / c.contact_stiffness;
+    touch.rubbing.x = tangential_force(c.contact_stiffness, stretch + path, limit);
+    touch.stretch = -touch.rubbing.x / c.contact_stiffness;
     return touch;
 }
 
@@ -223,10 +213,10 @@ inline Real stable_step(const Constants& c, Real densified) {
     // with a rate, the overstress comes on top
     const Real stiffest = HAS_RATE ? elastic + densified : max(elastic, densified);
     const Real stiffness =
-        4.0 * stiffest + 8.0 * c.shear_modulus * aspect + c.contact_stiffness;
-    const Real decay = 4.0 * (c.dashpot[0] + max(c.excess[0], Real(0.0)) + c.dashpot[1] +
-                              max(c.excess[1], Real(0.0)));
-    const Real rate = max(sqrt(stiffness / c.node_mass), decay / c.node_mass);
+        4.0 * stiffest + 4.0 * c.shear_modulus * aspect + c.contact_stiffness;
+    const Real decay = 4.0 * (c.dashpot[0] + c.dashpot[1] + c.shear_viscosity * aspect);
+    const Real rate = max(sqrt(stiffness / c.node_mass),
+                          decay / c.node_mass * (RK4_RADIUS / RK4_DECAY));
     return min(c.safety * RK4_RADIUS / rate, c.largest_step);
 }
 

@@ -1,7 +1,8 @@
 """plain.cpp translated to Numba: same arrays of structs, same passes, same order of sums.
 
-A node's numbers lie together: nodes (n, 4) x, y, v_x, v_y; bonds (n, 4) ahead, behind, worst, break
-time; faces (n, 4) force of A, force of B; slips (n, 2) impactor, floor. Columns are SUMS wide.
+A node's numbers lie together: nodes (n, 4) x, y, v_x, v_y; bonds (n, 2) worst, break time; cells
+(n, 2) hold, grip; forces (n, 8) of bond A, of bond B, of the cell on the second ends of its two
+diagonals; slips (n, 2) impactor, floor. Columns are SUMS wide.
 """
 
 import functools
@@ -15,12 +16,13 @@ from .constants import WORKS, Features
 A, B = 0, 1
 LAST_STAGE = 3
 INTACT, BREAKING, NEVER = -1.0, -2.0, 1e30
-GUARD, PACKED, RK4_RADIUS, ASTRAY = 0.05, 4.0, 2.61, 1e5
+GUARD, PACKED, RK4_RADIUS, RK4_DECAY, ASTRAY = 0.05, 4.0, 2.61, 2.785, 1e5
+HOLDS_TO, FREE_FROM, OPEN_AREA = 2.0, 4.0, 1.5
 
 # What a column adds up.
 DENSIFIED, LIFT, SHEAR_POWER, DASHPOT_POWER, BREAKS, STRANGE, WORK = range(7)
 SUMS = WORK + len(WORKS)
-FACES, SHEAR, DASHPOTS, IMPACTOR, FRICTION, BASE = range(WORK, SUMS)
+BONDS, SHEAR, DASHPOTS, CONTACT, FRICTION = range(WORK, SUMS)
 
 # The impactor's record.
 Y, V, TRIAL_Y, TRIAL_V, RATE_Y, RATE_V = range(6)
@@ -87,49 +89,44 @@ def fails_in_shear(c, e, stress, tau):
     return abs(tau) > strength
 
 
-def tension_function(weakened: bool):
-    """A function for whether an intact bond breaks in tension."""
+@inlined
+def shear_across(c, trial, cells, k, along, side, reach_x, reach_y):
+    """Shear stress [Pa] at a bond: that of the cells on both its sides, of those that carry any."""
+    across_x = across_y = 0.0
+    differences = 0
+    for near in (k, k - side):  # the nodes between which a side lies
+        if cells[near, 1] > 0.0:
+            far = near + along
+            across_x += trial[near + side, 0] - trial[near, 0]
+            across_x += trial[far + side, 0] - trial[far, 0]
+            across_y += trial[near + side, 1] - trial[near, 1]
+            across_y += trial[far + side, 1] - trial[far, 1]
+            differences += 2
+    gamma = reach_x * across_x + reach_y * across_y
+    return c.shear_modulus * gamma * c.per_length_a * c.per_length_b / max(differences, 1)
 
-    @inlined
-    def fails_in_tension(c, e, worst, crossing, k, along, side):
-        limit = c.crushed_strain if worst < c.yield_strain else c.tensile_strain
-        if weakened and e > 0.0:
-            # crush across is that of the end which is crushed less
-            near = min(crossing[k, 2], crossing[k - side, 2])
-            far = min(crossing[k + along, 2], crossing[k + along - side, 2])
-            crush = max(near, far) - c.yield_strain
-            crush /= c.densification_strain - c.yield_strain
-            limit *= 1.0 - (1.0 - c.crushed_strength) * min(max(crush, 0.0), 1.0)
-        return e > limit
 
-    return fails_in_tension
-
-
-def face_function(axis: int, stage: int, features: Features):
+def bond_function(axis: int, stage: int, features: Features):
     """A function for the force of one bond, for its axis and its stage."""
-    has_excess, has_rate, weakened = features
+    has_rate = features.rate
     yielding_stress = stress_function(has_rate)
-    fails_in_tension = tension_function(weakened)
 
     @inlined
-    def face_force(c, trial, bonds, crossing, faces, column, kept, k, along, side):
+    def bond_force(c, trial, bonds, cells, forces, column, kept, k, along, side):
         if axis == A:
-            per_length, area = c.per_length_a, c.area_a
-            dashpot, excess = c.dashpot_a, c.excess_a
+            per_length, area, dashpot = c.per_length_a, c.area_a, c.dashpot_a
         else:
-            per_length, area = c.per_length_b, c.area_b
-            dashpot, excess = c.dashpot_b, c.excess_b
+            per_length, area, dashpot = c.per_length_b, c.area_b, c.dashpot_b
         end = k + along
-        intact = bonds[k, 3] < 0.0
-        x, y, x_end, y_end = trial[k, 0], trial[k, 1], trial[end, 0], trial[end, 1]
-        reach_x, reach_y = x_end - x, y_end - y
+        intact = bonds[k, 1] < 0.0
+        reach_x, reach_y = trial[end, 0] - trial[k, 0], trial[end, 1] - trial[k, 1]
         square = reach_x * reach_x + reach_y * reach_y
         length = math.sqrt(square)
         e = length * per_length - 1.0
-        worst = bonds[k, 2]
+        worst = bonds[k, 0]
         if stage == 0 and e < worst:
             worst = flowed_strain(c, e, worst, kept) if has_rate else e
-            bonds[k, 2] = worst
+            bonds[k, 0] = worst
         yielding = yielding_stress(c, e, worst, not intact)
         stress = yielding
         if e < c.densification_strain:
@@ -137,47 +134,53 @@ def face_function(axis: int, stage: int, features: Features):
             stress += dense
             column[DENSIFIED] = max(column[DENSIFIED], slope * area * per_length)
         pull = area * stress / length
-        force_x, force_y = pull * reach_x, pull * reach_y
         if intact:
-            ahead, behind = bonds[k, 0], bonds[k, 1]
-            ahead_x = trial[k + side, 0] - x + (trial[end + side, 0] - x_end)
-            ahead_y = trial[k + side, 1] - y + (trial[end + side, 1] - y_end)
-            behind_x = x - trial[k - side, 0] + (x_end - trial[end - side, 0])
-            behind_y = y - trial[k - side, 1] + (y_end - trial[end - side, 1])
-            across_x = ahead * ahead_x + behind * behind_x
-            across_y = ahead * ahead_y + behind * behind_y
-            tau = c.shear_modulus * (reach_x * across_x + reach_y * across_y) * per_length
-            shear_x, shear_y = area * tau * across_x, area * tau * across_y
             relative_x, relative_y = trial[end, 2] - trial[k, 2], trial[end, 3] - trial[k, 3]
-            drag_x, drag_y = dashpot * relative_x, dashpot * relative_y
-            if has_excess:
-                closing = excess * (reach_x * relative_x + reach_y * relative_y) / square
-                drag_x += closing * reach_x
-                drag_y += closing * reach_y
-            force_x += shear_x + drag_x
-            force_y += shear_y + drag_y
-            if stage == 0 or stage == LAST_STAGE:
-                column[SHEAR_POWER] += shear_x * relative_x + shear_y * relative_y
-                column[DASHPOT_POWER] += drag_x * relative_x + drag_y * relative_y
+            closing = reach_x * relative_x + reach_y * relative_y
+            drag = dashpot * closing / square
+            pull += drag
+            column[DASHPOT_POWER] += drag * closing
             if stage == LAST_STAGE:
                 met = worst if has_rate else min(worst, e)
-                if fails_in_tension(c, e, met, crossing, k, along, side) or fails_in_shear(
-                    c, e, yielding, tau
-                ):
-                    bonds[k, 3] = BREAKING
+                limit = c.crushed_strain if met < c.yield_strain else c.tensile_strain
+                tau = shear_across(c, trial, cells, k, along, side, reach_x, reach_y)
+                if e > limit or fails_in_shear(c, e, yielding, tau):
+                    bonds[k, 1] = BREAKING
                     column[BREAKS] += 1.0
-        faces[k, 2 * axis] = force_x
-        faces[k, 2 * axis + 1] = force_y
+        forces[k, 2 * axis] = pull * reach_x
+        forces[k, 2 * axis + 1] = pull * reach_y
 
-    return face_force
+    return bond_force
+
+
+@inlined
+def cell_forces(c, trial, cells, forces, column, k, stride):
+    """Forces of a cell along its two diagonals, on their second ends: elastic and viscous."""
+    right, up, far = k + stride, k + 1, k + stride + 1
+    d1_x, d1_y = trial[far, 0] - trial[k, 0], trial[far, 1] - trial[k, 1]
+    d2_x, d2_y = trial[up, 0] - trial[right, 0], trial[up, 1] - trial[right, 1]
+    d1_u, d1_v = trial[far, 2] - trial[k, 2], trial[far, 3] - trial[k, 3]
+    d2_u, d2_v = trial[up, 2] - trial[right, 2], trial[up, 3] - trial[right, 3]
+    per_area = c.per_length_a * c.per_length_b
+    # thickness times stress, halved, is a force over a diagonal's length
+    half = 0.5 * c.thickness * cells[k, 1]
+    squares = (d1_x * d1_x + d1_y * d1_y) - (d2_x * d2_x + d2_y * d2_y)
+    closing = (d1_x * d1_u + d1_y * d1_v) - (d2_x * d2_u + d2_y * d2_v)
+    elastic = half * c.shear_modulus * (0.25 * per_area) * squares
+    viscous = half * c.shear_viscosity * (0.5 * per_area) * closing
+    pull = elastic + viscous
+    forces[k, 4], forces[k, 5] = -pull * d1_x, -pull * d1_y
+    forces[k, 6], forces[k, 7] = pull * d2_x, pull * d2_y
+    column[SHEAR_POWER] += elastic * closing
+    column[DASHPOT_POWER] += viscous * closing
 
 
 def column_function(stage: int, features: Features):
-    """A function for the forces of one column's bonds."""
-    force_a, force_b = (face_function(axis, stage, features) for axis in (A, B))
+    """A function for the forces of one column's bonds and cells."""
+    force_a, force_b = (bond_function(axis, stage, features) for axis in (A, B))
 
     @compiled
-    def face_column(c, columns, rows, trial, bond_a, bond_b, faces, column, kept, i):
+    def force_column(c, columns, rows, trial, bond_a, bond_b, cells, forces, column, kept, i):
         stride = rows + 2
         column[DENSIFIED] = 0.0
         column[BREAKS] = 0.0
@@ -186,36 +189,39 @@ def column_function(stage: int, features: Features):
         for j in range(rows):
             k = (i + 1) * stride + j + 1
             if i < columns - 1:
-                force_a(c, trial, bond_a, bond_b, faces, column, kept, k, stride, 1)
+                force_a(c, trial, bond_a, cells, forces, column, kept, k, stride, 1)
             if j < rows - 1:
-                force_b(c, trial, bond_b, bond_a, faces, column, kept, k, 1, stride)
+                force_b(c, trial, bond_b, cells, forces, column, kept, k, 1, stride)
+            if i < columns - 1 and j < rows - 1:
+                cell_forces(c, trial, cells, forces, column, k, stride)
 
-    return face_column
-
-
-@inlined
-def half_counts(c, crossing, near, far):
-    """Whether a half counts, by which of its two bonds are whole."""
-    if c.half_needs_both != 0.0:
-        return crossing[near, 3] == INTACT and crossing[far, 3] == INTACT
-    return crossing[near, 3] == INTACT or crossing[far, 3] == INTACT
+    return force_column
 
 
 @compiled
-def update_halves(c, rows, bond_a, bond_b, i):
-    """Which halves of a column's gradients still count."""
+def look_column(c, columns, rows, trial, bond_a, bond_b, cells, i):
+    """Between two steps: cells let go as cracks pull them apart. What they hold only falls."""
+    if i == columns - 1:
+        return
     stride = rows + 2
-    for j in range(rows):
+    across = c.cell_a * c.cell_a + c.cell_b * c.cell_b
+    for j in range(rows - 1):
         k = (i + 1) * stride + j + 1
-        for axis in range(2):
-            bond, crossing = (bond_a, bond_b) if axis == A else (bond_b, bond_a)
-            along, side = (stride, 1) if axis == A else (1, stride)
-            per_length = c.per_length_b if axis == A else c.per_length_a
-            ahead = half_counts(c, crossing, k, k + along)
-            behind = half_counts(c, crossing, k - side, k + along - side)
-            each = 0.5 * per_length / (2.0 if ahead and behind else 1.0)
-            bond[k, 0] = each if ahead else 0.0
-            bond[k, 1] = each if behind else 0.0
+        right, up, far = k + stride, k + 1, k + stride + 1
+        below, above = bond_a[k, 1] == INTACT, bond_a[up, 1] == INTACT
+        before, after = bond_b[k, 1] == INTACT, bond_b[right, 1] == INTACT
+        if below and above and before and after:
+            continue
+        d1_x, d1_y = trial[far, 0] - trial[k, 0], trial[far, 1] - trial[k, 1]
+        d2_x, d2_y = trial[up, 0] - trial[right, 0], trial[up, 1] - trial[right, 1]
+        longer = max(d1_x * d1_x + d1_y * d1_y, d2_x * d2_x + d2_y * d2_y)
+        left = (FREE_FROM - math.sqrt(2.0 * longer / across)) / (FREE_FROM - HOLDS_TO)
+        if d1_x * d2_y - d1_y * d2_x > 2.0 * OPEN_AREA * c.cell_a * c.cell_b:
+            left = 0.0
+        cells[k, 0] = min(max(left, 0.0), cells[k, 0])
+        # it hangs together by one of its two sides along each axis
+        carries = (below or above) and (before or after)
+        cells[k, 1] = cells[k, 0] if carries else 0.0
 
 
 @inlined
@@ -225,7 +231,7 @@ def spring(stiffness, stretch, limit):
 
 
 @compiled
-def impactor_contact(c, edges, x, y, path_x, path_y, stretch):
+def impactor_contact(c, edges, x, y, relative_x, relative_y, path_x, path_y, stretch):
     """The impactor's normal and tangential force on a node, and the spring's new stretch."""
     distance, normal_x, normal_y = -NEVER, 0.0, -1.0
     for k in range(len(edges)):
@@ -234,7 +240,8 @@ def impactor_contact(c, edges, x, y, path_x, path_y, stretch):
             distance, normal_x, normal_y = to_edge, edges[k, 0], edges[k, 1]
     if distance >= 0.0 or len(edges) == 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
-    force = -c.contact_stiffness * distance
+    parting = relative_x * normal_x + relative_y * normal_y
+    force = max(-c.contact_stiffness * distance - c.contact_dashpot * parting, 0.0)
     moved = -path_x * normal_y + path_y * normal_x
     along = spring(c.contact_stiffness, stretch + moved, c.impactor_friction * force)
     return (
@@ -262,7 +269,7 @@ def floor_contact(c, y, worst_a, worst_b, path, stretch):
 
 @compiled
 def node_column(
-    c, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body, column, i, stage, step
+    c, rows, state, trial, rate, forces, bond_a, bond_b, slips, edges, body, column, i, stage, step
 ):
     """Gather the forces on a column's nodes, and take the stage."""
     stride = rows + 2
@@ -271,13 +278,16 @@ def node_column(
     per_mass = 1.0 / c.node_mass
     half = 0.5 * c.cell_b
     body_path = body[TRIAL_Y] - body[Y] if stage > 0 else body[RATE_Y]
-    lift = taken = pressing = rubbing = base = 0.0
+    lift = taken = pressing = rubbing = 0.0
     column[STRANGE] = 0.0
     for j in range(rows):
         k = (i + 1) * stride + j + 1
         x, y, vx, vy = trial[k, 0], trial[k, 1], trial[k, 2], trial[k, 3]
-        fx = faces[k, 0] - faces[k - stride, 0] + (faces[k, 2] - faces[k - 1, 2])
-        fy = faces[k, 1] - faces[k - stride, 1] + (faces[k, 3] - faces[k - 1, 3])
+        fx = forces[k, 0] - forces[k - stride, 0] + (forces[k, 2] - forces[k - 1, 2])
+        fy = forces[k, 1] - forces[k - stride, 1] + (forces[k, 3] - forces[k - 1, 3])
+        # each of four cells has the node at another corner: its upper, first, far, right one
+        fx += forces[k - 1, 6] - forces[k, 4] + (forces[k - stride - 1, 4] - forces[k - stride, 6])
+        fy += forces[k - 1, 7] - forces[k, 5] + (forces[k - stride - 1, 5] - forces[k - stride, 7])
         taken -= fx * vx + fy * vy
         held = j == 0 and c.hold_y != 0.0
         if not held:
@@ -287,22 +297,24 @@ def node_column(
             point_x, point_y = x - c.impactor_x, y - body[TRIAL_Y]
             stretch = floor_stretch = 0.0
             if point_y > 0.0 and abs(point_x) < c.impactor_half_width:
-                press_x, press_y, rub_x, rub_y, stretch = impactor_contact(
-                    c, edges, point_x, point_y, path_x, path_y - body_path, slips[k, 0]
-                )
                 relative = vy - body[TRIAL_V]
+                press_x, press_y, rub_x, rub_y, stretch = impactor_contact(
+                    c, edges, point_x, point_y, vx, relative, path_x, path_y - body_path,
+                    slips[k, 0],
+                )  # fmt: skip
                 pressing -= press_x * vx + press_y * relative
                 rubbing -= rub_x * vx + rub_y * relative
                 lift -= press_y + rub_y
                 fx += press_x + rub_x
                 fy += press_y + rub_y
             if y < half:
-                worst_a = min(bond_a[k, 2], bond_a[k - stride, 2])
-                worst_b = min(bond_b[k, 2], bond_b[k - 1, 2])
+                worst_a = min(bond_a[k, 0], bond_a[k - stride, 0])
+                worst_b = min(bond_b[k, 0], bond_b[k - 1, 0])
                 floor_x, floor_y, floor_stretch = floor_contact(
                     c, y, worst_a, worst_b, path_x, slips[k, 1]
                 )
-                base -= floor_x * vx + floor_y * vy
+                pressing -= floor_y * vy
+                rubbing -= floor_x * vx
                 fx += floor_x
                 fy += floor_y
             if stage == 0:
@@ -333,13 +345,11 @@ def node_column(
             if not abs(x) + abs(y) + abs(vx) + abs(vy) < ASTRAY:
                 column[STRANGE] = 1.0
     column[LIFT] = lift
-    column[FACES] += weight * taken
-    # sampled at both ends of the step: the trapezium rule
-    column[SHEAR] += 3.0 * weight * column[SHEAR_POWER]
-    column[DASHPOTS] += 3.0 * weight * column[DASHPOT_POWER]
-    column[IMPACTOR] += weight * pressing
+    column[BONDS] += weight * taken
+    column[SHEAR] += weight * column[SHEAR_POWER]
+    column[DASHPOTS] += weight * column[DASHPOT_POWER]
+    column[CONTACT] += weight * pressing
     column[FRICTION] += weight * rubbing
-    column[BASE] += weight * base
 
 
 @compiled
@@ -350,10 +360,9 @@ def stable_step(c, densified):
     elastic = modulus * aspect
     # with a rate, the overstress comes on top
     stiffest = elastic + densified if c.rate > 0.0 else max(elastic, densified)
-    stiffness = 4.0 * stiffest + 8.0 * c.shear_modulus * aspect + c.contact_stiffness
-    dashpots = c.dashpot_a + max(c.excess_a, 0.0) + c.dashpot_b + max(c.excess_b, 0.0)
-    decay = 4.0 * dashpots
-    rate = max(math.sqrt(stiffness / c.node_mass), decay / c.node_mass)
+    stiffness = 4.0 * stiffest + 4.0 * c.shear_modulus * aspect + c.contact_stiffness
+    decay = 4.0 * (c.dashpot_a + c.dashpot_b + c.shear_viscosity * aspect)
+    rate = max(math.sqrt(stiffness / c.node_mass), decay / c.node_mass * (RK4_RADIUS / RK4_DECAY))
     return min(c.safety * RK4_RADIUS / rate, c.largest_step)
 
 
@@ -368,7 +377,7 @@ def take_stock(c, column, clock):
 
 
 @compiled
-def break_bonds(c, columns, rows, bond_a, bond_b, column, clock):
+def break_bonds(columns, bond_a, bond_b, column, clock):
     """What has failed in a step is broken from its end on."""
     breaks = 0.0
     for i in range(columns):
@@ -377,12 +386,10 @@ def break_bonds(c, columns, rows, bond_a, bond_b, column, clock):
         return
     clock[BROKEN] += breaks
     for k in range(len(bond_a)):
-        if bond_a[k, 3] == BREAKING:
-            bond_a[k, 3] = clock[TIME]
-        if bond_b[k, 3] == BREAKING:
-            bond_b[k, 3] = clock[TIME]
-    for i in range(columns):
-        update_halves(c, rows, bond_a, bond_b, i)
+        if bond_a[k, 1] == BREAKING:
+            bond_a[k, 1] = clock[TIME]
+        if bond_b[k, 1] == BREAKING:
+            bond_b[k, 1] = clock[TIME]
 
 
 @compiled
@@ -417,29 +424,39 @@ def advance_function(features: Features, parallel: bool):
 
     @numba.njit(error_model="numpy", parallel=parallel)
     def advance(
-        c, columns, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body, column,
-        clock, steps,
+        c, columns, rows, state, trial, rate, forces, bond_a, bond_b, cells, slips, edges, body,
+        column, clock, steps,
     ):  # fmt: skip
         for taken in range(steps):
             take_stock(c, column, clock)
             step, kept = clock[STEP], clock[KEPT]
             for stage in range(LAST_STAGE + 1):
                 for i in columns_of(columns):
-                    sums = column[i]
                     if stage == 0:
-                        first_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
+                        first_column(
+                            c, columns, rows, trial, bond_a, bond_b, cells, forces, column[i],
+                            kept, i,
+                        )  # fmt: skip
                     elif stage == LAST_STAGE:
-                        last_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
+                        last_column(
+                            c, columns, rows, trial, bond_a, bond_b, cells, forces, column[i],
+                            kept, i,
+                        )  # fmt: skip
                     else:
-                        middle_column(c, columns, rows, trial, bond_a, bond_b, faces, sums, kept, i)
+                        middle_column(
+                            c, columns, rows, trial, bond_a, bond_b, cells, forces, column[i],
+                            kept, i,
+                        )  # fmt: skip
                 for i in columns_of(columns):
                     node_column(
-                        c, rows, state, trial, rate, faces, bond_a, bond_b, slips, edges, body,
+                        c, rows, state, trial, rate, forces, bond_a, bond_b, slips, edges, body,
                         column[i], i, stage, step,
                     )  # fmt: skip
                 body_stage(c, column, body, stage, step)
             clock[TIME] += step
-            break_bonds(c, columns, rows, bond_a, bond_b, column, clock)
+            break_bonds(columns, bond_a, bond_b, column, clock)
+            for i in columns_of(columns):
+                look_column(c, columns, rows, trial, bond_a, bond_b, cells, i)
             if np.any(column[:, STRANGE] > 0.0):
                 return taken
         return steps

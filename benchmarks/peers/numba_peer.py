@@ -40,24 +40,23 @@ class Numba:
         def per_node(values: int) -> np.ndarray:
             return np.zeros((*padded, values))
 
-        state, bond_a, bond_b = per_node(4), per_node(4), per_node(4)
+        state, bond_a, bond_b, cells = per_node(4), per_node(2), per_node(2), per_node(2)
         state[1:-1, 1:-1] = case.start
-        bond_a[..., 3] = bond_b[..., 3] = kernels.NEVER
-        bond_a[1:-2, 1:-1, 3] = kernels.INTACT
-        bond_b[1:-1, 1:-2, 3] = kernels.INTACT
-        trial, rate, faces, slips = state.copy(), per_node(4), per_node(4), per_node(2)
+        bond_a[..., 1] = bond_b[..., 1] = kernels.NEVER
+        bond_a[1:-2, 1:-1, 1] = kernels.INTACT
+        bond_b[1:-1, 1:-2, 1] = kernels.INTACT
+        cells[1:-2, 1:-2] = 1.0
+        trial, rate, forces, slips = state.copy(), per_node(4), per_node(8), per_node(2)
         # a row for every node, in the order of the kernels' arguments
         self._fields = [
             field.reshape(-1, field.shape[-1])
-            for field in (state, trial, rate, faces, bond_a, bond_b, slips)
+            for field in (state, trial, rate, forces, bond_a, bond_b, cells, slips)
         ]
         self._body = np.zeros(6)
         self._body[[kernels.Y, kernels.TRIAL_Y]] = case.body[0]
         self._body[[kernels.V, kernels.TRIAL_V]] = case.body[1]
         self._column = np.zeros((case.columns, kernels.SUMS))
         self._clock = np.zeros(4)
-        for i in range(case.columns):
-            kernels.update_halves(self._c, case.rows, self._fields[4], self._fields[5], i)
 
     def advance(self, steps: int, threads: int = 1) -> int:
         """Take steps; how many were taken: fewer where the lattice went astray."""

@@ -1,5 +1,6 @@
 // The lattice's Runge-Kutta step, plainly: a struct for each node, and two passes a stage. The
-// first finds the forces of each node's two bonds, the second gathers four of them.
+// first finds the forces of each node's two bonds and of the cell between them, the second gathers
+// those of the four bonds and four cells around a node.
 #include <vector>
 
 #include "interface.hpp"
@@ -12,13 +13,18 @@ struct Node {
 };
 
 struct Bond {
-    Real ahead, behind;  // factors of the two halves in the gradient across the bond [1/m]
-    Real worst;          // the most compressive strain so far
+    Real worst;  // the most compressive strain so far
     Real break_time;
 };
 
-struct Faces {  // forces of a node's two bonds on it [N]
-    Vec force[2];
+struct Cell {  // the one to the right of and above a node
+    Real hold;  // what it holds of its forces
+    Real grip;  // the same, but 0 if both its sides along an axis are broken: it carries so much
+};
+
+struct Forces {
+    Vec bond[2];      // of a node's two bonds on it [N]
+    Vec diagonal[2];  // of its cell on the second ends: far from the node, and above it
 };
 
 // What a column of nodes adds up; sums over columns have one order for any number of threads.
@@ -36,29 +42,29 @@ class Lattice {
     Lattice(int columns, int rows, const double* constants, int edge_count, const double* edges,
             const double* start, const double* body)
         : columns(columns), rows(rows), stride(rows + 2), c(constants_from(constants)),
-          state(nodes()), trial(nodes()), rate(nodes()), faces(nodes()),
+          state(nodes()), trial(nodes()), rate(nodes()), forces(nodes()),
           bonds{std::vector<Bond>(nodes()), std::vector<Bond>(nodes())},
-          impactor_slip(nodes()), floor_slip(nodes()), column(columns), body{} {
+          cells(nodes()), impactor_slip(nodes()), floor_slip(nodes()), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
             this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});
         this->body.y = this->body.trial_y = body[0];
         this->body.v = this->body.trial_v = body[1];
-        for (auto& axis : bonds) std::fill(axis.begin(), axis.end(), Bond{0.0, 0.0, 0.0, NEVER});
+        for (auto& axis : bonds) std::fill(axis.begin(), axis.end(), Bond{0.0, NEVER});
         for (int i = 0; i < columns; ++i)
             for (int j = 0; j < rows; ++j) {
                 const double* from = start + 4 * (i * rows + j);
                 trial[at(i, j)] = state[at(i, j)] = {from[0], from[1], from[2], from[3]};
                 if (i < columns - 1) bonds[A][at(i, j)].break_time = INTACT;
                 if (j < rows - 1) bonds[B][at(i, j)].break_time = INTACT;
+                if (i < columns - 1 && j < rows - 1) cells[at(i, j)] = {1.0, 1.0};
             }
-        for (int i = 0; i < columns; ++i) update_halves(i);
     }
 
     long advance(long steps, int threads) {
         for (long n = 0; n < steps; ++n) {
             take_stock();
             for (int stage = 0; stage <= LAST_STAGE; ++stage) {
-                over_columns(columns, threads, [=](int i) { face_column(i, stage); });
+                over_columns(columns, threads, [=](int i) { force_column(i, stage); });
                 over_columns(columns, threads, [=](int i) { node_column(i, stage); });
                 Real lift = 0.0;
                 for (const Column& sums : column) lift += sums.lift;
@@ -66,6 +72,7 @@ class Lattice {
             }
             time += step;
             break_bonds();
+            over_columns(columns, threads, [=](int i) { look_column(i); });
             for (const Column& sums : column)
                 if (sums.astray) return n;
         }
@@ -95,8 +102,9 @@ class Lattice {
     int columns, rows, stride;  // arrays have a rim of one node, so that all have neighbours
     Constants c;
     std::vector<Node> state, trial, rate;  // accepted, at this stage, weighted sum of stages
-    std::vector<Faces> faces;
+    std::vector<Forces> forces;
     std::vector<Bond> bonds[2];
+    std::vector<Cell> cells;
     std::vector<Real> impactor_slip, floor_slip;  // stretch of the friction springs [m]
     std::vector<Column> column;
     std::vector<Edge> edges;
@@ -112,12 +120,15 @@ class Lattice {
         return {trial[to].x - trial[from].x, trial[to].y - trial[from].y};
     }
 
+    Vec apart_velocity(int from, int to) const {
+        return {trial[to].vx - trial[from].vx, trial[to].vy - trial[from].vy};
+    }
+
     // Force of a bond on its first node k. The first stage, whose state is the accepted one, brings
     // the worst strain up to date; the last, which looks at the step's end, finds what fails.
     template <int axis>
-    Vec face_force(const Constants& c, int k, int stage, Column& sums) {
-        const int along = axis == A ? stride : 1, side = axis == A ? 1 : stride;
-        const int end = k + along;
+    Vec bond_force(const Constants& c, int k, int stage, Column& sums) {
+        const int end = k + (axis == A ? stride : 1);
         Bond& bond = bonds[axis][k];
         const bool intact = bond.break_time < 0.0;
         const Vec reach = apart(k, end);
@@ -133,55 +144,58 @@ class Lattice {
             stress += dense.stress;
             sums.densified = max(sums.densified, dense.slope * c.area[axis] * c.per_length[axis]);
         }
-        const Real pull = c.area[axis] * stress / length;
-        Vec force = {pull * reach.x, pull * reach.y};
-        if (!intact) return force;
-
-        const Vec ahead_start = apart(k, k + side), ahead_end = apart(end, end + side);
-        const Vec behind_start = apart(k - side, k), behind_end = apart(end - side, end);
-        const Vec across = {bond.ahead * (ahead_start.x + ahead_end.x) +
-                                bond.behind * (behind_start.x + behind_end.x),
-                            bond.ahead * (ahead_start.y + ahead_end.y) +
-                                bond.behind * (behind_start.y + behind_end.y)};
-        const Real gamma = dot(reach, across) * c.per_length[axis];
-        const Real tau = c.shear_modulus * gamma;
-        const Vec shear = {c.area[axis] * tau * across.x, c.area[axis] * tau * across.y};
-        const Vec relative = {trial[end].vx - trial[k].vx, trial[end].vy - trial[k].vy};
-        Vec drag = {c.dashpot[axis] * relative.x, c.dashpot[axis] * relative.y};
-        if (HAS_EXCESS) {
-            const Real closing = c.excess[axis] * dot(reach, relative) / square;
-            drag.x += closing * reach.x;
-            drag.y += closing * reach.y;
+        Real pull = c.area[axis] * stress / length;
+        if (intact) {
+            const Real closing = dot(reach, apart_velocity(k, end));
+            const Real drag = c.dashpot[axis] * closing / square;
+            pull += drag;
+            sums.dashpot_power += drag * closing;
+            if (stage == LAST_STAGE && fails<axis>(c, k, reach, e, worst, yielding)) {
+                bond.break_time = BREAKING;
+                sums.breaks += 1;
+            }
         }
-        force.x += shear.x + drag.x;
-        force.y += shear.y + drag.y;
-        sums.shear_power += dot(shear, relative);
-        sums.dashpot_power += dot(drag, relative);
-        if (stage == LAST_STAGE &&
-            (fails_in_tension<axis>(c, k, e, HAS_RATE ? worst : min(worst, e)) ||
-             fails_in_shear(c, e, yielding, tau))) {
-            bond.break_time = BREAKING;
-            sums.breaks += 1;
-        }
-        return force;
+        return {pull * reach.x, pull * reach.y};
     }
 
-    // Crush across a bond is that of the end which is crushed less.
+    // Its shear is that of the cells on both its sides, of those that carry any.
     template <int axis>
-    bool fails_in_tension(const Constants& c, int k, Real e, Real worst) const {
-        if (e <= 0.0) return false;
-        Real limit = tensile_limit(c, worst);
-        if (HAS_WEAKENED) {
-            const int end = k + (axis == A ? stride : 1), side = axis == A ? 1 : stride;
-            const std::vector<Bond>& crossing = bonds[1 - axis];
-            const Real near = min(crossing[k].worst, crossing[k - side].worst);
-            const Real far = min(crossing[end].worst, crossing[end - side].worst);
-            limit = limit * strength_left(c, max(near, far));
+    bool fails(const Constants& c, int k, Vec reach, Real e, Real worst, Real stress) const {
+        const int end = k + (axis == A ? stride : 1), side = axis == A ? 1 : stride;
+        if (e > tensile_limit(c, HAS_RATE ? worst : min(worst, e))) return true;
+        Vec across = {0.0, 0.0};
+        int differences = 0;
+        for (int near : {k, k - side}) {  // the nodes between which a side lies
+            if (cells[near].grip <= 0.0) continue;
+            const Vec here = apart(near, near + side);
+            const Vec there = apart(near + end - k, near + end - k + side);
+            across = {across.x + here.x + there.x, across.y + here.y + there.y};
+            differences += 2;
         }
-        return e > limit;
+        if (differences == 0) return false;
+        const Real gamma = dot(reach, across) * c.per_length[A] * c.per_length[B] / differences;
+        return fails_in_shear(c, e, stress, c.shear_modulus * gamma);
     }
 
-    void face_column(int i, int stage) {
+    // Forces of a cell along its two diagonals, on their second ends: elastic and viscous.
+    void cell_forces(const Constants& c, int k, Column& sums) {
+        const int right = k + stride, up = k + 1, far = right + 1;
+        const Vec d1 = apart(k, far), d2 = apart(right, up);
+        const Real per_area = c.per_length[A] * c.per_length[B];
+        // thickness times stress, halved, is a force over a diagonal's length
+        const Real half = 0.5 * c.thickness * cells[k].grip;
+        const Real gamma = (dot(d1, d1) - dot(d2, d2)) * (0.25 * per_area);
+        const Real closing = dot(d1, apart_velocity(k, far)) - dot(d2, apart_velocity(right, up));
+        const Real elastic = half * c.shear_modulus * gamma;
+        const Real viscous = half * c.shear_viscosity * (0.5 * per_area) * closing;
+        const Real pull = elastic + viscous;
+        forces[k].diagonal[0] = {-pull * d1.x, -pull * d1.y};
+        forces[k].diagonal[1] = {pull * d2.x, pull * d2.y};
+        sums.shear_power += elastic * closing;
+        sums.dashpot_power += viscous * closing;
+    }
+
+    void force_column(int i, int stage) {
         const Constants c = this->c;
         Column sums = column[i];
         sums.densified = 0.0;
@@ -189,8 +203,9 @@ class Lattice {
         sums.breaks = 0;
         for (int j = 0; j < rows; ++j) {
             const int k = at(i, j);
-            if (i < columns - 1) faces[k].force[A] = face_force<A>(c, k, stage, sums);
-            if (j < rows - 1) faces[k].force[B] = face_force<B>(c, k, stage, sums);
+            if (i < columns - 1) forces[k].bond[A] = bond_force<A>(c, k, stage, sums);
+            if (j < rows - 1) forces[k].bond[B] = bond_force<B>(c, k, stage, sums);
+            if (i < columns - 1 && j < rows - 1) cell_forces(c, k, sums);
         }
         column[i] = sums;
     }
@@ -212,22 +227,22 @@ class Lattice {
         for (auto& axis : bonds)
             for (Bond& bond : axis)
                 if (bond.break_time == BREAKING) bond.break_time = time;
-        for (int i = 0; i < columns; ++i) update_halves(i);
     }
 
     bool whole(int axis, int k) const { return bonds[axis][k].break_time == INTACT; }
 
-    void update_halves(int i) {
-        for (int j = 0; j < rows; ++j) {
-            const int k = at(i, j), right = k + stride, up = k + 1, left = k - stride;
-            const bool above = half_counts(c, whole(B, k), whole(B, right));
-            const bool below = half_counts(c, whole(B, k - 1), whole(B, right - 1));
-            const bool after = half_counts(c, whole(A, k), whole(A, up));
-            const bool before = half_counts(c, whole(A, left), whole(A, left + 1));
-            const Halves a = halves(above, below, c.per_length[B]);
-            const Halves b = halves(after, before, c.per_length[A]);
-            bonds[A][k].ahead = a.ahead, bonds[A][k].behind = a.behind;
-            bonds[B][k].ahead = b.ahead, bonds[B][k].behind = b.behind;
+    // Between two steps: cells let go as cracks pull them apart. What they hold only falls.
+    void look_column(int i) {
+        if (i == columns - 1) return;
+        for (int j = 0; j < rows - 1; ++j) {
+            const int k = at(i, j), right = k + stride, up = k + 1;
+            const bool below = whole(A, k), above = whole(A, up);
+            const bool before = whole(B, k), after = whole(B, right);
+            if (below && above && before && after) continue;
+            Cell& cell = cells[k];
+            cell.hold = hold_left(c, apart(k, right + 1), apart(right, up), cell.hold);
+            // it hangs together by one of its two sides along each axis
+            cell.grip = (below || above) && (before || after) ? cell.hold : Real(0.0);
         }
     }
 
@@ -245,19 +260,26 @@ class Lattice {
         for (int j = 0; j < rows; ++j) {
             const int k = at(i, j);
             const Node now = trial[k];
-            const Vec right = faces[k].force[A], left = faces[k - stride].force[A];
-            const Vec above = faces[k].force[B], below = faces[k - 1].force[B];
-            Vec force = {right.x - left.x + (above.x - below.x),
-                         right.y - left.y + (above.y - below.y)};
-            power[FACES] -= force.x * now.vx + force.y * now.vy;
+            const Vec right = forces[k].bond[A], left = forces[k - stride].bond[A];
+            const Vec above = forces[k].bond[B], below = forces[k - 1].bond[B];
+            // each of four cells has the node at another corner: its first, upper, far, right one
+            const Vec first = forces[k].diagonal[0], upper = forces[k - 1].diagonal[1];
+            const Vec far = forces[k - stride - 1].diagonal[0];
+            const Vec across = forces[k - stride].diagonal[1];
+            Vec force = {right.x - left.x + (above.x - below.x) + (upper.x - first.x) +
+                             (far.x - across.x),
+                         right.y - left.y + (above.y - below.y) + (upper.y - first.y) +
+                             (far.y - across.y)};
+            power[BONDS] -= force.x * now.vx + force.y * now.vy;
             const bool held = j == 0 && c.hold_y != 0.0;
             if (!held) {
                 Vec path = {rate[k].x, rate[k].y};
                 if (stage > 0) path = {now.x - state[k].x, now.y - state[k].y};
+                const Vec relative = {now.vx, now.vy - body.trial_v};
                 const Touch hit = impactor_contact(
                     c, edges.data(), int(edges.size()),
-                    {now.x - c.impactor_x, now.y - body.trial_y}, {path.x, path.y - body_path},
-                    impactor_slip[k]);
+                    {now.x - c.impactor_x, now.y - body.trial_y}, relative,
+                    {path.x, path.y - body_path}, impactor_slip[k]);
                 const Touch floor = floor_contact(
                     c, now.y, min(bonds[A][k].worst, bonds[A][k - stride].worst),
                     min(bonds[B][k].worst, bonds[B][k - 1].worst), path.x, floor_slip[k]);
@@ -265,12 +287,10 @@ class Lattice {
                     impactor_slip[k] = hit.stretch;
                     floor_slip[k] = floor.stretch;
                 }
-                const Vec relative = {now.vx, now.vy - body.trial_v};
-                power[IMPACTOR] -= dot(hit.pressing, relative);
-                power[FRICTION] -= dot(hit.rubbing, relative);
-                power[BASE] -= floor.pressing.x * now.vx + floor.pressing.y * now.vy;
+                power[CONTACT] -= dot(hit.pressing, relative) + floor.pressing.y * now.vy;
+                power[FRICTION] -= dot(hit.rubbing, relative) + floor.rubbing.x * now.vx;
                 sums.lift -= hit.pressing.y + hit.rubbing.y;
-                force.x += hit.pressing.x + hit.rubbing.x + floor.pressing.x;
+                force.x += hit.pressing.x + hit.rubbing.x + floor.rubbing.x;
                 force.y += hit.pressing.y + hit.rubbing.y + floor.pressing.y;
             }
             Node slope = {now.vx, now.vy, force.x * per_mass, force.y * per_mass - c.gravity};
@@ -294,10 +314,8 @@ class Lattice {
                 if (!(total < ASTRAY)) sums.astray = true;
             }
         }
-        // sampled at both ends of the step: the trapezium rule
-        const Real sampled = stage == 0 || stage == LAST_STAGE ? 3.0 : 0.0;
-        power[SHEAR] = sampled * sums.shear_power;
-        power[DASHPOTS] = sampled * sums.dashpot_power;
+        power[SHEAR] = sums.shear_power;
+        power[DASHPOTS] = sums.dashpot_power;
         for (int k = 0; k < WORKS; ++k) sums.work[k] += weight * power[k];
         column[i] = sums;
     }

@@ -1,4 +1,4 @@
-"""The scenes that are compared: a paper test with one of three sets of choices, of any size."""
+"""The scenes that are compared: a paper test with one of two sets of choices, of any size."""
 
 from __future__ import annotations
 
@@ -8,32 +8,34 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import paper_scene
 
 CASE = "paper/rectangular-3.03"
-Choices = Literal["calibrated", "rated", "bare"]
+Choices = Literal["calibrated", "rated"]
 Extent = Literal["peers", "room", "whole"]
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
     "calibrated": {},
     "rated": {"foam": {"rate": 3000.0}},
-    "bare": {
-        "model": {"damping": "bond", "broken_halves": "either"},
-        "foam": {"crushed_strength": 1.0},
-    },
 }
-"""What differs from the calibrated choices. Rated: a plateau that grows with the strain rate. Bare:
-without dashpots that differ along and across, and without crush across bonds."""
+"""What differs from the calibrated choices. Rated: a plateau that grows with the strain rate."""
 
 
+WHOLE_CELLS = {"rows": 20, "mass_points": "cells"}
+AT_ONCE = {"softening": False, "fracture_energy": None, "shear_fracture_energy": None}
 EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
     "peers": {
+        "block": WHOLE_CELLS,
         "model": {"self_contact": False, "crushed_room": False},
-        "foam": {"softening": False, "crush_band": None},
+        "foam": {"crush_band": None, **AT_ONCE},
     },
-    "room": {"model": {"self_contact": False}, "foam": {"crush_band": None}},
+    "room": {
+        "block": WHOLE_CELLS,
+        "model": {"self_contact": False},
+        "foam": {"crush_band": None},
+    },
     "whole": {"foam": {"crush_band": None}},
 }
 """How much of the model: what the peers have; besides, the room of crushed foam and bonds that
-soften; and all of it, with contact of pieces. (Pieces of foam without room fold, and their contact
-costs what it never does in a run.) All take strain rates over a cell: then dashpots limit the step,
-and all take the same ones."""
+soften; and all of it, with contact of pieces and mass points on the block's faces. (Pieces of foam
+without room fold, and their contact costs what it never does in a run.) All take strain rates over
+a cell: then dashpots limit the step, and all take the same ones."""
 
 
 def scene_with(choices: Choices, name: str = CASE, extent: Extent = "peers") -> Scene:

@@ -1,10 +1,10 @@
 // The same step for a processor's vector units: an array for each quantity, a column's rows one
-// after the other, inner loops without branches. What is rare (densification, contact, the halves
-// after a break) has scalar loops of its own, for the columns that need it.
+// after the other, inner loops without branches. What is rare (densification, contact, cells with
+// broken sides) has scalar loops of its own, for the columns or cells that need it.
 //
 // A column is padded to whole vectors. Padded nodes rest on the lattice's grid: lengths there are
 // finite, and `free` keeps them where they are. A stage reads one set of arrays and writes another,
-// so that a column's nodes can follow its faces while these are still in the cache.
+// so that a column's nodes can follow its forces while these are still in the cache.
 #include <cstdlib>
 #include <memory>
 #include <vector>
@@ -42,13 +42,27 @@ struct Forces {
     Array x, y;
 };
 
+// Of bonds and cells: of bonds A and B on their first nodes, of cells on the second ends of their
+// diagonals (`far` from the node that the cell goes by, and `up`).
+struct AllForces {
+    explicit AllForces(int size) : a(size), b(size), far(size), up(size) {}
+    Forces a, b, far, up;
+};
+
+// The same of one column, from its first row on.
+struct ColumnForces {
+    ColumnForces(const AllForces& all, int first)
+        : a_x(all.a.x + first), a_y(all.a.y + first), b_x(all.b.x + first), b_y(all.b.y + first),
+          far_x(all.far.x + first), far_y(all.far.y + first), up_x(all.up.x + first),
+          up_y(all.up.y + first) {}
+    double *a_x, *a_y, *b_x, *b_y, *far_x, *far_y, *up_x, *up_y;
+};
+
 struct Bonds {
     explicit Bonds(int size)
-        : ahead(size), behind(size), permanent(HAS_RATE ? WIDTH : size), tension(size),
-          worst(size), break_time(size, NEVER) {}
-    Array ahead, behind;  // factors of the two halves in the gradient across [1/m]
-    Array permanent;      // strain without stress; with a rate it is worked out anew each time
-    Array tension;        // modulus beyond it [Pa]; 0 tells that a bond is broken
+        : permanent(HAS_RATE ? WIDTH : size), tension(size), worst(size), break_time(size, NEVER) {}
+    Array permanent;  // strain without stress; with a rate it is worked out anew each time
+    Array tension;    // modulus beyond it [Pa]; 0 tells that a bond is broken
     Array worst, break_time;
 };
 
@@ -65,7 +79,7 @@ class Lattice {
         : columns(columns), rows(rows), padded((rows + WIDTH - 1) / WIDTH * WIDTH),
           stride(padded + WIDTH), c(constants_from(constants)), state(size()), even(size()),
           odd(size()), rate(size()), bonds{Bonds(size()), Bonds(size())},
-          latched{Forces(size()), Forces(size())}, push(size()), impactor_slip(size()),
+          hold(size()), grip(size()), latched(size()), push(size()), impactor_slip(size()),
           floor_slip(size()), free_x(stride), free_y(stride), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
             this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});
@@ -85,6 +99,7 @@ class Lattice {
                 state.vx[k] = from[2], state.vy[k] = from[3];
                 if (i < columns - 1) bonds[A].break_time[k] = INTACT;
                 if (j < rows - 1) bonds[B].break_time[k] = INTACT;
+                hold[k] = grip[k] = i < columns - 1 && j < rows - 1;
                 for (const Bonds& axis : bonds)
                     axis.tension[k] = axis.break_time[k] == INTACT ? c.youngs_modulus : 0.0;
             }
@@ -92,20 +107,21 @@ class Lattice {
             free_x[j] = j > 0 || c.hold_x == 0.0;
             free_y[j] = j > 0 || c.hold_y == 0.0;
         }
-        for (int i = 0; i < columns; ++i) update_halves(i);
     }
 
     long advance(long steps, int threads) {
         while (int(scratch.size()) < threads) scratch.emplace_back(stride);
         for (long n = 0; n < steps; ++n) {
             take_stock();
-            over_columns(columns, threads, [this](int i) { latch_column(i); });
+            over_columns(columns, threads,
+                         [this](int i) { forces_of<0>(state, i, {latched, at(i, 0)}); });
             run_stage<0>(state, even, threads);
             run_stage<1>(even, odd, threads);
             run_stage<2>(odd, even, threads);
             run_stage<LAST_STAGE>(even, state, threads);
             time += step;
             break_bonds();
+            for (const int k : torn) let_go(k);
             for (const Column& sums : column)
                 if (sums.astray > 0.0) return n;
         }
@@ -131,20 +147,25 @@ class Lattice {
     }
 
   private:
-    struct Scratch {  // forces of two columns' bonds, this one's and the one to the left
-        explicit Scratch(int size) : a{Forces(size), Forces(size)}, b(size) {}
-        Forces a[2], b;
+    struct Scratch {  // forces of two columns, this one's and the one to the left
+        explicit Scratch(int size) : columns{AllForces(size), AllForces(size)} {}
+        AllForces columns[2];
+        // the first row has none below it: what lies before it stays 0
+        ColumnForces of(int i) const { return ColumnForces(columns[(i + 2) % 2], WIDTH); }
     };
 
     int columns, rows, padded, stride;
     Constants c;
     Nodes state, even, odd, rate;
     Bonds bonds[2];
-    Forces latched[2];  // that the first stage takes from the latch
-    Forces push;        // contact forces in columns that touch something
+    Array hold;          // what cells hold of their forces
+    Array grip;          // the same, but 0 if both sides along an axis are broken: they carry it
+    AllForces latched;   // that the first stage takes from the latch
+    Forces push;         // contact forces in columns that touch something
     Array impactor_slip, floor_slip;  // stretch of the friction springs [m]
     Array free_x, free_y;             // by row: 1 where a node may move, else 0
     std::vector<Column> column;
+    std::vector<int> torn;         // cells with a broken side
     std::vector<Scratch> scratch;  // one for each thread
     std::vector<Edge> edges;
     Body body;
@@ -159,24 +180,21 @@ class Lattice {
     // column's deepest strain comes back. The first stage brings the worst strain up to date, the
     // last finds what fails; of a column that another thread records, neither.
     template <int axis, int stage, bool recording>
-    double face_column(const Nodes& now, int i, double* force_x, double* force_y) {
+    double bond_column(const Nodes& now, int i, double* force_x, double* force_y) {
         const int first = at(i, 0);
         const int along = axis == A ? stride : 1, side = axis == A ? 1 : stride;
         const double *x = now.x + first, *y = now.y + first;
         const double *vx = now.vx + first, *vy = now.vy + first;
         const Bonds& mine = bonds[axis];
-        double *ahead = mine.ahead + first, *behind = mine.behind + first;
         double *permanent = mine.permanent + first, *tension = mine.tension + first;
         double *worst = mine.worst + first, *break_time = mine.break_time + first;
         const Lanes zero = {}, one = all(1.0), modulus = all(c.youngs_modulus);
         const Lanes yield = all(c.yield_strain), damping = all(c.dashpot[axis]);
         const Lanes densified = all(c.densification_strain);
-        const double* crossing = bonds[1 - axis].worst + first;
-        const double weakening = 1.0 - c.crushed_strength;
-        const double per_crush = 1.0 / (c.densification_strain - c.yield_strain);
+        const double* carried = grip + first;
         const double per_length = c.per_length[axis], area = c.area[axis];
-        const double shear_modulus = c.shear_modulus;
-        Lanes deepest = zero, shear_power = zero, dashpot_power = zero, breaks = zero;
+        const double modulus_per_area = c.shear_modulus * c.per_length[A] * c.per_length[B];
+        Lanes deepest = zero, dashpot_power = zero, breaks = zero;
         for (int j = 0; j < padded; j += WIDTH) {
             const int end = j + along;
             const Lanes xj = load(x + j), yj = load(y + j);
@@ -209,29 +227,18 @@ class Lattice {
             }
             const Lanes stress = modulus * least(pressed, zero) + opening * most(elastic, zero);
             const Lanes per_reach = one / length;
-            Lanes pull = area * stress * per_reach;
-            const Lanes ahead_x = load(x + j + side) - xj + (load(x + end + side) - x_end);
-            const Lanes ahead_y = load(y + j + side) - yj + (load(y + end + side) - y_end);
-            const Lanes behind_x = xj - load(x + j - side) + (x_end - load(x + end - side));
-            const Lanes behind_y = yj - load(y + j - side) + (y_end - load(y + end - side));
-            const Lanes half_ahead = whole * load(ahead + j);
-            const Lanes half_behind = whole * load(behind + j);
-            const Lanes across_x = half_ahead * ahead_x + half_behind * behind_x;
-            const Lanes across_y = half_ahead * ahead_y + half_behind * behind_y;
-            const Lanes tau = shear_modulus * per_length * (rx * across_x + ry * across_y);
-            const Lanes shear = area * tau, drag = whole * damping;
             const Lanes relative_x = load(vx + end) - load(vx + j);
             const Lanes relative_y = load(vy + end) - load(vy + j);
-            Lanes closing, excess;
-            if (HAS_EXCESS) {
-                closing = rx * relative_x + ry * relative_y;
-                excess = c.excess[axis] * whole * closing * (per_reach * per_reach);
-                pull += excess;
-            }
-            store(force_x + j, pull * rx + (shear * across_x + drag * relative_x));
-            store(force_y + j, pull * ry + (shear * across_y + drag * relative_y));
+            const Lanes closing = rx * relative_x + ry * relative_y;
+            const Lanes rate = closing * per_reach;
+            const Lanes pull = (area * stress + whole * damping * rate) * per_reach;
+            store(force_x + j, pull * rx);
+            store(force_y + j, pull * ry);
             deepest = least(deepest, e);
             if (!recording) continue;
+            // not by way of the drag: whether a compiler fuses a product with a sum hangs on who else
+            // wants the product, and a column that is not recorded has to get the same forces
+            dashpot_power += whole * rate * rate;
             if (stage == 0 && !HAS_RATE) {
                 const Lanes deeper = least(load(worst + j), e);
                 const Lanes rest = least(most(deeper, densified), yield) - yield;
@@ -242,14 +249,18 @@ class Lattice {
             }
             if (stage == LAST_STAGE) {
                 const Lanes met = HAS_RATE ? load(worst + j) : least(load(worst + j), e);
-                Lanes limit = met < yield ? all(c.crushed_strain) : all(c.tensile_strain);
-                if (HAS_WEAKENED) {
-                    // crush across is that of the end which is crushed less
-                    const Lanes near = least(load(crossing + j), load(crossing + j - side));
-                    const Lanes far = least(load(crossing + end), load(crossing + end - side));
-                    const Lanes crush = (most(near, far) - yield) * per_crush;
-                    limit *= one - weakening * least(most(crush, zero), one);
-                }
+                const Lanes limit = met < yield ? all(c.crushed_strain) : all(c.tensile_strain);
+                // its shear is that of the cells on both its sides, of those that carry any
+                const Lanes ahead = load(carried + j) > zero ? one : zero;
+                const Lanes behind = load(carried + j - side) > zero ? one : zero;
+                const Lanes ahead_x = load(x + j + side) - xj + (load(x + end + side) - x_end);
+                const Lanes ahead_y = load(y + j + side) - yj + (load(y + end + side) - y_end);
+                const Lanes behind_x = xj - load(x + j - side) + (x_end - load(x + end - side));
+                const Lanes behind_y = yj - load(y + j - side) + (y_end - load(y + end - side));
+                const Lanes across_x = ahead * ahead_x + behind * behind_x;
+                const Lanes across_y = ahead * ahead_y + behind * behind_y;
+                const Lanes differences = 2.0 * most(ahead + behind, one);
+                const Lanes tau = modulus_per_area * (rx * across_x + ry * across_y) / differences;
                 const Lanes pressure = e < zero ? magnitude(stress) : zero;
                 const Lanes strength = c.shear_strength + c.pressure_coefficient * pressure;
                 const auto fails = most(e - limit, magnitude(tau) - strength) > zero;
@@ -257,22 +268,53 @@ class Lattice {
                 store(break_time + j, failed > zero ? all(BREAKING) : load(break_time + j));
                 breaks += failed;
             }
-            if (stage == 0 || stage == LAST_STAGE) {
-                shear_power += shear * (across_x * relative_x + across_y * relative_y);
-                dashpot_power += drag * (relative_x * relative_x + relative_y * relative_y);
-                if (HAS_EXCESS) dashpot_power += excess * closing;
-            }
         }
         if (axis == B) {  // the last row has no bond above it
             force_x[rows - 1] = force_y[rows - 1] = 0.0;
             if (stage == 0) worst[rows - 1] = 0.0;
         }
-        if (recording && (stage == 0 || stage == LAST_STAGE)) {
-            column[i].shear_power += sum(shear_power);
-            column[i].dashpot_power += sum(dashpot_power);
+        if (recording) {
+            column[i].dashpot_power += c.dashpot[axis] * sum(dashpot_power);
             column[i].breaks += sum(breaks);
         }
         return least_of(deepest);
+    }
+
+    // Forces of a column's cells along their diagonals: elastic and viscous.
+    template <bool recording>
+    void cell_column(const Nodes& now, int i, const ColumnForces& to) {
+        const int first = at(i, 0);
+        const double *x = now.x + first, *y = now.y + first;
+        const double *vx = now.vx + first, *vy = now.vy + first;
+        const double* carried = grip + first;
+        const double per_area = c.per_length[A] * c.per_length[B];
+        // thickness times stress, halved, is a force over a diagonal's length
+        const double elasticity = 0.5 * c.thickness * c.shear_modulus * (0.25 * per_area);
+        const double viscosity = 0.5 * c.thickness * c.shear_viscosity * (0.5 * per_area);
+        Lanes shear_power = {}, dashpot_power = {};
+        for (int j = 0; j < padded; j += WIDTH) {
+            const int right = j + stride, up = j + 1, far = right + 1;
+            const Lanes d1x = load(x + far) - load(x + j), d1y = load(y + far) - load(y + j);
+            const Lanes d2x = load(x + up) - load(x + right), d2y = load(y + up) - load(y + right);
+            const Lanes d1u = load(vx + far) - load(vx + j), d1v = load(vy + far) - load(vy + j);
+            const Lanes d2u = load(vx + up) - load(vx + right);
+            const Lanes d2v = load(vy + up) - load(vy + right);
+            const Lanes share = load(carried + j);
+            const Lanes squares = (d1x * d1x + d1y * d1y) - (d2x * d2x + d2y * d2y);
+            const Lanes closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v);
+            const Lanes pull = share * (elasticity * squares + viscosity * closing);
+            store(to.far_x + j, -pull * d1x);
+            store(to.far_y + j, -pull * d1y);
+            store(to.up_x + j, pull * d2x);
+            store(to.up_y + j, pull * d2y);
+            if (!recording) continue;
+            shear_power += share * closing * squares;
+            dashpot_power += share * closing * closing;
+        }
+        if (recording) {
+            column[i].shear_power += elasticity * sum(shear_power);
+            column[i].dashpot_power += viscosity * sum(dashpot_power);
+        }
     }
 
     // Add densification to the forces of a column's bonds; the stiffest [N/m] comes back.
@@ -297,23 +339,31 @@ class Lattice {
     }
 
     template <int axis, int stage, bool recording>
-    void faces_of(const Nodes& now, int i, double* force_x, double* force_y) {
-        if (axis == A && (i < 0 || i == columns - 1)) {
-            std::fill(force_x, force_x + padded, 0.0);
-            std::fill(force_y, force_y + padded, 0.0);
-        } else if (face_column<axis, stage, recording>(now, i, force_x, force_y) <
-                   c.densification_strain) {
-            const double stiffest = densify<axis>(now, i, force_x, force_y);
-            if (recording) column[i].densified = max(column[i].densified, stiffest);
-        }
+    void bonds_of(const Nodes& now, int i, double* force_x, double* force_y) {
+        if (bond_column<axis, stage, recording>(now, i, force_x, force_y) >= c.densification_strain)
+            return;
+        const double stiffest = densify<axis>(now, i, force_x, force_y);
+        if (recording) column[i].densified = max(column[i].densified, stiffest);
     }
 
-    void latch_column(int i) {
+    // What a column's right side has, which pulls at the column to the right too.
+    template <int stage, bool recording>
+    void right_of(const Nodes& now, int i, const ColumnForces& to) {
+        if (i >= 0 && i < columns - 1) {
+            bonds_of<A, stage, recording>(now, i, to.a_x, to.a_y);
+            cell_column<recording>(now, i, to);
+            return;
+        }
+        for (double* none : {to.a_x, to.a_y, to.far_x, to.far_y, to.up_x, to.up_y})
+            std::fill(none, none + padded, 0.0);
+    }
+
+    template <int stage>
+    void forces_of(const Nodes& now, int i, const ColumnForces& to) {
         Column& sums = column[i];
         sums.densified = sums.breaks = sums.shear_power = sums.dashpot_power = 0.0;
-        const int k = at(i, 0);
-        faces_of<A, 0, true>(state, i, latched[A].x + k, latched[A].y + k);
-        faces_of<B, 0, true>(state, i, latched[B].x + k, latched[B].y + k);
+        right_of<stage, true>(now, i, to);
+        bonds_of<B, stage, true>(now, i, to.b_x, to.b_y);
     }
 
     // The stiffness is that of the last stage's forces, which looked at the step's end.
@@ -334,7 +384,28 @@ class Lattice {
             for (int k = 0; k < size(); ++k)
                 if (axis.break_time[k] == BREAKING)
                     axis.break_time[k] = time, axis.tension[k] = 0.0;
-        for (int i = 0; i < columns; ++i) update_halves(i);
+        list_torn();
+    }
+
+    void list_torn() {
+        torn.clear();
+        for (int i = 0; i < columns - 1; ++i)
+            for (int j = 0; j < rows - 1; ++j) {
+                const int k = at(i, j);
+                if (!(whole(A, k) && whole(A, k + 1) && whole(B, k) && whole(B, k + stride)))
+                    torn.push_back(k);
+            }
+    }
+
+    // Between two steps: a cell lets go as cracks pull it apart. What it holds only falls.
+    void let_go(int k) {
+        const int right = k + stride, up = k + 1, far = right + 1;
+        const Vec d1 = {state.x[far] - state.x[k], state.y[far] - state.y[k]};
+        const Vec d2 = {state.x[up] - state.x[right], state.y[up] - state.y[right]};
+        hold[k] = hold_left(c, d1, d2, hold[k]);
+        // it hangs together by one of its two sides along each axis
+        const bool along_x = whole(A, k) || whole(A, up), along_y = whole(B, k) || whole(B, right);
+        grip[k] = along_x && along_y ? hold[k] : 0.0;
     }
 
     // One stage of all columns, cut into a piece for each thread.
@@ -345,22 +416,14 @@ class Lattice {
             const int first = int(long(columns) * piece / threads);
             const int last = int(long(columns) * (piece + 1) / threads);
             Scratch& own = scratch[piece];
-            if (!has_forces) faces_of<A, stage, false>(now, first - 1, own.a[1].x, own.a[1].y);
+            if (!has_forces) right_of<stage, false>(now, first - 1, own.of(first - 1));
             for (int i = first; i < last; ++i) {
                 if (has_forces) {
-                    const int k = at(i, 0), left = k - stride;
-                    node_column<stage>(now, next, i,
-                                       {latched[A].x + k, latched[A].y + k, latched[A].x + left,
-                                        latched[A].y + left, latched[B].x + k, latched[B].y + k});
-                    continue;
+                    node_column<stage>(now, next, i, {latched, at(i, 0)}, {latched, at(i - 1, 0)});
+                } else {
+                    forces_of<stage>(now, i, own.of(i));
+                    node_column<stage>(now, next, i, own.of(i), own.of(i - 1));
                 }
-                const Forces &a = own.a[(i - first) % 2], &left = own.a[(i - first + 1) % 2];
-                double *b_x = own.b.x + WIDTH, *b_y = own.b.y + WIDTH;  // none before the first
-                Column& sums = column[i];
-                sums.densified = sums.breaks = sums.shear_power = sums.dashpot_power = 0.0;
-                faces_of<A, stage, true>(now, i, a.x, a.y);
-                faces_of<B, stage, true>(now, i, b_x, b_y);
-                node_column<stage>(now, next, i, {a.x, a.y, left.x, left.y, b_x, b_y});
             }
         });
         double lift = 0.0;
@@ -368,20 +431,17 @@ class Lattice {
         body_stage(c, body, stage, step, lift);
     }
 
-    struct Around {  // forces of the bonds around a column's nodes
-        const double *right_x, *right_y, *left_x, *left_y, *above_x, *above_y;
-    };
-
     // Gather the forces on a column's nodes, and take the stage.
     template <int stage>
-    void node_column(const Nodes& now, const Nodes& next, int i, Around around) {
+    void node_column(const Nodes& now, const Nodes& next, int i, const ColumnForces& f,
+                     const ColumnForces& left) {
         Column& sums = column[i];
         double power[WORKS] = {};
         sums.lift = 0.0;
         sums.astray = 0.0;
         if (touches(now, i)) {
             touch_column<stage>(now, i, power);
-            move_column<stage, true>(now, next, i, around, power);
+            move_column<stage, true>(now, next, i, f, left, power);
             sums.slips = true;
         } else {
             if (stage == 0 && sums.slips) {
@@ -389,11 +449,10 @@ class Lattice {
                 std::fill(floor_slip + at(i, 0), floor_slip + at(i, rows), 0.0);
                 sums.slips = false;
             }
-            move_column<stage, false>(now, next, i, around, power);
+            move_column<stage, false>(now, next, i, f, left, power);
         }
-        // sampled at both ends of the step: the trapezium rule
-        power[SHEAR] = 3.0 * sums.shear_power;
-        power[DASHPOTS] = 3.0 * sums.dashpot_power;
+        power[SHEAR] = sums.shear_power;
+        power[DASHPOTS] = sums.dashpot_power;
         const double weight = stage_weight(stage, step);
         for (int k = 0; k < WORKS; ++k) sums.work[k] += weight * power[k];
     }
@@ -422,10 +481,11 @@ class Lattice {
             if (free_y[j] == 0.0) continue;
             Vec path = {rate.x[k], rate.y[k]};
             if (stage > 0) path = {now.x[k] - state.x[k], now.y[k] - state.y[k]};
+            const Vec relative = {now.vx[k], now.vy[k] - body.trial_v};
             const Touch hit = impactor_contact(
                 c, edges.data(), int(edges.size()),
-                {now.x[k] - c.impactor_x, now.y[k] - body.trial_y}, {path.x, path.y - body_path},
-                impactor_slip[k]);
+                {now.x[k] - c.impactor_x, now.y[k] - body.trial_y}, relative,
+                {path.x, path.y - body_path}, impactor_slip[k]);
             const Touch floor = floor_contact(
                 c, now.y[k], min(bonds[A].worst[k], bonds[A].worst[k - stride]),
                 min(bonds[B].worst[k], bonds[B].worst[k - 1]), path.x, floor_slip[k]);
@@ -433,18 +493,17 @@ class Lattice {
                 impactor_slip[k] = hit.stretch;
                 floor_slip[k] = floor.stretch;
             }
-            const Vec relative = {now.vx[k], now.vy[k] - body.trial_v};
-            power[IMPACTOR] -= dot(hit.pressing, relative);
-            power[FRICTION] -= dot(hit.rubbing, relative);
-            power[BASE] -= floor.pressing.x * now.vx[k] + floor.pressing.y * now.vy[k];
+            power[CONTACT] -= dot(hit.pressing, relative) + floor.pressing.y * now.vy[k];
+            power[FRICTION] -= dot(hit.rubbing, relative) + floor.rubbing.x * now.vx[k];
             column[i].lift -= hit.pressing.y + hit.rubbing.y;
-            push.x[k] = hit.pressing.x + hit.rubbing.x + floor.pressing.x;
+            push.x[k] = hit.pressing.x + hit.rubbing.x + floor.rubbing.x;
             push.y[k] = hit.pressing.y + hit.rubbing.y + floor.pressing.y;
         }
     }
 
     template <int stage, bool touched>
-    void move_column(const Nodes& now, const Nodes& next, int i, Around f, double* power) {
+    void move_column(const Nodes& now, const Nodes& next, int i, const ColumnForces& f,
+                     const ColumnForces& left, double* power) {
         const int first = at(i, 0);
         const double *vx = now.vx + first, *vy = now.vy + first;
         const double *old_x = state.x + first, *old_y = state.y + first;
@@ -460,10 +519,15 @@ class Lattice {
         Lanes taken = {}, strange = {};
         for (int j = 0; j < padded; j += WIDTH) {
             const Lanes vxj = load(vx + j), vyj = load(vy + j);
-            Lanes fx = load(f.right_x + j) - load(f.left_x + j) +
-                       (load(f.above_x + j) - load(f.above_x + j - 1));
-            Lanes fy = load(f.right_y + j) - load(f.left_y + j) +
-                       (load(f.above_y + j) - load(f.above_y + j - 1));
+            Lanes fx = load(f.a_x + j) - load(left.a_x + j);
+            Lanes fy = load(f.a_y + j) - load(left.a_y + j);
+            fx += load(f.b_x + j) - load(f.b_x + j - 1);
+            fy += load(f.b_y + j) - load(f.b_y + j - 1);
+            // each of four cells has the node at another corner: its upper, first, far, right one
+            fx += load(f.up_x + j - 1) - load(f.far_x + j);
+            fy += load(f.up_y + j - 1) - load(f.far_y + j);
+            fx += load(left.far_x + j - 1) - load(left.up_x + j);
+            fy += load(left.far_y + j - 1) - load(left.up_y + j);
             taken -= fx * vxj + fy * vyj;
             if (touched) {
                 fx += load(push_x + j);
@@ -498,25 +562,11 @@ class Lattice {
                 strange += far < ASTRAY ? Lanes{} : all(1.0);
             }
         }
-        power[FACES] += sum(taken);
+        power[BONDS] += sum(taken);
         column[i].astray = sum(strange);
     }
 
     bool whole(int axis, int k) const { return bonds[axis].break_time[k] == INTACT; }
-
-    void update_halves(int i) {
-        for (int j = 0; j < rows; ++j) {
-            const int k = at(i, j), right = k + stride, up = k + 1, left = k - stride;
-            const bool above = half_counts(c, whole(B, k), whole(B, right));
-            const bool below = half_counts(c, whole(B, k - 1), whole(B, right - 1));
-            const bool after = half_counts(c, whole(A, k), whole(A, up));
-            const bool before = half_counts(c, whole(A, left), whole(A, left + 1));
-            const Halves a = halves(above, below, c.per_length[B]);
-            const Halves b = halves(after, before, c.per_length[A]);
-            bonds[A].ahead[k] = a.ahead, bonds[A].behind[k] = a.behind;
-            bonds[B].ahead[k] = b.ahead, bonds[B].behind[k] = b.behind;
-        }
-    }
 };
 
 }  // namespace peer

@@ -79,14 +79,15 @@ class Loaded:
     def bytes_per_node_stage(self) -> float:
         """What a stage of a lattice beyond the caches has to move, by node.
 
-        Counted from the fields as they are: each stage reads the trial and the accepted state and
-        the bonds, reads and writes the weighted sums, and writes the trial state; a step's
-        first stage writes the bonds' history too, its last the accepted state.
+        Counted from the fields as they are: each stage reads the trial and the accepted state, the
+        bonds and what cells carry, reads and writes the weighted sums, and writes the trial state;
+        a step's first stage writes the bonds' history too, its last the accepted state. Then the
+        bonds are read once more, for the cells between them.
         """
         state = self._lattice.state
         motion, rate = _bytes(state.motion), _bytes(state.increment)
-        bonds = sum(_bytes(bond) for bond in state.bonds)
-        return 3 * motion + bonds + 2 * rate + (bonds + motion) / 4
+        bonds, cells = sum(_bytes(bond) for bond in state.bonds), _item(state.grip.dtype)
+        return 3 * motion + bonds + cells + 2 * rate + (2 * bonds + motion) / 4
 
     def _timed(self, steps: int) -> Measurement:
         before = self._standing
@@ -103,8 +104,11 @@ class Loaded:
 
 def _bytes(record: Any) -> int:
     """Of one node in a record of packs: each member holds a number for every node."""
-    kinds = (record.get_member_field(name).dtype for name in record.keys)
-    return sum(np.dtype(to_numpy_type(kind)).itemsize for kind in kinds)
+    return sum(_item(record.get_member_field(name).dtype) for name in record.keys)
+
+
+def _item(kind: Any) -> int:
+    return np.dtype(to_numpy_type(kind)).itemsize
 
 
 class Engine:

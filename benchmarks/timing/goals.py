@@ -52,16 +52,14 @@ def figures(record: Record, threads: int) -> list[Figure]:
         if value is not None:
             found.append(Figure(name, unit, value, **goal))
 
-    for choices, before, most in (("", "", 0.6), (", bare", "bare ", 0.5)):
-        small, fused = f"800 nodes{choices}: ", f"{before}fused"
-        plain = record.ratio(fused, f"{before}plain", cpu_ns)
-        vectors = record.ratio(fused, f"{before}vectors", cpu_ns)
-        add(f"{small}fused / plain C++", "", plain, at_most=most)
-        add(f"{small}fused / C++ vectors", "", vectors, at_most=1.3)
-        add(f"{small}Numba / fused", "", record.ratio(f"{before}numba", fused, cpu_ns))
-    rotational = record.ratio("lammps", "bare fused", wall_ns)
-    plastic = record.ratio("lammps plastic", "bare fused", wall_ns)
+    small, plain = "800 nodes: ", record.ratio("fused", "plain", cpu_ns)
+    add(f"{small}fused / plain C++", "", plain, at_most=0.6)
+    vectors = record.ratio("fused", "vectors", cpu_ns)
+    add(f"{small}fused / C++ vectors", "", vectors, at_most=1.3)
+    add(f"{small}Numba / fused", "", record.ratio("numba", "fused", cpu_ns))
+    rotational = record.ratio("lammps", "fused", wall_ns)
     add(f"{small}LAMMPS bpm/rotational / fused", "", rotational, at_least=10.0)
+    plastic = record.ratio("lammps plastic", "fused", wall_ns)
     add(f"{small}LAMMPS bpm/spring/plastic / fused", "", plastic)
     if threads > 1:
         for batch in (8, 64):

@@ -20,8 +20,8 @@ from pathlib import Path
 DROPPED = (
     r"lattice\.state\.work\[b, strip\]\[member\] = .+",
     r"(lattice\.scratch\.)?tally\[b, strip\]\.by_bonds = .+",
-    r"(?<!\.)tally\[b, strip\]\.(sheared|damped) = .+",
-    r"work\[\w+\] -= .+",
+    r"(?<!\.)tally\[b, strip\]\.(sheared|damped|pressed) = .+",
+    r"work\[\w+\] [-+]= .+",
     r"lattice\.state\.work\[b, strip\] = work",
 )
 

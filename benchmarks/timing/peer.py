@@ -28,14 +28,14 @@ LOADERS: dict[str, Callable[[], Any]] = {
 
 
 class Peers:
-    """The peers of one worker; a lattice of each size and choices, shared by the thread counts."""
+    """The peers of one worker; a lattice of each size, shared by the thread counts."""
 
     def __init__(self) -> None:
         self._peers: dict[tuple, Any] = {}
         self._steps: dict[str, tuple[int, int]] = {}  # before a measurement, and in it
 
     def _peer(self, subject: Subject) -> Any:
-        key = (subject.peer, subject.counts, subject.choices)
+        key = (subject.peer, subject.counts)
         if key not in self._peers:
             peer = LOADERS[subject.peer]()
             if isinstance(peer, Skipped):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from peers import CASE, Choices, Extent, lattice_of, scene_with, updated
+from peers import CASE, Extent, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
 
 SMALL = (40, 20)
-CALIBRATED_AND_BARE: tuple[Choices, ...] = ("calibrated", "bare")
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
 LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
 PEERS = {"Plain": "C++, plain", "Vectors": "C++, vectors by hand", "Numba": "Numba"}
@@ -69,7 +68,6 @@ class Subject:
     counts: tuple[int, int] = SMALL
     batch: int = 1
     threads: int = 1
-    choices: Choices = "calibrated"
     extent: Extent = "peers"
     peer: str = ""
     start: float = 0.0  # s
@@ -82,8 +80,8 @@ class Subject:
         return self.counts[0] * self.counts[1]
 
     def scene(self) -> Scene:
-        """The case with this subject's cells and choices, and no end in sight."""
-        scene = updated(scene_with(self.choices, extent=self.extent), {"numerics": {"end": 1.0}})
+        """The case with this subject's cells, and no end in sight."""
+        scene = updated(scene_with("calibrated", extent=self.extent), {"numerics": {"end": 1.0}})
         if self.worker.endswith(NO_LEDGER):
             rare = {"history_interval": 0.01, "snapshot_interval": 0.01}
             scene = updated(scene, {"output": rare})
@@ -99,32 +97,25 @@ def subjects(mode: Mode, threads: int) -> list[Subject]:
 
 
 def _small(mode: Mode) -> list[Subject]:
-    """The paper's lattice on one thread, with the calibrated choices and with bare ones."""
+    """The paper's lattice on one thread."""
     fused = Subject("fused", "this engine, fused", "engine-1", start=mode.start, span=mode.span)
-    found = []
-    for choices in CALIBRATED_AND_BARE:
-        before, after = ("", "") if choices == "calibrated" else ("bare ", ", bare")
-        found.append(replace(fused, key=f"{before}fused", name=fused.name + after, choices=choices))
-        if choices == "calibrated":
-            whole = f"{fused.name}, whole model"
-            found.append(replace(fused, key="fused whole", name=whole, extent="whole"))
-            worker = f"engine-1-{NO_LEDGER}"
-            name = f"{fused.name}, no ledger"
-            found.append(replace(fused, key="fused no ledger", name=name, worker=worker))
-        found += [
-            replace(
-                fused, key=before + peer.lower(), name=name + after, worker="peers", peer=peer,
-                choices=choices,
-            )
+    whole = f"{fused.name}, whole model"
+    worker, name = f"engine-1-{NO_LEDGER}", f"{fused.name}, no ledger"
+    return [
+        fused,
+        replace(fused, key="fused whole", name=whole, extent="whole"),
+        replace(fused, key="fused no ledger", name=name, worker=worker),
+        *(
+            replace(fused, key=peer.lower(), name=name, worker="peers", peer=peer)
             for peer, name in PEERS.items()
-        ]  # fmt: skip
-    return [*found, *(_lammps(key, peer, mode) for key, peer in LAMMPS.items())]
+        ),
+        *(_lammps(key, peer, mode) for key, peer in LAMMPS.items()),
+    ]
 
 
 def _lammps(key: str, peer: str, mode: Mode) -> Subject:
-    """The bare choices are the nearest to what it computes."""
     name = f"LAMMPS bpm/{'rotational' if peer == 'Rotational' else 'spring/plastic'}"
-    return Subject(key, name, "peers", choices="bare", peer=peer, seconds=mode.seconds)
+    return Subject(key, name, "peers", peer=peer, seconds=mode.seconds)
 
 
 def _batches(mode: Mode, threads: int) -> list[Subject]:

@@ -21,9 +21,8 @@ from .table import Table, write
 LEGEND = (
     "ns: wall time per node-stage, which is one node's part of one of a step's four force"
     " evaluations (LAMMPS has one a step). CPU ns: processor time of all threads. s/ms: wall"
-    " seconds per simulated millisecond of one lattice. Bare: without the choices that"
-    " benchmarks/README.md names. Medians of {rounds} rounds, with quartiles (of few rounds: least"
-    " and largest); ratios are formed within rounds."
+    " seconds per simulated millisecond of one lattice. Medians of {rounds} rounds, with quartiles"
+    " (of few rounds: least and largest); ratios are formed within rounds."
 )
 
 

@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from taichi_foam.records.history import COLUMNS, History, row_columns
 from taichi_foam.scene import Scene
 
+Array = NDArray[np.float64]
+
 
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     """The history of `scene` from rows (n, k) of the engine, see `row_columns`.
 
     They go from the first row of the run on; n may be 0.
 
-    Work counts from the first row; crushing is what the normal stresses took up beyond what they
-    still store or lost by breaking. The residual is the energy that no column accounts for. What
-    is not said here is the sum of its column's `source`.
+    Works count from the first row. What a mechanism has lost is the work that it took, less what it
+    stores more than at the first row, and less the stored energy that is booked as fracture. The
+    residual is the energy that no column accounts for. What is not said here is the sum of its
+    column's `source`.
     """
     # filters take a second to load: after the run, not before it
     from taichi_foam.analysis.smoothing import smooth_deceleration
@@ -27,12 +30,18 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
-    t, y, v, stored = of["time"], of["y"], of["v"], of["stored"]
+    t, y, v = of["time"], of["y"], of["v"]
     interval = np.diff(t, prepend=t[:1])
     deceleration = np.divide(
         np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
-    normal = of["bonds"] - of["shear"] - of["dashpots"] - of["room"]
+    normal = of["bonds"] - of["shear"] - of["room"]
+    if scene.model.damping != "absolute":
+        normal = normal - of["dashpots"]  # which drag acts beside: it is on the mass points
+
+    def lost(work: Array, stored: str, fracture: str | None = None) -> Array:
+        return work - (of[stored] - of[stored][:1]) - (0.0 if fracture is None else of[fracture])
+
     potential = of["potential"] + mass * gravity * y
     found = {
         "displacement_m": (y[:1] - y) if impactor else np.zeros_like(t),
@@ -40,7 +49,12 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         "deceleration_m_s2": deceleration,
         "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),
         "impactor_kinetic_J": 0.5 * mass * v**2,
-        "crushing_J": normal - (stored - stored[:1]) - of["fracture"],
+        "crushing_J": lost(normal, "in_bonds", "lost_by_bonds"),
+        "folding_J": lost(of["room"], "in_room", "lost_by_room"),
+        "shearing_J": lost(of["shear"], "in_shear", "lost_by_shear"),
+        "friction_J": lost(of["friction"], "held_by_friction"),
+        "contact_loss_J": lost(of["contact"], "held_by_contact"),
+        "self_contact_J": lost(of["pieces"], "held_by_pieces"),
         "gravity_J": potential - potential[:1],
     }
     if impactor is not None and scene.turns:

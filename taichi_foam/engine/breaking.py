@@ -1,15 +1,10 @@
-"""What has become of the bonds: which are whole, which break now, and what that leaves.
-
-A bond's shear strain is that of the foam about it: where bonds that cross it have
-broken, part of that foam no longer counts.
-"""
+"""What has become of the bonds: which are whole, which break or soften now, and what they lose."""
 
 import taichi as ti
 
-from taichi_foam.engine import cells, lanes, makeup
+from taichi_foam.engine import lanes, makeup
 from taichi_foam.engine.grading import A, B
-from taichi_foam.engine.model import BOTH, EITHER
-from taichi_foam.engine.state import BREAKING, BROKEN
+from taichi_foam.engine.state import BREAKING, BROKEN, LOST_BY_BONDS, book
 from taichi_foam.laws import kinematics
 
 
@@ -58,7 +53,7 @@ def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
     lost = 0.0
     for j in range(lattice.rows):
         lost = soften_at(lattice, b, i, j, lost, p)
-    lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
+    book(lattice, b, i, LOST_BY_BONDS, lost)
 
 
 @ti.func
@@ -91,7 +86,7 @@ def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
     lost = 0.0
     for j in range(lattice.rows):
         lost = break_at(lattice, b, i, j, time, lost, p)
-    lattice.state.fracture[b, i] = lattice.state.fracture[b, i] + lost
+    book(lattice, b, i, LOST_BY_BONDS, lost)
 
 
 @ti.func
@@ -125,69 +120,6 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
     return ti.i32(
         bonds[b, i, lanes.pack_of(lattice, j)].condition[lanes.lane_of(lattice, j)] > BROKEN
     )
-
-
-@ti.func
-def _counts(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether cell (i, j) is still one piece of foam, if it is not torn all through."""
-    counts = 1
-    if ti.static(lattice.features.crushed_room):
-        hold = lattice.state.hold[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
-        counts = ti.i32(hold > cells.COUNTS_ABOVE)
-    elif ti.static(lattice.features.shaped):
-        counts = cells.has_corners(lattice, b, i, j)
-    return counts
-
-
-@ti.func
-def _weigh(
-    lattice: ti.template(), b, holds, ahead_near, ahead_far, behind_near, behind_far, ahead_counts,
-    behind_counts,
-):  # fmt: skip
-    """Weights of a bond's four cross differences, by which crossing bonds are whole.
-
-    In twelfths, all in one number (`lanes.weight`). A broken bond has none: the shear
-    vanishes with its column across. The two differences on a side of the bond are two sides of
-    the cell there. By the reading `both` they count as long as that cell is one piece: while one of
-    them is whole, and cracks have not pulled the cell apart.
-    """
-    counts = ti.Vector([ahead_near, ahead_far, behind_near, behind_far])
-    halves = lattice.model.parameters[b].halves
-    if halves == EITHER:
-        ahead, behind = ahead_near * ahead_far, behind_near * behind_far
-        counts = ti.Vector([ahead, ahead, behind, behind])
-    elif halves == BOTH:
-        ahead = ahead_counts * ti.max(ahead_near, ahead_far)
-        behind = behind_counts * ti.max(behind_near, behind_far)
-        counts = ti.Vector([ahead, ahead, behind, behind])
-    twelfths = holds * counts * ti.raw_div(12, ti.max(counts.sum(), 1))
-    weights = 0
-    for place in ti.static(range(4)):
-        weights |= twelfths[place] << ti.static(lanes.WEIGHT_BITS * place)
-    return weights
-
-
-@ti.func
-def update_halves(lattice: ti.template(), b, i, j):
-    """Weights of the differences that cross the node's two bonds (Eqs 13, 27, Fig. 20)."""
-    k = lanes.pack_of(lattice, j)
-    lane = lanes.lane_of(lattice, j)
-    if i < lattice.columns - 1:
-        weights = _weigh(
-            lattice, b, is_whole(lattice, A, b, i, j),
-            is_whole(lattice, B, b, i, j), is_whole(lattice, B, b, i + 1, j),
-            is_whole(lattice, B, b, i, j - 1), is_whole(lattice, B, b, i + 1, j - 1),
-            _counts(lattice, b, i, j), _counts(lattice, b, i, j - 1),
-        )  # fmt: skip
-        lattice.state.bond_a[b, i, k].weights[lane] = weights
-    if j < lattice.rows - 1:
-        weights = _weigh(
-            lattice, b, is_whole(lattice, B, b, i, j),
-            is_whole(lattice, A, b, i, j), is_whole(lattice, A, b, i, j + 1),
-            is_whole(lattice, A, b, i - 1, j), is_whole(lattice, A, b, i - 1, j + 1),
-            _counts(lattice, b, i, j), _counts(lattice, b, i - 1, j),
-        )  # fmt: skip
-        lattice.state.bond_b[b, i, k].weights[lane] = weights
 
 
 @ti.func

@@ -8,7 +8,7 @@ import taichi as ti
 from taichi_foam.engine import ledger, turning
 from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS
-from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING, WORKS
+from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING
 
 # Steps after which the radii in contact are brought up to date with the nodes' crush.
 REFRESH = 4
@@ -18,9 +18,6 @@ REFRESH = 4
 # then is what one finds after a test, and the rebound velocity is told.
 QUIET = 1e-3
 SETTLING = 20e-3
-
-vec3 = ti.types.vector(3, ti.f64)
-vec_works = ti.types.vector(WORKS, ti.f64)
 
 
 @ti.func
@@ -81,10 +78,10 @@ def row_is_due(lattice: ti.template(), b) -> ti.i32:
 
 @ti.func
 def close_row(
-    lattice: ti.template(), b, energy: vec3, fracture: ti.f64, works: vec_works, p: ti.template()
+    lattice: ti.template(), b, energy: ledger.vec_now, works: ledger.vec_works, p: ti.template()
 ):
     """Write the row that is due, and say when the next one is."""
-    ledger.write_row(lattice, b, energy, fracture, works)
+    ledger.write_row(lattice, b, energy, works)
     due = ti.floor(lattice.state.clock[b].time / p.row_interval + 1e-9) + 1.0
     lattice.state.clock[b].next_row = due * p.row_interval
 

@@ -4,7 +4,15 @@ import taichi as ti
 
 from taichi_foam.engine import breaking, lanes, makeup, turning
 from taichi_foam.engine.grading import A, B
-from taichi_foam.engine.state import BASE, CROWDED, FRICTION, IMPACTOR
+from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.state import (
+    CONTACT,
+    CROWDED,
+    FRICTION,
+    HELD_BY_CONTACT,
+    HELD_BY_FRICTION,
+    HELD_BY_PIECES,
+)
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws.shape.edges import Edged
 
@@ -19,7 +27,7 @@ THIN = 0.25
 UNLISTED = -1  # links of the search grid are not below this
 
 vec2 = ti.types.vector(2, ti.f64)
-vec3 = ti.types.vector(3, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 vec3i = ti.types.vector(3, ti.i32)
 
 
@@ -89,8 +97,9 @@ def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
 def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()) -> vec2:
     """Force [N] of the impactor, and of the floor or the support, on a node.
 
-    Work and the force on the impactor are added to the strip's. The first stage of a step also
-    latches the friction springs: slid off beyond mu N, and slack where there is no touch.
+    Work and the force on the impactor are added to the strip's, and at the last stage the energy
+    that the springs hold. The first stage of a step also latches the friction springs: slid off
+    beyond mu N, and slack where there is no touch.
     """
     now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
     speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
@@ -108,13 +117,21 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
             point = vec2(turning.in_body(lattice, b, now.x, now.y, p))
             arm = vec2(turning.arm_to(lattice, b, now.x, now.y, p))
         if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
-            found = lattice.features.distance(lattice.model.surface, b, p.surface_rows, point)
+            found = lattice.features.distance(
+                lattice.model.surface, b, ti.cast(p.surface_rows, ti.i32), point
+            )
             if found[0] < 0.0:
                 normal = found.yz
                 if ti.static(lattice.features.turns):
                     normal = turning.turned(lattice, b, normal)
                 tangent = vec2(-normal.y, normal.x)
-                press = contact_law.normal_force(stiffness, found[0])
+                relative = vec2(speed.x, speed.y - body.trial_v)
+                if ti.static(lattice.features.turns):
+                    relative = speed - turning.velocity_of(lattice, b, arm)
+                spring = contact_law.normal_force(stiffness, found[0])
+                press = contact_law.damped_force(
+                    spring, p.contact_dashpot * stiffness, relative.dot(normal)
+                )
                 path = _slid(lattice, b, i, j, stage) - _impactor_slid(lattice, b, arm, stage)
                 along = contact_law.tangential_force(
                     stiffness,
@@ -125,21 +142,27 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 pressing = press * normal
                 rubbing = along * tangent
                 on_impactor = -along / stiffness
-                relative = vec2(speed.x, speed.y - body.trial_v)
                 if ti.static(lattice.features.turns):
-                    relative = speed - turning.velocity_of(lattice, b, arm)
                     turning.add_reaction(lattice, b, strip, pressing + rubbing, arm)
-                work[IMPACTOR] -= weight * pressing.dot(relative)
+                work[CONTACT] -= weight * pressing.dot(relative)
                 work[FRICTION] -= weight * rubbing.dot(relative)
+                if stage == LAST_STAGE:
+                    work[HELD_BY_CONTACT] += 0.5 * spring * spring / stiffness
+                    work[HELD_BY_FRICTION] += 0.5 * along * along / stiffness
                 lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[
                     b, strip
                 ] - (pressing.y + rubbing.y)
                 lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -found[0])
                 force += pressing + rubbing
-        standing = _stand(lattice, b, i, j, stage, now, stiffness, p)
-        on_floor = standing[2]
-        work[BASE] -= weight * standing.xy.dot(speed)
-        force += standing.xy
+        standing, stretch, stored = _stand(lattice, b, i, j, stage, now, stiffness, p)
+        on_floor = stretch
+        pressed, rubbed = standing.xy, standing.zw
+        work[CONTACT] -= weight * pressed.dot(speed)
+        work[FRICTION] -= weight * rubbed.dot(speed)
+        if stage == LAST_STAGE:
+            work[HELD_BY_CONTACT] += stored
+            work[HELD_BY_FRICTION] += 0.5 * stiffness * stretch * stretch
+        force += pressed + rubbed
         lattice.state.work[b, strip] = work
     if stage == 0:
         lattice.state.slip[b, i, k].impactor[lane] = on_impactor
@@ -148,10 +171,10 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
 
 
 @ti.func
-def _stand(
-    lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64, p: ti.template()
-) -> vec3:
-    """Force [N] of the floor or the support on a node, and the stretch of its friction spring [m].
+def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64, p: ti.template()):
+    """Forces [N] of the floor or the support on a node: how it presses (x, y), how it rubs (z, w).
+
+    With them come the stretch of the friction spring [m], and the energy that pressing stores [J].
 
     Between lies half a cell of foam, or what crushing has left of it, along the way out of the
     outline. Where that is level, the foam lies beside the node: half a cell's width of it, by the
@@ -171,7 +194,7 @@ def _stand(
         ]
         upright *= makeup.wider_face(lattice, B, b, i, j)
         sideways *= makeup.wider_face(lattice, A, b, i, j)
-    stand, stretch = vec2(0.0), 0.0
+    stand, stretch, stored = vec4(0.0), 0.0, 0.0
     if distance < half:
         height = _least_height(lattice, b, i, j)
         strain = height + flank * (_least_width(lattice, b, i, j) - height)
@@ -179,10 +202,12 @@ def _stand(
         press = 0.0
         if ti.static(lattice.features.shaped) and half < THIN * p.cell.y:
             press = contact_law.normal_force(stiffness, distance - half)
+            stored = 0.5 * press * press / stiffness
         elif distance < radius:
             c = makeup.constants_at(lattice, B, b, j, p)
             face = upright + flank * (sideways - upright)
             press = -face * lattice.law.contact_stress(c, distance, radius, half)
+            stored = face * half * lattice.law.contact_energy(c, distance, radius, half)
         tangent = vec2(normal.y, -normal.x)
         along = contact_law.tangential_force(
             stiffness,
@@ -191,9 +216,9 @@ def _stand(
             p.floor_friction,
             press,
         )
-        stand = press * normal + along * tangent
+        stand.xy, stand.zw = press * normal, along * tangent
         stretch = -along / stiffness
-    return vec3(stand.x, stand.y, stretch)
+    return stand, stretch, stored
 
 
 @ti.func
@@ -277,7 +302,7 @@ def piece_push(
     `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
     [m]. There are no branches: a processor could not predict which candidates touch.
     """
-    gap = away.norm()
+    gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
     c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
     stress = lattice.law.contact_stress(c, gap, touch, p.piece_length)
     if ti.static(lattice.features.foams > 1):
@@ -286,14 +311,39 @@ def piece_push(
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
     tangent = vec2(-normal.y, normal.x)
+    area = p.piece_area * share
     rubbing = contact_law.rubbing_force(
-        p.piece_dashpot, -closing.dot(tangent), p.piece_friction, -p.piece_area * stress
+        p.piece_dashpot * share, -closing.dot(tangent), p.piece_friction, -area * stress
     )
-    return normal * (p.piece_area * stress) + tangent * rubbing
+    return normal * (area * stress) + tangent * rubbing
 
 
 @ti.func
-def push_pieces(lattice: ti.template(), b, p: ti.template()):
+def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
+    """Share of a whole cell's face on which two nodes touch: that of the one with less foam."""
+    share = 1.0
+    if ti.static(lattice.features.shaped):
+        here, there = place_of(lattice, one), place_of(lattice, two)
+        shares = ti.static(lattice.model.filling.share)
+        share = ti.min(
+            shares[b, here[0], here[1]][here[2]], shares[b, there[0], there[1]][there[2]]
+        )
+    return share
+
+
+@ti.func
+def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.template()):
+    """Energy [J] that the contact of two nodes stores, see `piece_push`."""
+    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
+    energy = lattice.law.contact_energy(c, gap, touch, p.piece_length)
+    if ti.static(lattice.features.foams > 1):
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.rows), p)
+        energy = ti.min(energy, lattice.law.contact_energy(other, gap, touch, p.piece_length))
+    return p.piece_area * p.piece_length * _share_of_pair(lattice, b, one, two) * energy
+
+
+@ti.func
+def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
     A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
@@ -310,6 +360,7 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         lattice.state.candidate[b, n].u = speed.x
         lattice.state.candidate[b, n].v = speed.y
         pushes[b, n] = vec2(0.0)
+    held = 0.0
     for n in range(lattice.state.clock[b].pairs):
         pair = lattice.state.pairs[b, n]
         one = lattice.state.candidate[b, pair[0]]
@@ -326,6 +377,11 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         lattice.scratch.candidate_push[b, pair[1]] = (
             lattice.scratch.candidate_push[b, pair[1]] + push
         )
+        if stage == LAST_STAGE:
+            one_node = lattice.state.candidate_node[b, pair[0]]
+            other_node = lattice.state.candidate_node[b, pair[1]]
+            touch = one.radius + two.radius
+            held += piece_energy(lattice, b, one_node, other_node, away.norm(), touch, p)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
         lattice.scratch.push[b, place[0], place[1]].x[place[2]] = lattice.scratch.candidate_push[
@@ -334,6 +390,8 @@ def push_pieces(lattice: ti.template(), b, p: ti.template()):
         lattice.scratch.push[b, place[0], place[1]].y[place[2]] = lattice.scratch.candidate_push[
             b, n
         ].y
+    if stage == LAST_STAGE:
+        lattice.state.work[b, 0][HELD_BY_PIECES] = held
 
 
 @ti.func

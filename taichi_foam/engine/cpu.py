@@ -22,8 +22,8 @@ GRAIN = 512
 
 @ti.func
 def _write_row(lattice: ti.template(), b, p: ti.template()):
-    energy, fracture, works = ledger.add_strips(lattice, b)
-    clock.close_row(lattice, b, energy, fracture, works, p)
+    energy, works = ledger.add_strips(lattice, b)
+    clock.close_row(lattice, b, energy, works, p)
 
 
 @ti.func
@@ -51,8 +51,7 @@ def _sweep(
         if i > start:
             slot = bonds.slot_of(lattice, i - 1, end - 1)
             left_slot = bonds.slot_of(lattice, i - 2, end - 1)
-            right_slot = bonds.slot_of(lattice, i, end - 1)
-            nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, right_slot, p)
+            nodes.node_column(lattice, b, i - 1, stage, sweep, slot, left_slot, p)
 
 
 @ti.func
@@ -79,35 +78,16 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
             if lattice.scratch.column_softens[b, i] > 0:
                 breaking.soften_bonds(lattice, b, i, p)
     if breaks > 0:
-        _break(lattice, b, p)
-
-
-@ti.func
-def _break(lattice: ti.template(), b, p: ti.template()):
-    for i in range(lattice.columns):
-        if lattice.scratch.column_breaks[b, i] > 0:
-            breaking.break_bonds(lattice, b, i, p)
-    for i in range(lattice.columns):
-        near = lattice.scratch.column_breaks[b, i]
-        near += lattice.scratch.column_breaks[b, ti.max(i - 1, 0)]
-        near += lattice.scratch.column_breaks[b, ti.min(i + 1, lattice.columns - 1)]
-        if near > 0:
-            for j in range(lattice.rows):
-                breaking.update_halves(lattice, b, i, j)
-
-
-@ti.func
-def _update_halves(lattice: ti.template(), b):
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
-            breaking.update_halves(lattice, b, i, j)
+        for i in range(lattice.columns):
+            if lattice.scratch.column_breaks[b, i] > 0:
+                breaking.break_bonds(lattice, b, i, p)
 
 
 @ti.func
 def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     """One stage of a whole lattice on one thread."""
     if ti.static(lattice.features.self_contact):
-        contact.push_pieces(lattice, b, p)
+        contact.push_pieces(lattice, b, stage, p)
     sweep = b * lattice.sweeps
     columns = lattice.columns
     _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
@@ -124,26 +104,25 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.state.clock[b].status == RUNNING:
-        if ti.static(lattice.features.crushed_room):
-            lattice.state.clock[b].freed = 0
-            for i in range(lattice.columns):
-                cells.look_column(lattice, b, i, p)
-            if lattice.state.clock[b].freed:
-                _update_halves(lattice, b)
         if ti.static(lattice.law.heeds_rate):
             for i in range(lattice.columns):
                 bonds.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
+        if ti.static(lattice.features.cells):
+            for i in range(lattice.columns):
+                cells.look_column(lattice, b, i, True, p)
 
 
 @ti.kernel
 def prepare(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
+    """Of a state that has been put: what its cells carry, and its stiffness if unknown."""
     for _ in range(1):
         p = lattice.model.parameters[b]
-        _update_halves(lattice, b)
+        if ti.static(lattice.features.cells):
+            for i in range(lattice.columns):
+                cells.look_column(lattice, b, i, False, p)
         if lattice.state.clock[b].stiffest < 0.0:
             stiffest = 0.0
             for i in range(lattice.columns):
@@ -198,21 +177,8 @@ def _begin_staged(lattice: ti.template()):
                 _write_row(lattice, b, p)
             _find_neighbours(lattice, b, p)
             lattice.state.clock[b].active = ti.i32(lattice.state.clock[b].status == RUNNING)
-            lattice.state.clock[b].freed = 0
             if ti.static(lattice.features.self_contact):
-                contact.push_pieces(lattice, b, p)
-    if ti.static(lattice.features.crushed_room):
-        for q in range(lattice.batch * lattice.sweeps * GRAIN):
-            if q % GRAIN == 0:
-                sweep = q // GRAIN
-                b = sweep // lattice.sweeps
-                if lattice.state.clock[b].active:
-                    p = lattice.model.parameters[b]
-                    for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
-                        cells.look_column(lattice, b, i, p)
-        for b in range(lattice.batch):
-            if lattice.state.clock[b].active and lattice.state.clock[b].freed:
-                _update_halves(lattice, b)
+                contact.push_pieces(lattice, b, 0, p)
     if ti.static(lattice.law.heeds_rate):
         for q in range(lattice.batch * lattice.sweeps * GRAIN):
             if q % GRAIN == 0:
@@ -262,7 +228,20 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
             if stage == LAST_STAGE:
                 _end_step(lattice, b, p)
             elif ti.static(lattice.features.self_contact):
-                contact.push_pieces(lattice, b, p)
+                contact.push_pieces(lattice, b, stage + 1, p)
+
+
+@ti.kernel
+def _look_staged(lattice: ti.template()):
+    """What a step ends with, for cells."""
+    for q in range(lattice.batch * lattice.sweeps * GRAIN):
+        if q % GRAIN == 0:
+            sweep = q // GRAIN
+            b = sweep // lattice.sweeps
+            if lattice.state.clock[b].active:
+                p = lattice.model.parameters[b]
+                for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
+                    cells.look_column(lattice, b, i, True, p)
 
 
 def advance_staged(lattice: Lattice, most_steps: int) -> None:
@@ -271,3 +250,5 @@ def advance_staged(lattice: Lattice, most_steps: int) -> None:
         _begin_staged(lattice)
         for stage in range(LAST_STAGE + 1):
             _stage_staged(lattice, stage)
+        if lattice.features.cells:
+            _look_staged(lattice)

@@ -9,7 +9,7 @@ import numpy as np
 from taichi_foam.engine.grading import grading
 from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
-from taichi_foam.laws.shape import Impactor
+from taichi_foam.laws.shape import Impactor, rounded
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import Filling, filling
 
@@ -22,10 +22,8 @@ class Features:
     distance       of a point from the impactor's surface; without an impactor that of a polygon
     scattered      each bond has its own strength
     softens        bonds hold beyond their limits, with ever less of their faces
-    variational    shear acts on all six nodes that its strain depends on
-    four_weights   each broken bond is left out by itself (Model.broken_halves = "each"); otherwise
-                   the two differences on one side of a bond count alike
-    excess_damping   the dashpots along a bond differ from those across it
+    faces          bonds carry shear, by the strain at their faces (Model.shear = "face")
+    cells          cells carry it, or keep the room that their bonds have left them
     drag           a dashpot on each node's own velocity
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
@@ -41,9 +39,8 @@ class Features:
     distance: Callable[..., Any]
     scattered: bool
     softens: bool
-    variational: bool
-    four_weights: bool
-    excess_damping: bool
+    faces: bool
+    cells: bool
     drag: bool
     self_contact: bool
     crushed_room: bool
@@ -58,16 +55,16 @@ class Features:
 def features_of(scene: Scene) -> Features:
     """The features that a scene needs."""
     model, foams = scene.model, grading(scene).foams
+    law, faces = scene.foam.law_for(model), model.shear == "face"
     return Features(
-        law=scene.foam.law_for(model),
-        distance=(scene.impactor or Impactor).distance,
+        law=law,
+        distance=rounded.distance_of(scene.impactor) if scene.impactor else Impactor.distance,
         scattered=scene.foam.strength_scatter > 0.0,
         softens=any(
             each.tail > 1.0 for foam in foams for pair in limits(foam, scene.block) for each in pair
         ),
-        variational=model.shear == "variational",
-        four_weights=model.broken_halves == "each",
-        excess_damping=model.damping == "stiffness",
+        faces=faces,
+        cells=model.crushed_room or not faces,
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,

@@ -84,15 +84,6 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
     if ti.static(lattice.features.self_contact):
         _find_neighbours(lattice, shared, b, t, p)
     if lattice.state.clock[b].status == RUNNING:
-        if ti.static(lattice.features.crushed_room):
-            if t == 0:
-                lattice.state.clock[b].freed = 0
-            ti.simt.block.sync()
-            gpu_strips.look_strip(lattice, b, t, THREADS, p)
-            ti.simt.block.sync()
-            if lattice.state.clock[b].freed:
-                gpu_strips.update_halves(lattice, b, t, THREADS)
-                ti.simt.block.sync()
         if ti.static(lattice.law.heeds_rate):
             gpu_strips.flow_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
@@ -102,8 +93,9 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
             gpu_strips.soften_strip(lattice, b, t, THREADS, p)
         if lattice.scratch.totals[b, 0, BREAKS] > 0.0:
             gpu_strips.break_strip(lattice, b, t, THREADS, p)
+        if ti.static(lattice.features.cells):
             ti.simt.block.sync()
-            gpu_strips.update_halves(lattice, b, t, THREADS)
+            gpu_strips.look_strip(lattice, b, t, THREADS, True, p)
     ti.simt.block.sync()
 
 
@@ -239,21 +231,6 @@ def _find_neighbours_wide(lattice: ti.template()):
 
 
 @ti.kernel
-def _look_wide(lattice: ti.template()):
-    for b in range(lattice.batch):
-        lattice.state.clock[b].freed = 0
-    for q in range(lattice.batch * lattice.strips):
-        b = q // lattice.strips
-        if lattice.state.clock[b].active:
-            p = lattice.model.parameters[b]
-            gpu_strips.look_strip(lattice, b, q % lattice.strips, lattice.strips, p)
-    for q in range(lattice.batch * lattice.strips):
-        b = q // lattice.strips
-        if lattice.state.clock[b].active and lattice.state.clock[b].freed:
-            gpu_strips.update_halves(lattice, b, q % lattice.strips, lattice.strips)
-
-
-@ti.kernel
 def _flow_wide(lattice: ti.template()):
     for q in range(lattice.batch * lattice.strips):
         b = q // lattice.strips
@@ -313,10 +290,12 @@ def _break_wide(lattice: ti.template()):
         if lattice.state.clock[b].active and lattice.scratch.totals[b, 0, BREAKS] > 0.0:
             p = lattice.model.parameters[b]
             gpu_strips.break_strip(lattice, b, q % lattice.strips, lattice.strips, p)
-    for q in range(lattice.batch * lattice.strips):
-        b = q // lattice.strips
-        if lattice.state.clock[b].active and lattice.scratch.totals[b, 0, BREAKS] > 0.0:
-            gpu_strips.update_halves(lattice, b, q % lattice.strips, lattice.strips)
+    if ti.static(lattice.features.cells):
+        for q in range(lattice.batch * lattice.strips):
+            b = q // lattice.strips
+            if lattice.state.clock[b].active:
+                p = lattice.model.parameters[b]
+                gpu_strips.look_strip(lattice, b, q % lattice.strips, lattice.strips, True, p)
 
 
 def advance_wide(lattice: Lattice, most_steps: int) -> None:
@@ -325,8 +304,6 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
         _begin_wide(lattice)
         if lattice.features.self_contact:
             _find_neighbours_wide(lattice)
-        if lattice.features.crushed_room:
-            _look_wide(lattice)
         if lattice.law.heeds_rate:
             _flow_wide(lattice)
         for stage in range(LAST_STAGE + 1):
@@ -336,9 +313,11 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
 
 @ti.kernel
 def prepare(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
-    for strip in range(lattice.strips):
-        gpu_strips.update_halves(lattice, b, strip, lattice.strips)
+    """Of a state that has been put: what its cells carry, and its stiffness if unknown."""
+    if ti.static(lattice.features.cells):
+        for strip in range(lattice.strips):
+            p = lattice.model.parameters[b]
+            gpu_strips.look_strip(lattice, b, strip, lattice.strips, False, p)
     ti.loop_config(block_dim=THREADS)
     for strip in range(lattice.strips):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)

@@ -11,7 +11,8 @@ import taichi as ti
 
 from taichi_foam.engine import breaking, contact, lanes, makeup
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
-from taichi_foam.engine.state import CROWDED
+from taichi_foam.engine.lattice import LAST_STAGE
+from taichi_foam.engine.state import CROWDED, HELD_BY_PIECES, book
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -203,7 +204,7 @@ def close_list(lattice: ti.template(), b):
 
 
 @ti.func
-def push(lattice: ti.template(), b, n, p: ti.template()):
+def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
     """The pushes [N] of a node's partners on it; each pair is computed from both its sides."""
     count = lattice.state.partner_count[b, n]
     if count > 0:
@@ -218,5 +219,8 @@ def push(lattice: ti.template(), b, n, p: ti.template()):
             closing = speed - lanes.velocity(lattice, lattice.scratch.trial, b, oi, oj)
             touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
             total -= contact.piece_push(lattice, b, n, other, away, closing, touch, p)
+            if stage == LAST_STAGE:
+                held = contact.piece_energy(lattice, b, n, other, away.norm(), touch, p)
+                book(lattice, b, strip, HELD_BY_PIECES, 0.5 * held)
         lattice.scratch.push[b, i, j].x[0] = total.x
         lattice.scratch.push[b, i, j].y[0] = total.y

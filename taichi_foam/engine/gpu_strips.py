@@ -27,12 +27,17 @@ from taichi_foam.engine.scratch import (
     STIFFEST,
     TORQUE,
 )
-from taichi_foam.engine.state import WORKS
+from taichi_foam.engine.state import (
+    HELD_BY_PIECES,
+    LOST_BY_BONDS,
+    WORKS,
+    book,
+)
+from taichi_foam.records.history import ENERGIES_NOW
 
 TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
 
 vec3 = ti.types.vector(3, ti.f64)
-vec_works = ti.types.vector(WORKS, ti.f64)
 
 
 @ti.func
@@ -61,42 +66,39 @@ def reduce(
 
 @ti.func
 def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template()):
-    """Forces of a strip's bonds, and the pushes on its pieces."""
+    """Forces of a strip's bonds and cells, and the pushes on its pieces."""
     bonds.clear_bonds(lattice, b, strip)
+    if stage == LAST_STAGE:
+        lattice.state.work[b, strip][HELD_BY_PIECES] = 0.0
     stiffest = 0.0
     n = strip
     while n < lattice.nodes:
         i = ti.raw_div(n, lattice.rows)
         k = ti.raw_mod(n, lattice.rows)
-        a_length, a_strain, a, b_length, b_strain, b_force = bonds.normal_forces(
-            lattice, stage, b, i, k, strip, p
-        )
-        bonds.bond_pack(
-            lattice, stage, b, i, k, strip, b, i, a_length, a_strain, a, b_length, b_strain,
-            b_force, p,
-        )  # fmt: skip
+        a_strain, b_strain = bonds.bond_pack(lattice, stage, b, i, k, strip, b, i, p)
         if ti.static(lattice.law.stiffens):
             stiff = bonds.stiffen_pack(lattice, b, i, k, b, i, a_strain, b_strain, p)
             stiffest = ti.max(stiffest, stiff)
-        if ti.static(lattice.features.crushed_room):
+        if ti.static(lattice.features.crushed_room):  # noqa: SIM102 - the static test stands alone
             if lattice.scratch.presses[b, i, k]:
-                cells.press_pack(lattice, stage, b, i, k, strip, b, i, p)
-            else:
-                cells.clear_pack(lattice, b, i, k)
+                cells.press_pack(lattice, b, i, k, strip, b, i, p)
         if ti.static(lattice.features.self_contact):
-            gpu_neighbours.push(lattice, b, n, p)
+            gpu_neighbours.push(lattice, b, n, stage, strip, p)
         n += width
     lattice.scratch.stiffest[b, strip] = stiffest
 
 
 @ti.func
-def look_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Before a step: see to a strip's cells. All have to end this before `flow_strip`."""
+def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p: ti.template()):
+    """`cells.look_column` of a strip's cells."""
+    lost = cells.vec2(0.0)
     n = strip
     while n < lattice.nodes:
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
-        cells.look_pack(lattice, b, i, k, p)
+        lost = cells.look_pack(lattice, b, i, k, lost, p)
         n += width
+    if ti.static(booked):
+        cells.book_lost(lattice, b, strip, lost)
 
 
 @ti.func
@@ -117,8 +119,8 @@ def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template())
     while n < lattice.nodes:
         i = ti.raw_div(n, lattice.rows)
         k = ti.raw_mod(n, lattice.rows)
-        left_slot = ti.select(i > 0, i - 1, lattice.columns)  # a place of zeros, as on the right
-        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, i + 1, p)
+        left_slot = ti.select(i > 0, i - 1, lattice.columns)  # a place of zeros
+        nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, p)
         if stage == LAST_STAGE:
             nodes.inspect_pack(lattice, b, i, k, strip)
             if lattice.scratch.tally[b, strip].diverged[0] > 0.0:
@@ -172,31 +174,30 @@ def reduce_energies(
     p: ti.template(),
 ):  # fmt: skip
     """What a row of the history has to know of all strips."""
-    energy = vec3(0.0)
+    energy = ledger.vec_now(0.0)
     n = strip
     while n < lattice.nodes:
-        energy += ledger.energy_at(
-            lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows), p
-        )
+        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+        energy += ledger.energy_at(lattice, b, i, k, p)
+        if ti.static(lattice.features.cells):
+            energy += ledger.energy_of_cells(lattice, b, i, k, p)
         n += width
     works = lattice.state.work[b, strip]
-    for c in ti.static(range(3)):
+    for c in ti.static(range(len(ENERGIES_NOW))):
         shared[c * THREADS + t] = energy[c]
-    shared[3 * THREADS + t] = lattice.state.fracture[b, strip]
     for c in ti.static(range(WORKS)):
-        shared[(4 + c) * THREADS + t] = works[c]
+        shared[ti.static(len(ENERGIES_NOW) + c) * THREADS + t] = works[c]
     reduce(shared, values, t, b, block, ENERGIES, ENERGY_SUMS, True)
 
 
 @ti.func
 def write_row(lattice: ti.template(), b, p: ti.template()):
-    energy = vec3(0.0)
-    works = vec_works(0.0)
-    for c in ti.static(range(3)):
+    energy, works = ledger.vec_now(0.0), ledger.vec_works(0.0)
+    for c in ti.static(range(len(ENERGIES_NOW))):
         energy[c] = lattice.scratch.totals[b, 0, ENERGIES + c]
     for c in ti.static(range(WORKS)):
-        works[c] = lattice.scratch.totals[b, 0, ENERGIES + 4 + c]
-    clock.close_row(lattice, b, energy, lattice.scratch.totals[b, 0, ENERGIES + 3], works, p)
+        works[c] = lattice.scratch.totals[b, 0, ti.static(ENERGIES + len(ENERGIES_NOW) + c)]
+    clock.close_row(lattice, b, energy, works, p)
 
 
 @ti.func
@@ -217,12 +218,12 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
         lost = breaking.soften_at(lattice, b, i, k, lost, p)
         n += width
-    lattice.state.fracture[b, strip] = lattice.state.fracture[b, strip] + lost
+    book(lattice, b, strip, LOST_BY_BONDS, lost)
 
 
 @ti.func
 def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Break a strip's failed bonds. All have to end this before `update_halves`."""
+    """Break a strip's failed bonds. All have to end this before `look_strip`."""
     time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     n = strip
@@ -230,12 +231,4 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
         i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
         lost = breaking.break_at(lattice, b, i, k, time, lost, p)
         n += width
-    lattice.state.fracture[b, strip] = lattice.state.fracture[b, strip] + lost
-
-
-@ti.func
-def update_halves(lattice: ti.template(), b, strip, width):
-    n = strip
-    while n < lattice.nodes:
-        breaking.update_halves(lattice, b, ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows))
-        n += width
+    book(lattice, b, strip, LOST_BY_BONDS, lost)

@@ -10,11 +10,6 @@ import taichi as ti
 
 CPU_LANES = 4  # a power of two
 
-# Places of a bond's weights, which share one whole number: four bits for twelfths of each.
-AHEAD_NEAR, AHEAD_FAR, BEHIND_NEAR, BEHIND_FAR = range(4)
-WEIGHT_BITS = 4
-TWELFTH = 1.0 / 12.0  # three of them are 1/4 to the last bit, four 1/3, six 1/2
-
 vec2 = ti.types.vector(2, ti.f64)
 
 
@@ -78,13 +73,6 @@ def above(here: ti.template(), member: ti.template(), b, i, k):
 def below(here: ti.template(), member: ti.template(), b, i, k):
     """Of a node field whose pack is `here`: each lane's number of the node below it."""
     return from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
-
-
-@ti.func
-def weight(weights: ti.template(), place: ti.template()):
-    """What a difference across each bond of a pack counts (Eq. 13): 0, 1/4, 1/3, 1/2 or 1."""
-    mask = ti.static((1 << WEIGHT_BITS) - 1)
-    return ti.cast((weights >> ti.static(WEIGHT_BITS * place)) & mask, ti.f64) * TWELFTH
 
 
 @ti.func

@@ -2,15 +2,17 @@
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, lanes, makeup
+from taichi_foam.engine import breaking, cells, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
-from taichi_foam.records.history import ROW_COLUMNS, TURN_COLUMNS
+from taichi_foam.records.history import BOOKED, ENERGIES_NOW, ROW_COLUMNS, TURN_COLUMNS
 
-vec3 = ti.types.vector(3, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
+vec_now = ti.types.vector(len(ENERGIES_NOW), ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
-FIRST_WORK = ROW_COLUMNS.index("bonds")
+KINETIC, POTENTIAL, IN_BONDS, IN_SHEAR, IN_ROOM = range(len(ENERGIES_NOW))
+FIRST_NOW = ROW_COLUMNS.index(ENERGIES_NOW[0])
+FIRST_BOOKED = ROW_COLUMNS.index(BOOKED[0])
 FIRST_OF_TURN = len(ROW_COLUMNS)
 
 
@@ -32,43 +34,52 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
 
 @ti.func
 def energy_column(lattice: ti.template(), b, i, p: ti.template()):
-    """Add up the energies of one column of nodes and its bonds."""
-    energy = vec3(0.0)
+    """Add up the energies of one column of nodes, its bonds and its cells."""
+    energy = vec_now(0.0)
     for j in range(lattice.rows):
         energy += energy_at(lattice, b, i, j, p)
+    if ti.static(lattice.features.cells):
+        for k in range(lattice.packs):
+            energy += energy_of_cells(lattice, b, i, k, p)
     lattice.scratch.energy[b, i] = energy
 
 
 @ti.func
-def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec3:
-    """Kinetic, stored and potential energy [J] of a node and its two bonds."""
-    stored = 0.0
+def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec_now:
+    """Energies [J] of a node and its two bonds."""
+    energy = vec_now(0.0)
     for axis in range(2):  # not unrolled: the law is long, and compiles once so
-        stored += _stored(lattice, axis, b, i, j, p)
+        energy[IN_BONDS] += _stored(lattice, axis, b, i, j, p)
     mass = makeup.mass(lattice, b, i, j, p)
-    return vec3(
-        0.5 * mass * lanes.velocity(lattice, lattice.state.motion, b, i, j).norm_sqr(),
-        stored,
-        mass * p.gravity * lanes.position(lattice, lattice.state.motion, b, i, j).y,
-    )
+    speed = lanes.velocity(lattice, lattice.state.motion, b, i, j)
+    energy[KINETIC] = 0.5 * mass * speed.norm_sqr()
+    height = lanes.position(lattice, lattice.state.motion, b, i, j).y
+    energy[POTENTIAL] = mass * p.gravity * height
+    return energy
+
+
+@ti.func
+def energy_of_cells(lattice: ti.template(), b, i, k, p: ti.template()) -> vec_now:
+    """Energies [J] that a pack's cells store."""
+    stored = cells.stored_pack(lattice, b, i, k, p)
+    energy = vec_now(0.0)
+    energy[IN_SHEAR], energy[IN_ROOM] = stored[0], stored[1]
+    return energy
 
 
 @ti.func
 def add_strips(lattice: ti.template(), b):
-    """Energies, what breaking lost, and works of a lattice [J], from its strips."""
-    energy = vec3(0.0)
-    fracture = 0.0
-    works = vec_works(0.0)
+    """Energies and booked works of a lattice [J], from its strips."""
+    energy, works = vec_now(0.0), vec_works(0.0)
     for strip in range(lattice.strips):
         energy += lattice.scratch.energy[b, strip]
-        fracture += lattice.state.fracture[b, strip]
         works += lattice.state.work[b, strip]
-    return energy, fracture, works
+    return energy, works
 
 
 @ti.func
-def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_nodes: vec_works):
-    """Append a row to the lattice's history; `by_nodes` are the works that its nodes did."""
+def write_row(lattice: ti.template(), b, energy: vec_now, by_nodes: vec_works):
+    """Append a row to the lattice's history; `by_nodes` is what its nodes have booked."""
     clock = lattice.state.clock[b]
     row = clock.rows
     works = by_nodes
@@ -79,11 +90,10 @@ def write_row(lattice: ti.template(), b, energy: vec3, fracture: ti.f64, by_node
     lattice.scratch.history[b, row, 3] = lattice.state.body[b].v
     lattice.scratch.history[b, row, 4] = lattice.state.body[b].force
     lattice.scratch.history[b, row, 5] = clock.broken
-    for k in ti.static(range(3)):
-        lattice.scratch.history[b, row, 6 + k] = energy[k]
-    lattice.scratch.history[b, row, 9] = fracture
+    for k in ti.static(range(len(ENERGIES_NOW))):
+        lattice.scratch.history[b, row, FIRST_NOW + k] = energy[k]
     for k in ti.static(range(WORKS)):
-        lattice.scratch.history[b, row, FIRST_WORK + k] = works[k]
+        lattice.scratch.history[b, row, FIRST_BOOKED + k] = works[k]
     if ti.static(lattice.features.turns):
         turn = lattice.state.turn[b]
         of_body = vec4(turn.x, turn.u, turn.angle, turn.spin)

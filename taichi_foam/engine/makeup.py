@@ -97,6 +97,24 @@ def share(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def shares_of_points(lattice: ti.template(), b, i, k):
+    """`share` of a pack's mass points."""
+    found = lanes.zeros(lattice) + 1.0
+    if ti.static(lattice.features.shaped):
+        found = lattice.model.filling[b, i, k].share
+    return found
+
+
+@ti.func
+def cell_share(lattice: ti.template(), b, i, k):
+    """Share of a pack's lattice cells, those between four mass points, that is foam."""
+    found = lanes.zeros(lattice) + 1.0
+    if ti.static(lattice.features.shaped):
+        found = lattice.model.filling[b, i, k].cell
+    return found
+
+
+@ti.func
 def contact_stiffness(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """That of a mass point's contact with a body [N/m]: one that is lighter gives way more."""
     found = p.contact_stiffness

@@ -24,18 +24,15 @@ from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
 from taichi_foam.laws.shape.edges import edges_of
 from taichi_foam.laws.shape.outline import convex_hull
+from taichi_foam.laws.shape.rounded import surface_of
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.pulse import MOST_POINTS
 
-# When cross differences are left out (Model.broken_halves).
-EITHER = 0
-BOTH = 1
-EACH = 2
-
 # RK4 is stable for |h lambda| <= 2.61 everywhere in the left half-plane (2.79 on the real axis,
 # 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
 RK4_RADIUS = 2.61
+RK4_DECAY = 2.785
 
 # In a step nothing moves further than this part of a cell: half of the skin, within which the
 # neighbour list misses nothing.
@@ -59,15 +56,17 @@ MEMBERS = {
     "cell": vec2,  # (dx, dy), also the bonds' lengths
     "area": vec2,  # of the bonds' faces
     "node_mass": ti.f64,
-    "halves": ti.i32,  # which cross differences Eq. 27 leaves out
     "drag": ti.f64,  # on a node's own velocity [N s/m]
     "gravity": ti.f64,
     "hold_x": ti.i32,  # of the bottom row
     "hold_y": ti.i32,
     "floor_friction": ti.f64,
     "contact_stiffness": ti.f64,  # node against impactor, and of the friction springs [N/m]
+    "contact_dashpot": ti.f64,  # beside that spring, over its stiffness [s]
     "support_stiffness": ti.f64,  # impactor against the support [N/m]
+    # whole numbers of 32 bits come in pairs: Vulkan misreads what lies between two words
     "impactor": ti.i32,  # whether there is one
+    "end_at_rebound": ti.i32,
     "impactor_x": ti.f64,
     "impactor_half_width": ti.f64,
     "impactor_height": ti.f64,
@@ -82,7 +81,7 @@ MEMBERS = {
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
     "impactor_friction": ti.f64,
-    "surface_rows": ti.i32,  # of the impactor, in `ModelFields.surface`
+    "surface_rows": ti.f64,  # of the impactor, in `ModelFields.surface`, as a number
     "piece_area": ti.f64,  # of the contact of node with node [m2]
     "piece_length": ti.f64,
     "piece_size": ti.f64,  # radius of a node in contact over half its cell
@@ -94,7 +93,6 @@ MEMBERS = {
     "largest_step": ti.f64,
     "safety": ti.f64,
     "end_time": ti.f64,
-    "end_at_rebound": ti.i32,
     "row_interval": ti.f64,
 }
 
@@ -106,8 +104,8 @@ SHARES = (
     "tensile_tail",  # how far a bond holds beyond it, over the limit, at least 1
     "shear_tail",
     "flow_share",  # time in which worst strains flow, over a step's
-    "cross_dashpot",  # on the relative velocity of a bond's nodes [N s/m]
-    "excess_dashpot",  # on its part along the bond, beyond that
+    "dashpot",  # along a bond [N s/m]
+    "shear_viscosity",  # of the cells [Pa s], for both axes
 )
 """Of the bonds of a foam along one axis."""
 
@@ -116,11 +114,12 @@ SHARES = (
 def foam_type(law: type[BondLaw]) -> Any:
     """Taichi record of a foam: its law's constants as `bond`, SHARES of bonds A and B as `a`, `b`.
 
-    `least_mass` is that of a mass point with bonds of it [kg], and `bond_mass` the same over the
-    mean share of its two faces along an axis. In a plain block both are a whole cell's.
+    Masses [kg] are least ones of mass points that have bonds of it: `bond_mass` over the mean share
+    of a point's two faces along an axis, `cell_mass` over that of its four cells, `piece_mass` over
+    that of its own cell. In a plain block all are a whole cell's.
     """
     shares = ti.types.struct(**dict.fromkeys(SHARES, ti.f64))
-    masses = dict.fromkeys(("least_mass", "bond_mass"), ti.f64)
+    masses = dict.fromkeys(("bond_mass", "cell_mass", "piece_mass"), ti.f64)
     return ti.types.struct(bond=law.Constants, a=shares, b=shares, **masses)
 
 
@@ -141,9 +140,9 @@ class Model:
     support    (n, 3) edges of the support's outline, if it has one, see `edges_of`
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
-    filling    (I, J, 6) mass of each mass point [kg], share of the faces of bonds A and B, reach
-               of the foam's face [m], whether it stands on the base, share of its cell; None: the
-               block is plain
+    filling    (I, J, 7) mass of each mass point [kg], share of the faces of bonds A and B, reach
+               of the foam's face [m], whether it stands on the base, share of its cell, and of that
+               between it and the points to the right and above; None: the block is plain
     foams      (foams, n) every member of `foam_type`; None: there is one
     places     (2, J) which of them bonds A and B of a row are of
     """
@@ -166,7 +165,7 @@ def model_of(scene: Scene) -> Model:
     record, outline = parameters_type(law), scene.support.outline_under(scene.block)
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
-        surface=np.zeros((1, 3)) if scene.impactor is None else scene.impactor.surface(),
+        surface=_surface(scene),
         hull=_hull(scene) if scene.turns else None,
         pulse=_pulse(scene) if scene.base.acceleration is not None else None,
         support=None if outline is None else edges_of(outline),
@@ -194,7 +193,9 @@ def _filled(scene: Scene) -> NDArray[np.float64]:
     faces = np.zeros((*filled.mass.shape, 2))
     faces[:-1, :, A], faces[:, :-1, B] = filled.face_a, filled.face_b
     of_faces = faces[..., A], faces[..., B]
-    return np.stack([filled.mass, *of_faces, filled.reach, filled.on_base, filled.share], axis=-1)
+    cells = np.pad(filled.cell, ((0, 1), (0, 1)))
+    alike = filled.reach, filled.on_base, filled.share
+    return np.stack([filled.mass, *of_faces, *alike, cells], axis=-1)
 
 
 def _foams(scene: Scene, graded: Grading) -> NDArray[np.float64]:
@@ -243,7 +244,7 @@ class ModelFields:
         layout.of_lattices(self.parameters)
         layout.listed(SURFACE_ROWS, self.surface)
         if features.shaped:
-            parts = dict.fromkeys(("mass", "face_a", "face_b", "reach", "share"), pack)
+            parts = dict.fromkeys(("mass", "face_a", "face_b", "reach", "share", "cell"), pack)
             self.filling = ti.types.struct(**parts).field()
             layout.of_nodes(self.mobility, self.filling)
         else:
@@ -325,13 +326,13 @@ def parameters_of(scene: Scene) -> dict:
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
         "node_mass": _whole_mass(block),
-        "halves": {"either": EITHER, "both": BOTH, "each": EACH}[model.broken_halves],
         "drag": drag if model.damping == "absolute" else 0.0,
         "gravity": numerics.gravity,
         "hold_x": int(base.kind == "gripped"),
         "hold_y": int(base.kind in ("held", "gripped")),
         "floor_friction": base.friction,
         "contact_stiffness": contact,
+        "contact_dashpot": 2.0 * numerics.contact_damping * _swing(scene, contact),
         "support_stiffness": 0.0,
         "impactor": 0,
         "impactor_x": 0.0,
@@ -376,7 +377,7 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_mass": impactor.mass,
             "impactor_rate": _impactor_rate(scene, contact),
             "impactor_friction": impactor.friction,
-            "surface_rows": len(impactor.surface()),
+            "surface_rows": len(_surface(scene)),
             "support_stiffness": (
                 contact * answering / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0
             ),
@@ -403,6 +404,13 @@ def _pulse(scene: Scene) -> NDArray[np.float64]:
     pulse = scene.base.acceleration
     assert pulse is not None
     return np.column_stack([pulse.time, pulse.acceleration])
+
+
+def _surface(scene: Scene) -> NDArray[np.float64]:
+    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.rounded.surface_of`."""
+    if scene.impactor is None:
+        return np.zeros((1, 3))
+    return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))
 
 
 def _hull(scene: Scene) -> NDArray[np.float64]:
@@ -433,9 +441,7 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
     width, depth = impactor.extent, impactor.nose_depth
     if not impactor.guided:  # with any of its sides
         width = depth = 2 * impactor.reach
-    across = min(block.columns, math.floor(width / block.dx) + 1)
-    flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
-    touching = max(across, flanks)
+    touching = _touching(block, width, depth)
     mass = _answering_mass(impactor)
     if mass > HEAVY * touching * block.node_mass:
         return 0.0
@@ -448,6 +454,7 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
     areas = block.dy * block.thickness, block.dx * block.thickness
     along, across = _viscosities(scene, foam)
     tension, shear = limits(foam, block)
+    rates = rate_shares(foam, block)
     shares = [
         {
             "tensile_share": tension[axis].share,
@@ -455,10 +462,10 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
             "tensile_tail": tension[axis].tail,
             "shear_tail": shear[axis].tail,
             "flow_share": 1.0 / rate,
-            "cross_dashpot": across * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
-            "excess_dashpot": (along - across) * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
+            "dashpot": along * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
+            "shear_viscosity": across * math.sqrt(math.prod(rates)),
         }
-        for axis, rate in enumerate(rate_shares(foam, block))
+        for axis, rate in enumerate(rates)
     ]
     return {
         "bond": foam.constants(scene.model),
@@ -475,6 +482,22 @@ def _whole_mass(block: Block) -> float:
     return float(whole.min() if whole.size else filled.mass.max())
 
 
+def _swing(scene: Scene, contact: float) -> float:
+    """Time [s] in which a whole mass point and a body swing by a radian on contacts [N/m]."""
+    block, impactor = scene.block, scene.impactor
+    squared = contact / _whole_mass(block)
+    if impactor is not None:
+        squared += _touching(block, impactor.extent, impactor.nose_depth) * contact / impactor.mass
+    return 1.0 / math.sqrt(squared)
+
+
+def _touching(block: Block, width: float, depth: float) -> int:
+    """How many mass points a body touches that is so wide, on flanks so deep [m], at most."""
+    across = min(block.columns, math.floor(width / block.dx) + 1)
+    flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
+    return max(across, flanks)
+
+
 def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
     """See `foam_type`; `here` tells the rows (2, J) whose bonds A and B are of the foam."""
     filled = filling(block)
@@ -489,21 +512,31 @@ def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
     if not met.any():  # it has no bonds: what touches may still be of it
         met = filled.there
     mass = filled.mass[met]
+    cells = np.pad(filled.cell, 1)
+    around = 0.25 * (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:])
+
+    def least(shares: NDArray[np.float64]) -> float:
+        """The least mass over a share of what a mass point stands for."""
+        there = shares[met] > 0.0
+        return float(min(mass.max(), (mass[there] / shares[met][there]).min(initial=np.inf)))
+
     return {
-        "least_mass": float(mass.min()),
-        "bond_mass": float(min(mass.max(), (mass / faces.max(axis=0)[met]).min())),
+        "bond_mass": least(faces.max(axis=0)),
+        "cell_mass": least(around),
+        "piece_mass": least(np.minimum(filled.share, 1.0)),
     }
 
 
 def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
-    """Viscosity [Pa s] of the dashpots of a foam's bonds, along them and across them."""
-    time = scene.numerics.damping_time
-    along = time * foam.youngs_modulus
-    return {
-        "bond": (along, along),
-        "stiffness": (along, time * foam.shear_modulus),
-        "absolute": (0.0, 0.0),
-    }[scene.model.damping]
+    """Viscosity [Pa s] of a foam along its bonds, and of its cells in shear."""
+    if scene.model.damping == "absolute":
+        return 0.0, 0.0
+    time, most = scene.numerics.damping_time, foam.most_damping
+    if most is not None:
+        cell = min(scene.block.dx, scene.block.dy)
+        rate = max(rate_shares(foam, scene.block))
+        time = min(time, most * cell / (foam.youngs_modulus * rate))
+    return time * foam.youngs_modulus, time * foam.shear_modulus
 
 
 @ti.func
@@ -531,42 +564,42 @@ def _fastest_rate(
 ) -> ti.f64:
     """The same of the mass points that have bonds of one foam, a record of `foam_type`.
 
-    Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its normal and 8 k_s
-    of its shear bonds (20 k_s by the variational form), 8 k of packed pieces, 4 r k_r of its
-    cells, whose longer side is r times the shorter, and once the contact with a body (normal and
-    friction act across each other), on which a light impactor swings too; dashpots decay at no
-    more than 8 c / m, with eight more of pieces that rub, a drag at C / m.
+    Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its bonds, 4 r G Z of
+    its cells' shear (of bonds that carry it twice that) and 4 r k_r of their room, where a cell's
+    longer side is r times the shorter, 8 k of packed pieces, and once the contact with a body
+    (normal and friction act across each other), on which a light impactor swings too; dashpots
+    decay alike, with eight more of pieces that rub, a drag at C / m.
     """
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(foam.bond) * per_length.max()
-    shares = ti.static(20.0 if lattice.features.variational else 8.0)
-    modulus = lattice.law.shear_stress(foam.bond, 1.0)
+    sheared = ti.static(8.0 if lattice.features.faces else 4.0) * per_length.max()
+    modulus = lattice.law.shear_modulus(foam.bond)
     if ti.static(lattice.law.shears_stiffer):
-        modulus = lattice.law.shear_modulus(foam.bond, -crush)
-    sheared = shares * modulus * per_length.max()
+        rise, _ = lattice.law.shear_rise(foam.bond, -crush)
+        modulus += 2.0 * rise
+    sheared *= modulus
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
         stiffest = elastic + stiffened  # the overstress comes on top
-    of_bonds = 4.0 * stiffest + sheared
-    stiffness = of_bonds + p.contact_stiffness
+    of_bonds, of_cells, of_pieces = 4.0 * stiffest, 0.0, 0.0
+    if ti.static(lattice.features.faces):
+        of_bonds += sheared
+    else:
+        of_cells += sheared
     if ti.static(lattice.features.self_contact):
-        stiffness += 8.0 * lattice.law.contact_stiffness(foam.bond) * per_length.max()
+        of_pieces = 8.0 * lattice.law.contact_stiffness(foam.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
         ratio = p.cell.max() / p.cell.min()
-        stiffness += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
-    dashpots = ti.max(foam.a.cross_dashpot, foam.a.cross_dashpot + foam.a.excess_dashpot)
-    dashpots += ti.max(foam.b.cross_dashpot, foam.b.cross_dashpot + foam.b.excess_dashpot)
-    damped = 4.0 * dashpots
-    decay = damped + p.drag
+        of_cells += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
+    # what has little mass has small faces and small cells, and its contacts are as much softer
+    squared = of_bonds / foam.bond_mass + of_cells / foam.cell_mass + of_pieces / foam.piece_mass
+    squared += p.contact_stiffness / p.node_mass
+    decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
+    decays += 4.0 * per_length.max() * foam.b.shear_viscosity / foam.cell_mass
+    decays += p.drag / foam.piece_mass
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
-        decay += 8.0 * p.piece_dashpot
-    squared, decays = stiffness / foam.least_mass, decay / foam.least_mass
-    if ti.static(lattice.features.shaped):  # what has little mass has small faces, too
-        others = stiffness - of_bonds - p.contact_stiffness
-        squared = of_bonds / foam.bond_mass + others / foam.least_mass
-        squared += p.contact_stiffness / p.node_mass  # see `makeup.contact_stiffness`
-        decays = damped / foam.bond_mass + (decay - damped) / foam.least_mass
-    return ti.max(ti.sqrt(squared + p.impactor_rate), decays)
+        decays += 8.0 * p.piece_dashpot / foam.piece_mass
+    return ti.max(ti.sqrt(squared + p.impactor_rate), decays * (RK4_RADIUS / RK4_DECAY))
 
 
 @ti.func

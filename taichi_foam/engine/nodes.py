@@ -7,9 +7,18 @@ strips. On a CPU a strip is a column.
 import taichi as ti
 
 from taichi_foam.engine import cells, contact, driving, lanes, makeup, turning
-from taichi_foam.engine.lanes import AHEAD_FAR, AHEAD_NEAR, BEHIND_FAR, BEHIND_NEAR
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import BASE, BONDS, DASHPOTS, DRAG, ROOM, SELF_CONTACT, SHEAR
+from taichi_foam.engine.state import (
+    BASE,
+    BONDS,
+    DASHPOTS,
+    HELD_BY_CONTACT,
+    HELD_BY_FRICTION,
+    PIECES,
+    ROOM,
+    SHEAR,
+    book,
+)
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
 
@@ -20,13 +29,13 @@ DIVERGED_SIZE = 1e5
 
 @ti.func
 def node_pack(
-    lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot, right_slot,
+    lattice: ti.template(), b, i, k, strip, stage, sweep, slot, left_slot,
     p: ti.template(),
 ):  # fmt: skip
     """Take stage `stage` (0-3) of the classical Runge-Kutta method for one pack of nodes.
 
-    `slot`, `left_slot` and `right_slot` hold the forces of the bonds of this column and of
-    its neighbours. After the last stage the step is accepted.
+    `slot` and `left_slot` hold the forces of the bonds and cells of this column and of the one to
+    its left. After the last stage the step is accepted.
 
     Left and right bonds are added first, then below and above, and the cells of the right column
     and of the left one: the mirror image adds the same numbers. The powers [W] that the nodes give
@@ -42,29 +51,11 @@ def node_pack(
     left = force[sweep, left_slot, k]
     force_x = (own.ax - left.ax) + (own.bx - lanes.from_below(own.bx, below.bx[last]))
     force_y = (own.ay - left.ay) + (own.by - lanes.from_below(own.by, below.by[last]))
-    if ti.static(lattice.features.crushed_room):
-        cells_x, cells_y = lanes.zeros(lattice), lanes.zeros(lattice)
-        if cells.presses(lattice, b, i):
-            x, y = cells.pushed_by(lattice, False, k, sweep, slot)
-            cells_x += x
-            cells_y += y
-        if i > 0:  # noqa: SIM102 - no column has its number
-            if cells.presses(lattice, b, i - 1):
-                x, y = cells.pushed_by(lattice, True, k, sweep, left_slot)
-                cells_x += x
-                cells_y += y
-        force_x += cells_x
-        force_y += cells_y
-    if ti.static(lattice.features.variational):
-        cross_x = _crossing_force(lattice, 0, b, i, k, sweep, slot, left_slot, right_slot)
-        cross_y = _crossing_force(lattice, 1, b, i, k, sweep, slot, left_slot, right_slot)
-        force_x += cross_x
-        force_y += cross_y
-        if stage == 0 or stage == LAST_STAGE:
-            sheared = cross_x * now.u + cross_y * now.v
-            lattice.scratch.tally[b, strip].sheared = (
-                lattice.scratch.tally[b, strip].sheared - sheared
-            )
+    if ti.static(lattice.features.cells):
+        right_x, right_y = cells.pushed_by(lattice, False, k, sweep, slot)
+        left_x, left_y = cells.pushed_by(lattice, True, k, sweep, left_slot)
+        force_x += right_x + left_x
+        force_y += right_y + left_y
     by_bonds = force_x * now.u + force_y * now.v
     tally[b, strip].by_bonds = tally[b, strip].by_bonds - by_bonds
     if contact.may_touch_bodies(lattice, b, i, k, now.x, now.y, p):
@@ -79,14 +70,15 @@ def node_pack(
         if contact.is_pushed(lattice, b, i, k):
             push = lattice.scratch.push[b, i, k]
             by_pieces = -(push.x * now.u + push.y * now.v).sum()
-            _add_work(lattice, b, strip, SELF_CONTACT, weight * by_pieces)
+            book(lattice, b, strip, PIECES, weight * by_pieces)
             force_x += push.x
             force_y += push.y
     if ti.static(lattice.features.drag):
-        by_drag = p.drag * (now.u * now.u + now.v * now.v).sum()
-        _add_work(lattice, b, strip, DRAG, weight * by_drag)
-        force_x -= p.drag * now.u
-        force_y -= p.drag * now.v
+        drag = p.drag * makeup.shares_of_points(lattice, b, i, k)
+        by_drag = (drag * (now.u * now.u + now.v * now.v)).sum()
+        book(lattice, b, strip, DASHPOTS, weight * by_drag)
+        force_x -= drag * now.u
+        force_y -= drag * now.v
     # what is held has no mobility: a test for it would cost all others their vectors
     mobility = makeup.mobility(lattice, b, i, k)
     a_x = force_x * mobility.x
@@ -95,7 +87,7 @@ def node_pack(
         shake, moves = driving.shake(lattice, b), mobility.y > 0.0
         a_y -= ti.select(moves, shake, 0.0)
         momentum = ti.select(moves, now.v / mobility.y, 0.0).sum()
-        _add_work(lattice, b, strip, BASE, weight * shake * momentum)
+        book(lattice, b, strip, BASE, weight * shake * momentum)
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
     if stage > 0:
         before = lattice.state.increment[b, i, k]
@@ -124,68 +116,6 @@ def node_pack(
 
 
 @ti.func
-def _crossing_force(
-    lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
-):
-    """Force [N] along `axis` (0: x) on a pack of nodes by the shear of bonds theirs cross.
-
-    The shear strain of a bond is u . w, and w a weighted sum of differences between nodes
-    beside it. The gradient of its energy pulls at these nodes too: a bond acts as if it
-    carried, besides its own force, that of each bond it crosses by its weight there.
-    """
-    last = ti.static(lattice.lanes - 1)
-    low, high, near, far = _crossed(lattice, axis, b, i, k, sweep, slot, left_slot, right_slot)
-    low_below, far_below, high_above = 0.0, 0.0, 0.0
-    if k > 0:
-        below, _, _, far_of_below = _crossed(
-            lattice, axis, b, i, k - 1, sweep, slot, left_slot, right_slot
-        )
-        low_below, far_below = below[last], far_of_below[last]
-    if k < lattice.packs - 1:
-        _, above, _, _ = _crossed(lattice, axis, b, i, k + 1, sweep, slot, left_slot, right_slot)
-        high_above = above[0]
-    force = low - lanes.from_below(low, low_below)
-    force += lanes.from_above(high, high_above) - high
-    force += near + lanes.from_below(far, far_below)
-    return force
-
-
-@ti.func
-def _crossed(
-    lattice: ti.template(), axis: ti.template(), b, i, k, sweep, slot, left_slot, right_slot
-):
-    """What a pack's bonds carry for those that they cross, see `_crossing_force`.
-
-    `low` and `high` are what the B above and the one below a node carry for the A's at the node's
-    sides. `near` is what the A to the right of a node carries for the B's above its two ends, less
-    what the one to the left does, and `far` the same of the A's of the node above.
-    """
-    own, left = lattice.state.bond_a[b, i, k].weights, lattice.state.bond_a[b, i - 1, k].weights
-    rise, left_rise = (
-        lattice.state.bond_b[b, i, k].weights,
-        lattice.state.bond_b[b, i - 1, k].weights,
-    )
-    right_rise = lattice.state.bond_b[b, i + 1, k].weights
-    here = lattice.scratch.crossing[sweep, slot, k]
-    before = lattice.scratch.crossing[sweep, left_slot, k]
-    after = lattice.scratch.crossing[sweep, right_slot, k]
-    of_a, of_left_a = here.ax, before.ax
-    of_b, of_left_b, of_right_b = here.bx, before.bx, after.bx
-    if ti.static(axis == 1):
-        of_a, of_left_a = here.ay, before.ay
-        of_b, of_left_b, of_right_b = here.by, before.by, after.by
-    low = lanes.weight(own, AHEAD_NEAR) * of_a + lanes.weight(left, AHEAD_FAR) * of_left_a
-    high = lanes.weight(own, BEHIND_NEAR) * of_a + lanes.weight(left, BEHIND_FAR) * of_left_a
-    near = lanes.weight(rise, AHEAD_NEAR) * of_b
-    near += lanes.weight(right_rise, BEHIND_NEAR) * of_right_b
-    near -= lanes.weight(left_rise, AHEAD_NEAR) * of_left_b + lanes.weight(rise, BEHIND_NEAR) * of_b
-    far = lanes.weight(rise, AHEAD_FAR) * of_b
-    far += lanes.weight(right_rise, BEHIND_FAR) * of_right_b
-    far -= lanes.weight(left_rise, AHEAD_FAR) * of_left_b + lanes.weight(rise, BEHIND_FAR) * of_b
-    return low, high, near, far
-
-
-@ti.func
 def inspect_pack(lattice: ti.template(), b, i, k, strip):
     """After the last stage: how far nodes have moved in the step, and whether any has diverged."""
     now = lattice.state.motion[b, i, k]
@@ -201,13 +131,11 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
 
 
 @ti.func
-def node_column(
-    lattice: ti.template(), b, i, stage, sweep, slot, left_slot, right_slot, p: ti.template()
-):
+def node_column(lattice: ti.template(), b, i, stage, sweep, slot, left_slot, p: ti.template()):
     """A stage for one column of nodes."""
     clear_nodes(lattice, b, i, stage)
     for k in range(lattice.packs):
-        node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, right_slot, p)
+        node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, p)
     if stage == LAST_STAGE:
         for k in range(lattice.packs):
             inspect_pack(lattice, b, i, k, i)
@@ -223,6 +151,8 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
         lattice.scratch.torque[b, strip] = 0.0
     lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
+        lattice.state.work[b, strip][HELD_BY_CONTACT] = 0.0
+        lattice.state.work[b, strip][HELD_BY_FRICTION] = 0.0
         lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
         lattice.scratch.tally[b, strip].diverged = lanes.zeros(lattice)
 
@@ -231,20 +161,17 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
 def close_nodes(lattice: ti.template(), b, strip, stage):
     """Add a stage's tally to the strip's work.
 
-    The ledger: what the bonds take up is the power of their forces on the nodes, in the same
-    Runge-Kutta sum (the shear force is no gradient of an energy). It therefore closes to the
-    integrator's order. How it splits into normal stress, shear, dashpots and what cells take for
-    their room is sampled at both ends of the step: the trapezium rule moves work between columns,
-    never out of the sum.
+    The ledger: what the bonds and cells take up is the power of their forces on the nodes, in the
+    same Runge-Kutta sum as the motion, and so are its parts: of the cells' shear and room, and of
+    the dashpots. It therefore closes to the integrator's order, each mechanism by itself.
     """
     weight = stage_weight(stage, lattice.state.clock[b].step)
-    _add_work(lattice, b, strip, BONDS, weight * lattice.scratch.tally[b, strip].by_bonds.sum())
-    if stage == 0 or stage == LAST_STAGE:
-        step = 0.5 * lattice.state.clock[b].step
-        _add_work(lattice, b, strip, SHEAR, step * lattice.scratch.tally[b, strip].sheared.sum())
-        _add_work(lattice, b, strip, DASHPOTS, step * lattice.scratch.tally[b, strip].damped.sum())
-        if ti.static(lattice.features.crushed_room):
-            _add_work(lattice, b, strip, ROOM, step * lattice.scratch.tally[b, strip].pressed.sum())
+    tally = ti.static(lattice.scratch.tally)
+    book(lattice, b, strip, BONDS, weight * tally[b, strip].by_bonds.sum())
+    book(lattice, b, strip, SHEAR, weight * tally[b, strip].sheared.sum())
+    book(lattice, b, strip, DASHPOTS, weight * tally[b, strip].damped.sum())
+    if ti.static(lattice.features.crushed_room):
+        book(lattice, b, strip, ROOM, weight * tally[b, strip].pressed.sum())
 
 
 @ti.func
@@ -258,12 +185,6 @@ def first_diverged(lattice: ti.template(), b) -> ti.i32:
             if found == lattice.nodes and not ti.abs(x).sum() + ti.abs(v).sum() <= DIVERGED_SIZE:
                 found = i * lattice.rows + j
     return found
-
-
-@ti.func
-def _add_work(lattice: ti.template(), b, strip, member: ti.template(), work):
-    """A strip has one thread: no atomics."""
-    lattice.state.work[b, strip][member] = lattice.state.work[b, strip][member] + work
 
 
 @ti.func

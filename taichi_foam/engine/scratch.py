@@ -4,7 +4,7 @@ import taichi as ti
 
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
-from taichi_foam.records.history import row_columns
+from taichi_foam.records.history import BOOKED, ENERGIES_NOW, row_columns
 
 HISTORY_ROWS = 256  # kept on the device between two calls
 
@@ -18,8 +18,8 @@ OVERLAP = 5  # deepest so far in the impactor [m]
 DIVERGING = 6  # less the lowest number of a node that has diverged
 CRUSH = 7  # largest of any bond
 BREAKS = 8  # bonds that break in this step
-ENERGIES = 9  # kinetic, stored, potential [J]; lost by breaking; works
-ENERGY_SUMS = 13
+ENERGIES = 9  # those of `records.history.ENERGIES_NOW`, then BOOKED [J]
+ENERGY_SUMS = len(ENERGIES_NOW) + len(BOOKED)
 SUMS = ENERGIES + ENERGY_SUMS
 
 
@@ -28,11 +28,10 @@ class ScratchFields:
 
     trial     motion of the nodes at the current stage
     force     of the bonds [N]; on a CPU of the few columns that a sweep needs at a time
-    crossing  of a variational shear on the differences that cross them, per unit of their weight
     strain    of the bonds of a column now
     tally     what a strip of nodes adds up; a sum over strips has one order on any machine
     stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
-              impactor now [N]; kinetic, stored, potential energy [J]
+              impactor now [N]; energies of `records.history.ENERGIES_NOW` [J]
     side_force, torque   of each strip on an impactor that turns [N], [N m]
     column_breaks   bonds that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
@@ -47,14 +46,10 @@ class ScratchFields:
 
     def __init__(self, layout: Layout, features: Features) -> None:
         pack = layout.pack
-        pair = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack)
         self.trial = ti.types.struct(x=pack, y=pack, u=pack, v=pack).field()
         layout.by_columns(self.trial)
-        self.force = pair.field()
+        self.force = ti.types.struct(ax=pack, ay=pack, bx=pack, by=pack).field()
         layout.of_sweeps(self.force)
-        if features.variational:
-            self.crossing = pair.field()
-            layout.of_sweeps(self.crossing)
         if not layout.on_gpu:
             self.strain = ti.types.struct(a=pack, b=pack).field()
             layout.listed_by_sweep(layout.packs, self.strain)
@@ -74,7 +69,7 @@ class ScratchFields:
             layout.listed(layout.columns, self.column_softens, whole=True)
         self.tally = ti.types.struct(**tally).field()
         self.stiffest, self.contact_force = ti.field(ti.f64), ti.field(ti.f64)
-        self.energy = ti.types.vector(3, ti.f64).field()
+        self.energy = ti.types.vector(len(ENERGIES_NOW), ti.f64).field()
         layout.of_strips(self.tally, self.stiffest, self.contact_force, self.energy)
         if features.turns:
             self.side_force, self.torque = ti.field(ti.f64), ti.field(ti.f64)
@@ -90,13 +85,17 @@ class ScratchFields:
         if features.shaken:
             self.shake = ti.field(ti.f64)
             layout.of_lattices(self.shake)
+        if features.cells:
+            ends = ("x1", "y1", "x2", "y2")
+            if features.law.shears_stiffer and not features.faces:
+                ends += ("lean_x", "lean_y")
+            self.cell_push = ti.types.struct(**dict.fromkeys(ends, pack)).field()
+            layout.of_sweeps(self.cell_push)
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)
             self.column_presses = ti.field(ti.i32)
-            layout.listed(layout.columns + 1, self.column_presses, whole=True)
-            self.cell_push = ti.types.struct(x1=pack, y1=pack, x2=pack, y2=pack).field()
-            layout.of_sweeps(self.cell_push)
+            layout.listed(layout.columns, self.column_presses, whole=True)
         if features.self_contact:
             self._place_contact(layout)
 

@@ -17,6 +17,7 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import cuts
 from taichi_foam.records.cushion import Cushion
+from taichi_foam.records.history import BOOKED
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import Filling, filling
@@ -39,17 +40,16 @@ DIVERGED = 3
 CROWDED = 4
 EMPTY = 5  # nothing was loaded, or it has been taken away
 
-# Members of a strip's work, all in J and positive where the nodes lose energy.
-BONDS = 0  # normal stress, shear and dashpots together
-SHEAR = 1
-DASHPOTS = 2
-DRAG = 3
-IMPACTOR = 4
-FRICTION = 5
-BASE = 6
-SELF_CONTACT = 7
-ROOM = 8
-WORKS = 9
+# Members of a strip's work [J], in the order of `records.history.BOOKED`: works of the nodes on
+# what takes them up, positive where the nodes lose energy; stored energy that was lost as bonds
+# broke and cells let go; and, not added up but as it is at the end of the last step, what contacts
+# hold.
+(
+    BONDS, SHEAR, ROOM, DASHPOTS, CONTACT, FRICTION, PIECES, BASE,
+    LOST_BY_BONDS, LOST_BY_SHEAR, LOST_BY_ROOM,
+    HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_PIECES,
+) = range(len(BOOKED))  # fmt: skip
+WORKS = len(BOOKED)
 
 
 @ti.dataclass
@@ -112,7 +112,7 @@ class Clock:
     pairs: ti.i32  # in the list; a GPU counts each from both sides
     rows: ti.i32  # of the history on the device
     active: ti.i32  # takes part in the current step (staged stepping)
-    freed: ti.i32  # cells have let go before this step; an even number of them, see Layout
+    spare: ti.i32  # an even number of them, see Layout
 
 
 CLOCK = (
@@ -138,15 +138,14 @@ class State:
     stretch         (I, J, 2) of the friction springs: impactor, floor [m]
     room            (I, J) most that a node's contact radius may be [m], NEVER if anything
     surface         (I, J) whether the node can touch others, see `engine.contact`
-    hold            (I-1, J-1) what a cell holds of its room's pressure, 1 to 0, see `engine.cells`
+    hold            (I-1, J-1) what a cell holds of its forces, 1 to 0, see `engine.cells`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
     break_time_a, break_time_b  the same [s], NaN while whole
     intact_a, intact_b          the same, share of a whole bond's face that carries tension and
                     shear: less than 1 only where bonds hold beyond their limits
     clock, body     numbers by name, CLOCK and BODY
     turn            the same, TURN; empty where impactors do not turn
-    work            (strips, WORKS) of each strip of nodes [J], members BONDS to ROOM
-    fracture        (strips,) stored energy lost by breaking [J]
+    work            (strips, WORKS) of each strip of nodes [J], see `records.history.BOOKED`
     overlap         (strips,) deepest so far in the impactor [m]
     neighbours      the neighbour list as the device keeps it, by field
     """
@@ -168,7 +167,6 @@ class State:
     body: Mapping[str, float]
     turn: Mapping[str, float]
     work: Array
-    fracture: Array
     overlap: Array
     neighbours: Mapping[str, NDArray[Any]]
 
@@ -289,7 +287,6 @@ def initial_state(scene: Scene) -> State:
         body=body,
         turn=turn,
         work=np.zeros((0, WORKS)),
-        fracture=np.zeros(0),
         overlap=np.zeros(0),
         neighbours={},
     )
@@ -347,12 +344,13 @@ class StateFields:
 
     motion     position x, y [m] and velocity u, v [m/s] of the nodes
     increment  the step's weighted sums of their rates, of the last step between steps
-    bond_a, bond_b, bonds   worst strain, weights of the differences that cross (`lanes.weight`),
-               condition, time of breaking [s]; where bonds hold beyond their limits also `intact`,
-               see State. The condition of a whole one is then what will be left after this step
+    bond_a, bond_b, bonds   worst strain, condition, time of breaking [s]; where bonds hold beyond
+               their limits also `intact`, see State. The condition of a whole one is then what will
+               be left after this step
+    grip       share of a whole cell's foam that carries shear in a cell
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
-    body, turn, clock, work, fracture, overlap   see State
+    body, turn, clock, work, overlap   see State
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
                candidates; their nodes; positions, velocities and radii; how many a column has
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
@@ -363,14 +361,13 @@ class StateFields:
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
         bond = {
             "worst": pack,
-            "weights": layout.whole_pack,
             "condition": small_pack,
             "break_time": small_pack,
         }
         if features.softens:
             bond["intact"] = small_pack
-        elif layout.on_gpu:
-            bond["spare"] = small_pack  # an even number of 32-bit members, see Layout
+            if layout.on_gpu:
+                bond["spare"] = small_pack  # an even number of 32-bit members, see Layout
         bond = ti.types.struct(**bond)
         self.motion, self.increment = motion.field(), motion.field()
         layout.by_columns(self.motion, self.increment)
@@ -384,11 +381,11 @@ class StateFields:
             self.turn = Turn.field()
             layout.of_lattices(self.turn)
         self.work = ti.types.vector(WORKS, ti.f64).field()
-        self.fracture, self.overlap = ti.field(ti.f64), ti.field(ti.f64)
-        layout.of_strips(self.work, self.fracture, self.overlap)
-        if features.crushed_room:
-            self.hold = pack.field()
-            layout.of_nodes(self.hold)
+        self.overlap = ti.field(ti.f64)
+        layout.of_strips(self.work, self.overlap)
+        if features.cells:
+            self.hold, self.grip = pack.field(), pack.field()
+            layout.of_nodes(self.hold, self.grip)
         if features.self_contact:
             self._place_contact(layout)
 
@@ -422,3 +419,9 @@ class Candidate:
     u: ti.f64  # [m/s]
     v: ti.f64
     radius: ti.f64  # [m]
+
+
+@ti.func
+def book(lattice: ti.template(), b, strip, member: ti.template(), work):
+    """Add to a member of a strip's work [J]. A strip has one thread: no atomics."""
+    lattice.state.work[b, strip][member] = lattice.state.work[b, strip][member] + work

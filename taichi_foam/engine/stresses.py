@@ -85,10 +85,13 @@ def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
     """Stress xx, yy and xy [Pa] about each mass point at an instant (I, J, 3), tension positive.
 
     As the run has kept it; else worked out again from what the instant holds. That lacks friction,
-    contact of pieces, and what bonds beyond their limits have lost.
+    contact of pieces, dashpots of contact, and what bonds beyond their limits have lost.
     """
     if snapshot.stress is not None:
         return snapshot.stress
+    # an instant does not tell how fast the impactor is
+    undamped = scene.numerics.model_copy(update={"contact_damping": 0.0})
+    scene = scene.model_copy(update={"numerics": undamped})
     start = initial_state(scene)
     moved = {"x": snapshot.impactor_shift, "angle": snapshot.impactor_angle}
     turn = {**start.turn, **moved} if scene.turns else start.turn

@@ -121,11 +121,11 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
         for k in range(-1, lattice.packs + 1):
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
-                mass, face_a, face_b, reach, share = 0.0, 0.0, 0.0, 0.0, 0.0
+                mass, face_a, face_b, reach, share, cell = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 x, y, gravity = 0.0, 0.0, 0.0
                 if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
                     mass, reach, share = filling[i, j, 0], filling[i, j, 3], filling[i, j, 5]
-                    face_a, face_b = filling[i, j, 1], filling[i, j, 2]
+                    face_a, face_b, cell = filling[i, j, 1], filling[i, j, 2], filling[i, j, 6]
                     stands = filling[i, j, 4] > 0.0
                     if mass > 0.0:
                         x = ti.select(p.hold_x and stands, 0.0, 1.0 / mass)
@@ -136,6 +136,7 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
                 lattice.model.filling[b, i, k].face_b[lane] = face_b
                 lattice.model.filling[b, i, k].reach[lane] = reach
                 lattice.model.filling[b, i, k].share[lane] = share
+                lattice.model.filling[b, i, k].cell[lane] = cell
                 lattice.model.mobility[b, i, k].x[lane] = x
                 lattice.model.mobility[b, i, k].y[lane] = y
                 lattice.model.mobility[b, i, k].gravity[lane] = gravity
@@ -201,10 +202,9 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
 
 def put(lattice: Lattice, b: int, state: State) -> None:
     """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
-    strips = np.zeros((lattice.strips, WORKS + 2))
+    strips = np.zeros((lattice.strips, WORKS + 1))
     if len(state.work):
-        strips[:, :WORKS] = state.work
-        strips[:, WORKS], strips[:, WORKS + 1] = state.fracture, state.overlap
+        strips[:, :WORKS], strips[:, WORKS] = state.work, state.overlap
     numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
     # each array as it is: copies of a big lattice would be as large as the lattice itself
     nodes = (state.position, state.velocity, state.increment, state.stretch)
@@ -257,11 +257,15 @@ def _put_nodes(
                     lattice.state.surface[b, i, k][lane] = surface
                     lattice.scratch.push[b, i, k].x[lane] = 0.0
                     lattice.scratch.push[b, i, k].y[lane] = 0.0
-                if ti.static(lattice.features.crushed_room):
-                    hold = 1.0
-                    if i >= 0 and i < lattice.columns - 1 and j >= 0 and j < lattice.rows - 1:
-                        hold = holds[i, j]
+                hold, grip = 0.0, 0.0
+                if i >= 0 and i < lattice.columns - 1 and j >= 0 and j < lattice.rows - 1:
+                    hold, grip = holds[i, j], holds[i, j]
+                    if ti.static(lattice.features.shaped):
+                        grip *= lattice.model.filling[b, i, k].cell[lane]
+                if ti.static(lattice.features.cells):
                     lattice.state.hold[b, i, k][lane] = hold
+                    lattice.state.grip[b, i, k][lane] = grip
+                if ti.static(lattice.features.crushed_room):
                     lattice.scratch.presses[b, i, k] = 0
                 for axis in ti.static(range(2)):
                     bond = ti.static(lattice.state.bonds[axis])
@@ -287,7 +291,6 @@ def _put_nodes(
                         else:
                             broken_at = 0.0
                     bond[b, i, k].worst[lane] = worst
-                    bond[b, i, k].weights[lane] = 0
                     bond[b, i, k].condition[lane] = condition
                     bond[b, i, k].break_time[lane] = ti.cast(broken_at, ti.f32)
                     if ti.static(lattice.features.softens):
@@ -299,8 +302,7 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
     for strip in range(lattice.strips):
         for n in ti.static(range(WORKS)):
             lattice.state.work[b, strip][n] = strips[strip, n]
-        lattice.state.fracture[b, strip] = strips[strip, WORKS]
-        lattice.state.overlap[b, strip] = strips[strip, WORKS + 1]
+        lattice.state.overlap[b, strip] = strips[strip, WORKS]
     for i in range(lattice.columns):
         lattice.scratch.column_breaks[b, i] = 0
     if ti.static(lattice.on_gpu):
@@ -358,7 +360,7 @@ def take(lattice: Lattice, b: int) -> State:
     """The state of lattice `b` between two steps."""
     nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
     bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
-    strips = np.empty((lattice.strips, WORKS + 2))
+    strips = np.empty((lattice.strips, WORKS + 1))
     numbers = np.empty(len(CLOCK) + len(BODY))
     _take_nodes(lattice, b, nodes, bonds)
     _take_rest(lattice, b, strips, numbers)
@@ -380,8 +382,7 @@ def take(lattice: Lattice, b: int) -> State:
         body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
         turn=_turn(lattice, b),
         work=strips[:, :WORKS].copy(),
-        fracture=strips[:, WORKS].copy(),
-        overlap=strips[:, WORKS + 1].copy(),
+        overlap=strips[:, WORKS].copy(),
         neighbours=_take_neighbours(lattice, b) if lattice.features.self_contact else {},
     )
 
@@ -437,7 +438,7 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
                     nodes[i, j, 8] = lattice.state.room[b, i, k][lane]
                     nodes[i, j, 9] = lattice.state.surface[b, i, k][lane]
                 nodes[i, j, 10] = 1.0
-                if ti.static(lattice.features.crushed_room):
+                if ti.static(lattice.features.cells):
                     nodes[i, j, 10] = lattice.state.hold[b, i, k][lane]
 
 
@@ -446,8 +447,7 @@ def _take_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Number
     for strip in range(lattice.strips):
         for n in ti.static(range(WORKS)):
             strips[strip, n] = lattice.state.work[b, strip][n]
-        strips[strip, WORKS] = lattice.state.fracture[b, strip]
-        strips[strip, WORKS + 1] = lattice.state.overlap[b, strip]
+        strips[strip, WORKS] = lattice.state.overlap[b, strip]
     for _ in range(1):
         for n in ti.static(range(len(CLOCK))):
             numbers[n] = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))[b]

@@ -6,8 +6,7 @@ other pieces and what holds it, from the mass point to where its cell ends:
     stress = 1/V sum of arm (x) force
 
 over the volume V that it has now; tension positive. The forces are those of the engine's own
-functions at a middle stage, which change no state. Of a variational shear, whose forces act on all
-nodes about a bond, those on its own two count.
+functions at a middle stage, which change no state.
 
 Kernels of it take some seconds to compile: runs keep stresses only if they are asked to
 (`Output.keeps_stress`).
@@ -65,17 +64,11 @@ def _shares(block: Block) -> NDArray[np.float64]:
 @ti.func
 def _forces(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.template()):
     """The forces of a pack's bonds and cells, kept in `slot`."""
-    a_length, a_strain, a, b_length, b_strain, b_force = bonds.normal_forces(
-        lattice, stage, b, i, k, strip, p
-    )
-    bonds.bond_pack(
-        lattice, stage, b, i, k, strip, sweep, slot, a_length, a_strain, a, b_length, b_strain,
-        b_force, p,
-    )  # fmt: skip
+    a_strain, b_strain = bonds.bond_pack(lattice, stage, b, i, k, strip, sweep, slot, p)
     if ti.static(lattice.law.stiffens):
         bonds.stiffen_pack(lattice, b, i, k, sweep, slot, a_strain, b_strain, p)
     if ti.static(lattice.features.crushed_room):
-        cells.press_pack(lattice, stage, b, i, k, strip, sweep, slot, p)
+        cells.press_pack(lattice, b, i, k, strip, sweep, slot, p)
 
 
 @ti.kernel
@@ -165,28 +158,20 @@ def _add_node(
     sums = _half(to_right, by_right) + _half(to_left, by_left)
     sums += _half(up, by_up) + _half(down, by_down)
     reaction = -(by_right + by_left + by_up + by_down)
-    if ti.static(lattice.features.crushed_room):
-        push = ti.static(lattice.scratch.cell_push)
+    if ti.static(lattice.features.cells):
         for side in ti.static(range(2)):
             place = slot
             if ti.static(side == 1):
                 place = left
-            first = vec2(push[sweep, place, k].x1[lane], push[sweep, place, k].y1[lane])
-            start = lanes.position(lattice, motion, b, i - side, j)
-            far = lanes.position(lattice, motion, b, i - side + 1, j + 1)
-            # thickness times pressure times area, of the cell above and of the one below
-            sums -= _pressed(first, far - start)
-            under = vec2(
-                push[sweep, place, low_k].x1[low_lane], push[sweep, place, low_k].y1[low_lane]
-            )
-            start = lanes.position(lattice, motion, b, i - side, j - 1)
-            far = lanes.position(lattice, motion, b, i - side + 1, j)
-            sums -= _pressed(under, far - start)
+            # the cell above on this side, and the one below
+            first, second = _pushes(lattice, sweep, place, k, lane)
+            sums += _of_cell(lattice, motion, b, i - side, j, first, second)
+            low_first, low_second = _pushes(lattice, sweep, place, low_k, low_lane)
+            sums += _of_cell(lattice, motion, b, i - side, j - 1, low_first, low_second)
             if ti.static(side == 0):
-                reaction += first
+                reaction += first - low_second
             else:
-                second = vec2(push[sweep, place, k].x2[lane], push[sweep, place, k].y2[lane])
-                reaction += second
+                reaction += second - low_first
     across, upright, _ = _cell(lattice, b, i, j, p)
     if makeup.is_held(lattice, b, i, j, p):
         if not p.hold_x:
@@ -210,10 +195,24 @@ def _add_node(
 
 
 @ti.func
-def _pressed(push: vec2, diagonal: vec2) -> vec3:
-    """A quarter of what a cell's pressure gives, which is the same in all directions [J]."""
-    quarter = 0.25 * push.dot(diagonal)
-    return vec3(quarter, quarter, 0.0)
+def _pushes(lattice: ti.template(), sweep, slot, k, lane):
+    """Forces [N] of one cell on the second ends of its two diagonals."""
+    push = ti.static(lattice.scratch.cell_push)
+    first = vec2(push[sweep, slot, k].x1[lane], push[sweep, slot, k].y1[lane])
+    second = vec2(push[sweep, slot, k].x2[lane], push[sweep, slot, k].y2[lane])
+    return first, second
+
+
+@ti.func
+def _of_cell(
+    lattice: ti.template(), motion: ti.template(), b, i, j, first: vec2, second: vec2
+) -> vec3:
+    """A quarter of what the forces of cell (i, j) along both its diagonals give [J]."""
+    start = lanes.position(lattice, motion, b, i, j)
+    right = lanes.position(lattice, motion, b, i + 1, j)
+    up = lanes.position(lattice, motion, b, i, j + 1)
+    far = lanes.position(lattice, motion, b, i + 1, j + 1)
+    return -0.5 * (_half(far - start, first) + _half(up - right, second))
 
 
 @ti.func

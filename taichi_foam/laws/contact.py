@@ -14,6 +14,15 @@ def normal_force(stiffness: ti.f64, distance: ti.f64) -> ti.f64:
 
 
 @ti.func
+def damped_force(spring: ti.f64, dashpot: ti.f64, parting: ti.f64) -> ti.f64:
+    """Force [N] of a contact's spring and of the dashpot beside it, never pulling.
+
+    Of two that part at a speed [m/s], negative where they close.
+    """
+    return ti.max(spring - dashpot * parting, 0.0)
+
+
+@ti.func
 def tangential_force(
     stiffness: ti.f64, stretch: ti.f64, friction: ti.f64, normal: ti.f64
 ) -> ti.f64:

@@ -6,6 +6,7 @@ Sizes are in pixels of the picture; callers scale them with its height.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -187,12 +188,26 @@ def level_key(
     steps = np.linspace(0, 255, bar.width).round().astype(int)
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][None]
     _outline(image, bar, tones)
-    for tick, text in key.ticks:
-        column = bar.left + round(key.share(tick) * (bar.width - 1))
+    columns = [bar.left + round(key.share(tick) * (bar.width - 1)) for tick, _ in key.ticks]
+    texts = [text for _, text in key.ticks]
+    legible = _apart(columns, [face.getlength(text) + 0.4 * size for text in texts])
+    for number, (column, text) in enumerate(zip(columns, texts, strict=True)):
         mark = Box(column, bar.bottom, column + 1, bar.bottom + max(3, round(0.3 * size)))
         rectangle(image, mark, tones.ink)
-        place = (column, mark.bottom + 0.15 * size)
-        write(image, place, text, face, anchor="ma", colour=tones.ink)
+        if number in legible:
+            place = (column, mark.bottom + 0.15 * size)
+            write(image, place, text, face, anchor="ma", colour=tones.ink)
+
+
+def _apart(middles: Sequence[float], widths: Sequence[float]) -> list[int]:
+    """Which texts of a row can be written without touching: the ends, and what is free between."""
+    last = len(middles) - 1
+    kept = [0]
+    for n in range(1, last):
+        beside = (kept[-1], last)
+        if all(abs(middles[n] - middles[k]) >= 0.5 * (widths[n] + widths[k]) for k in beside):
+            kept.append(n)
+    return [*kept, last] if last else kept
 
 
 def scale_bar(

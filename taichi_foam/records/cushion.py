@@ -27,7 +27,7 @@ class Cushion:
     floor_stretch   (I, J) of these springs [m]
     room            (I, J) most that a mass point's contact radius may be [m]
     surface         (I, J) whether it can touch others
-    hold            (I-1, J-1) what a cell holds of its room's pressure, 1 to 0
+    hold            (I-1, J-1) what a cell holds of its forces, 1 to 0
     worst_a, worst_b    (I-1, J), (I, J-1) most compressive strain so far
     broken_a, broken_b  the same, 1 where a bond is broken, else 0
     intact_a, intact_b  the same, share of a whole bond's face that carries tension and shear

@@ -20,15 +20,23 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ENERGIES_NOW: tuple[str, ...] = ("kinetic", "potential", "in_bonds", "in_shear", "in_room")
+"""Energies [J] of the nodes, and stored ones of the bonds and of the cells' shear and room."""
+
+BOOKED: tuple[str, ...] = (
+    "bonds", "shear", "room", "dashpots",       # works: of bonds and cells, of their parts [J]
+    "contact", "friction", "pieces", "base",    # works of contacts [J]
+    "lost_by_bonds", "lost_by_shear", "lost_by_room",  # stored energy that breaking has lost [J]
+    "held_by_contact", "held_by_friction", "held_by_pieces",  # stored in contacts now [J]
+)  # fmt: skip
+"""What strips of nodes book as they step."""
+
 ROW_COLUMNS: tuple[str, ...] = (
     "time", "step",                             # s
     "y", "v", "force",                          # impactor: height [m], upward velocity [m/s], N
     "broken",                                   # broken bonds
-    "kinetic", "stored", "potential",           # energies of the nodes and their bonds [J]
-    "fracture",                                 # stored energy that breaking has lost [J]
-    "bonds", "shear", "dashpots", "drag",       # works of the bonds, of their parts [J]
-    "impactor", "friction", "base", "self_contact",  # works of the contacts [J]
-    "room",                                     # work of the cells, for their room [J]
+    *ENERGIES_NOW,
+    *BOOKED,
 )  # fmt: skip
 """What the engine writes on the device in each row, in order."""
 
@@ -55,6 +63,7 @@ class Column:
     source      members of the device's row that it comes from, see `row_columns`; their sum unless
                 `analysis.history.history_of` says otherwise
     turns       whether only a history with an impactor that turns has it
+    dissipates  whether it is energy that is lost for good, and can only grow
     is_integer  whether history.csv holds whole numbers
     shown       on the axes of figures: unit, and how many of it one SI unit is
     """
@@ -65,6 +74,7 @@ class Column:
     meaning: str
     source: tuple[str, ...]
     turns: bool = False
+    dissipates: bool = False
     is_integer: bool = False
     shown: tuple[str, float] | None = None
 
@@ -105,21 +115,32 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "kinetic energy of the impactor", ("v",)),
     Column("foam_kinetic_J", "J", "foam, kinetic",
            "kinetic energy of the mass points", ("kinetic",)),
-    Column("strain_J", "J", "elastic strain", "what bonds can give back", ("stored",)),
-    Column("crushing_J", "J", "crushing",
-           "work of normal stresses beyond what is stored or was lost by breaking",
-           ("bonds", "shear", "dashpots", "room", "stored", "fracture")),
-    Column("room_J", "J", "room", "net work of cells that keep the room of crushed foam",
-           ("room",)),
-    Column("shear_J", "J", "shear", "work of shear stresses", ("shear",)),
-    Column("damping_J", "J", "damping", "work of dashpots and of drag", ("dashpots", "drag")),
-    Column("friction_J", "J", "friction", "lost by friction on the impactor", ("friction",)),
-    Column("contact_J", "J", "impactor contact",
-           "taken by the impactor's contact", ("impactor",)),
-    Column("self_contact_J", "J", "pieces' contact",
-           "taken by contact between pieces", ("self_contact",)),
-    Column("fracture_J", "J", "fracture", "stored energy that breaking has lost", ("fracture",)),
-    Column("base_J", "J", "base", "taken by the base; below 0: given by crosshead or pulse",
+    Column("strain_J", "J", "elastic strain", "stored in bonds", ("in_bonds",)),
+    Column("shear_J", "J", "elastic shear", "stored in cells that are sheared", ("in_shear",)),
+    Column("room_J", "J", "pressed cells", "stored in cells that have less area than room",
+           ("in_room",)),
+    Column("contact_J", "J", "contacts", "stored in contacts of impactor, base and pieces",
+           ("held_by_contact", "held_by_friction", "held_by_pieces")),
+    Column("crushing_J", "J", "crushing", "lost by normal stresses",
+           ("bonds", "shear", "room", "dashpots", "in_bonds", "lost_by_bonds"), dissipates=True),
+    Column("folding_J", "J", "folding", "lost as crushing left pressed cells less room",
+           ("room", "in_room", "lost_by_room"), dissipates=True),
+    Column("shearing_J", "J", "shearing", "lost by shear stresses",
+           ("shear", "in_shear", "lost_by_shear"), dissipates=True),
+    Column("damping_J", "J", "damping", "lost in dashpots or by drag", ("dashpots",),
+           dissipates=True),
+    Column("friction_J", "J", "friction", "lost by friction on impactor and base",
+           ("friction", "held_by_friction"), dissipates=True),
+    Column("contact_loss_J", "J", "contact, lost",
+           "lost by contact with impactor and base, beside friction",
+           ("contact", "held_by_contact"), dissipates=True),
+    Column("self_contact_J", "J", "pieces' contact", "lost by contact of pieces",
+           ("pieces", "held_by_pieces"), dissipates=True),
+    Column("fracture_J", "J", "fracture",
+           "stored energy that bonds and cells have lost as they broke, softened or let go",
+           ("lost_by_bonds", "lost_by_shear", "lost_by_room"), dissipates=True),
+    Column("base_J", "J", "base",
+           "given to the base and the stop under the impactor; below 0: by crosshead or pulse",
            ("base",)),
     Column("gravity_J", "J", "gravity",
            "potential energy of foam and impactor above that at the start", ("potential", "y")),
@@ -133,6 +154,9 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
 
 HISTORY_COLUMNS = tuple(name for name, column in COLUMNS.items() if not column.turns)
 """Names of the columns that every history has, in order."""
+
+DISSIPATIONS = tuple(column for column in COLUMNS.values() if column.dissipates)
+"""The ledger's entries that can only grow."""
 
 ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
 """The ledger's entries in order, and last what they leave unaccounted for."""
@@ -150,15 +174,14 @@ class Layer:
 LEDGER = (
     Layer("impactor, kinetic", "#B8BEC6", ("impactor_kinetic_J",)),
     Layer("foam, kinetic", "#56B4E9", ("foam_kinetic_J",)),
-    Layer("strain (recoverable)", "#F0E442", ("strain_J",)),
-    Layer("crushing", "#D55E00", ("crushing_J",)),
-    Layer("room of crushed foam", "#8C510A", ("room_J",)),
-    Layer("shear", "#E69F00", ("shear_J",)),
+    Layer("stored in foam", "#F0E442", ("strain_J", "shear_J", "room_J")),
+    Layer("crushing", "#D55E00", ("crushing_J", "folding_J", "shearing_J")),
     Layer("damping", "#009E73", ("damping_J",)),
-    Layer("impactor friction", "#0072B2", ("friction_J",)),
+    Layer("friction", "#0072B2", ("friction_J",)),
     Layer("fracture", "#AA4A8A", ("fracture_J",)),
-    Layer("contacts and base", "#5A5A5A", ("contact_J", "self_contact_J", "base_J")),
-)
+    Layer("contacts and base", "#5A5A5A",
+          ("contact_J", "contact_loss_J", "self_contact_J", "base_J")),
+)  # fmt: skip
 """Layers of the ledger's pictures, bottom to top; gravity can lie below zero and has none."""
 
 

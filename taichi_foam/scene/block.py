@@ -95,9 +95,9 @@ class Block(Part):
     )
     mass_points: Literal["cells", "faces"] = choice(
         "cells",
-        "where they lie: cells: in the middles of columns by rows of cells, half a cell inside the "
-        "block's faces; faces: the outer ones on its faces, so that what is touched and held there "
-        "has the whole width and height between",
+        "where rows of them lie: cells: in the middles of rows of cells, half a cell inside the "
+        "block; faces: the first and the last on its bottom and its top, so that what is touched "
+        "and held there has the whole height between",
     )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
     outline: _Outline = quantity(
@@ -151,7 +151,7 @@ class Block(Part):
     @property
     def dx(self) -> float:
         """Width of a cell [m]."""
-        return self.width / (self.columns - (self.mass_points == "faces"))
+        return self.width / self.columns
 
     @property
     def dy(self) -> float:

@@ -41,6 +41,7 @@ class Filling:
     reach   (I, J) from a mass point to the foam's nearest face [m], negative where it lies outside;
             inside of the block half a cell, sqrt(dX dY) / 2
     share   (I, J) of each cell's area that is foam
+    cell    (I-1, J-1) of the area between four mass points that is foam; 0: a side has no bond
     on_base (I, J) whether the foam of a mass point lies on the base
     owner   (I, J, 2) cell of the mass point that has what a cell holds; (-1, -1): it holds nothing
     """
@@ -50,6 +51,7 @@ class Filling:
     face_b: Array
     reach: Array
     share: Array
+    cell: Array
     on_base: NDArray[np.bool_]
     owner: NDArray[np.int64]
 
@@ -105,6 +107,7 @@ def _whole(block: Block) -> Filling:
         face_b=np.ones((columns, rows - 1)),
         reach=_reach(block, edge, there, there),
         share=np.ones((columns, rows)),
+        cell=np.ones((columns - 1, rows - 1)),
         on_base=on_base,
         owner=_own((columns, rows)),
     )
@@ -129,8 +132,11 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     held = share > 0
     np.add.at(mass, tuple(owner[held].T), _mass(block, area)[held])
     face_a, face_b = _faces(owner, inner_a, 0), _faces(owner, inner_b, 1)
+    between = outlines.shares(shape, across[:-1] + 0.5, up[:-1] + 0.5)
+    sides = (face_a[:, :-1], face_a[:, 1:], face_b[:-1], face_b[1:])
+    cell = _carried(between, np.min(sides, axis=0) > 0.0)
     if mirrored:  # sums of several have their order
-        mass, face_a, face_b = map(_mirrored, (mass, face_a, face_b))
+        mass, face_a, face_b, cell = map(_mirrored, (mass, face_a, face_b, cell))
     on_base = np.zeros((columns, rows), dtype=bool)
     on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
     return Filling(
@@ -139,9 +145,26 @@ def _cut(block: Block, shape: Polygon) -> Filling:
         face_b=face_b,
         reach=_reach(block, edge, there, share >= 1.0),
         share=share,
+        cell=cell,
         on_base=on_base,
         owner=owner,
     )
+
+
+def _carried(between: Array, spanned: NDArray[np.bool_]) -> Array:
+    """Foam that each cell between mass points carries: its own, and its share of what lies beside.
+
+    Where a side is missing no cell is spanned, and the foam there is its neighbours'.
+    """
+    carried = np.where(spanned, between, 0.0)
+    beside = [(step, *_pair(step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))]
+    neighbours = np.zeros_like(carried)
+    for _, here, other in beside:
+        neighbours[here] += spanned[other]
+    part = np.where(spanned | (neighbours == 0), 0.0, between / np.maximum(neighbours, 1.0))
+    for _, here, other in beside:
+        carried[other] += np.where(spanned[other], part[here], 0.0)
+    return carried
 
 
 def _mirrored(figures: Array) -> Array:

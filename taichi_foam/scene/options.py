@@ -46,16 +46,15 @@ class Base(Part):
 class Model(Part):
     """Readings of what the paper leaves open."""
 
-    damping: Literal["bond", "stiffness", "absolute"] = choice(
+    damping: Literal["stiffness", "absolute"] = choice(
         "stiffness",
-        "bond: a dashpot in each bond, on the relative velocity of its mass points; "
-        "stiffness: the same along it, but after G instead of K across it; "
+        "stiffness: dashpots along bonds after K, and in the shear of cells after G; "
         "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
     )
-    shear: Literal["face", "variational"] = choice(
-        "face",
-        "face: a bond's shear force acts on its own two mass points (Eqs 10-11); "
-        "variational: on all six that its strain depends on, as the gradient of an energy",
+    shear: Literal["cell", "face"] = choice(
+        "cell",
+        "cell: the foam between four mass points carries it, as the gradient of an energy; "
+        "face: a bond does, on its own two mass points (Eqs 10-11, 13, 27), which makes energy",
     )
     shear_failure: Literal["tension-only", "always", "pressure-dependent", "angle"] = choice(
         "pressure-dependent",
@@ -64,17 +63,11 @@ class Model(Part):
         "angle: it does, by the angle that its foam has sheared through, however short it is",
     )
     shear_pressure_coefficient: float = quantity(
-        1.5,
+        0.7,
         "-",
         "growth of the shear strength with compressive stress (pressure-dependent only)",
         at_least=0,
         at_most=100,
-    )
-    broken_halves: Literal["either", "both", "each"] = choice(
-        "both",
-        "what Eq. 27 leaves out of Eq. 13's mean next to broken bonds: either: a half of it, "
-        "when one of the half's two bonds is broken; both: when both are; "
-        "each: the broken bond's own difference only",
     )
     broken_contact: Literal["reload", "jump"] = choice(
         "reload",
@@ -127,6 +120,14 @@ class Numerics(Part):
         "penalty stiffness of a contact over K times the thickness",
         above=0,
         at_most=10_000,
+    )
+    contact_damping: float = quantity(
+        0.2,
+        "-",
+        "dashpot of a contact with a body, over the critical one of a mass point on its spring: "
+        "without it foam rattles there, and steps lose what they do not resolve",
+        at_least=0,
+        at_most=0.2,
     )
     gravity: float = quantity(
         0.0, "m/s2", "gravity on block and impactor, downwards", at_least=0, at_most=1000

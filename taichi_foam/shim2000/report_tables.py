@@ -145,7 +145,7 @@ def ledger(cases: Sequence[Case]) -> Row:
 
 
 BEYOND_THE_PAPER = (
-    "rate", "rate_exponent", "crush_band", "crushed_strength", "fracture_energy",
+    "rate", "rate_exponent", "crush_band", "fracture_energy",
     "shear_fracture_energy", "softening", "strength_scatter",
 )  # fmt: skip
 """What the foam of a scene may do besides Table 1."""

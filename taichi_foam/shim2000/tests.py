@@ -7,6 +7,7 @@ them. Table 1 (the foam) and Table 6 (the lattice) are the defaults of `taichi_f
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ from taichi_foam.picture.naming import Caption
 from taichi_foam.scene import (
     CHOICE_SETS,
     Base,
+    Block,
     Cylinder,
     FlatBlock,
     Foam,
@@ -117,8 +119,10 @@ NAMES: tuple[str, ...] = tuple(TESTS)
 _CONDITIONS: Mapping[str, tuple[str, ...]] = {
     # The specimens. Columns, rows and the lattice's angle are a mesh.
     "block": ("width", "height", "thickness", "density", "outline", "holes", "layers"),
-    # Table 1. The other constants of the law (locking, Eq. 26's a and b, strength of crushed foam,
-    # rate, scatter) were not measured: the paper chooses them, or leaves them open.
+    # Table 1. Its yield strain and the plateau that was measured contradict each other by a
+    # seventh: each choice set has one of them. The other constants of the law (locking, Eq. 26's a
+    # and b, fracture energies, rate, scatter) were not measured: the paper chooses them, or leaves
+    # them open.
     "foam": (
         "youngs_modulus", "shear_modulus", "yield_strain", "densification_strain",
         "tensile_strain", "shear_strain",
@@ -232,7 +236,7 @@ def paper_scene(name: str, choices: str = "calibrated") -> Scene:
     test = _named(name)
     if choices not in CHOICE_SETS:
         raise UserError(f"choices = {choices!r}: must be one of {', '.join(CHOICE_SETS)}")
-    parts: dict[str, dict[str, object]] = {"foam": {}, "base": {}, "impactor": {}, "model": {}}
+    parts: dict[str, dict[str, object]] = defaultdict(dict)
     for key, value in CHOICE_SETS[choices].items():
         head, field = key.split(".")
         parts[head][field] = value
@@ -243,6 +247,7 @@ def paper_scene(name: str, choices: str = "calibrated") -> Scene:
     )
     return Scene(
         name=name,
+        block=Block.model_validate(parts["block"]),
         impactor=impactor,
         foam=Foam.model_validate(parts["foam"]),
         # the wedge was measured to sink 11 cm into a block of 10 cm: the rig let it

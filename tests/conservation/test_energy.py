@@ -31,14 +31,12 @@ def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
     Works are integrated by the same RK4: at least order four (without damping the leading error
     of a linear lattice cancels, and the order is higher).
 
-    The law's stored energy, a function of state, must agree with the work of the normal stresses:
-    no crushing happens. What shear and dashpots take of the faces' work is sampled at the steps'
-    starts, which errs by a series in the step that starts with its first power, (P(0) - P(t)) dt/2.
-    Crushing is the rest, and has that error; without its first two terms (Richardson) it is 0.
+    The stored energies, functions of state, must agree with the works of bonds and of cells by
+    themselves: no crushing happens, and shear loses nothing.
     """
     start = Start(velocity_gradient=((0.0, 60.0), (0.0, 80.0)))
     time, counts = 4e-4, np.array([160, 320, 640])
-    residual, crushing = [], []
+    residual, lost = [], {"crushing_J": [], "shearing_J": [], "folding_J": []}
     for n in counts:
         scene = small_scene(
             start=start,
@@ -49,15 +47,19 @@ def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
         history = run(scene).history
         energy = history["foam_kinetic_J"][0]
         residual.append(abs(history["residual_J"][-1]) / energy)
-        crushing.append(history["crushing_J"][-1] / energy)
+        for name, found in lost.items():
+            found.append(abs(history[name][-1]) / energy)
         assert history["strain_J"][-1] > 0.1 * energy
+        assert history["shear_J"].max() > 0.03 * energy
         assert history["time_s"][-1] == pytest.approx(time)
     # until rounding, 1e-11 of the energy, is reached
     assert np.log2(residual[0] / residual[1]) > 3.8
     assert residual[2] < residual[1] < residual[0] < 1e-6
-    first = 2 * np.array(crushing[1:]) - crushing[:-1]
-    assert np.log2(first[0] / first[1]) == pytest.approx(2.0, abs=0.1)
-    assert abs(4 * first[1] - first[0]) / 3 < 1e-6
+    for name in ("crushing_J", "shearing_J"):
+        found = lost[name]
+        assert np.log2(found[0] / found[1]) > 3.8, (name, found)
+        assert found[2] < found[1] < found[0] < 1e-5, (name, found)
+    assert max(lost["folding_J"]) == 0.0
 
 
 def test_crushing_takes_up_the_area_under_the_plateau() -> None:
@@ -96,7 +98,11 @@ IMPACTS = {
         base=Base(kind="held"),
         impactor=FlatBlock(width=0.03, mass=0.2, velocity=6.0, friction=0.0),
         model=Model(
-            damping="absolute", shear_failure="always", broken_contact="jump", self_contact=False
+            damping="absolute",
+            shear="face",
+            shear_failure="always",
+            broken_contact="jump",
+            self_contact=False,
         ),
         # where a broken pair's force jumps, by F, a step errs by F v dt, 1e-4 of the impact's
         # energy at 2 us: a dozen of them need a shorter step than the automatic one
@@ -135,12 +141,6 @@ def test_what_cannot_come_back_only_grows(impact: Result) -> None:
     brought = impact.history["impactor_kinetic_J"][0]
     for name in ("damping_J", "fracture_J"):
         assert np.diff(impact.history[name]).min() >= -1e-6 * brought, name
-    # a friction spring gives its stretch back: (mu N)^2 / 2 k a node
-    foam, block = impact.scene.foam, impact.scene.block
-    stiffness = contact_stiffness(impact)
-    largest = foam.plateau_stress * block.dx * block.thickness
-    spring = 40 * (impact.scene.impactor.friction * largest) ** 2 / (2 * stiffness)
-    assert np.diff(impact.history["friction_J"]).min() >= -spring
 
 
 def test_what_is_stored_or_lost_is_never_less_than_nothing(impact: Result) -> None:
@@ -198,6 +198,6 @@ def test_an_elastic_bounce_gives_everything_back() -> None:
     history = run(scene).history
     brought = history["impactor_kinetic_J"][0]
     assert history["broken_bonds"][-1] == 0
-    for name in ("crushing_J", "shear_J", "damping_J", "friction_J", "fracture_J", "contact_J"):
+    for name in ("crushing_J", "shearing_J", "damping_J", "friction_J", "fracture_J", "contact_J"):
         assert abs(history[name][-1]) < 1e-4 * brought, name
     assert history["velocity_m_s"][-1] < -0.8

@@ -52,15 +52,15 @@ def test_what_the_impactor_loses_the_block_gains() -> None:
     assert block == pytest.approx(-impactor, rel=1e-12)
 
 
-def test_the_shear_force_keeps_angular_momentum_only_in_the_sum_over_a_and_b() -> None:
+def test_shear_by_faces_keeps_angular_momentum_only_in_the_sum_over_a_and_b() -> None:
     """Homogeneous shear: an A turns the block by -tau det F per volume, a B by +tau det F.
 
-    The shear force acts on two nodes though gamma depends on six, so a bond alone is not in
-    balance; A and B are, in pairs. A block with as many of either keeps its angular momentum; at
-    10 x 20 nodes 9 * 20 A meet 10 * 19 B, and ten cells' worth is left over, an edge effect.
+    The shear force of Eqs 10-11 acts on two nodes though gamma depends on six, so a bond alone is
+    not in balance; A and B are, in pairs. A block with as many of either keeps its angular
+    momentum; at 10 x 20 nodes 9 * 20 A meet 10 * 19 B, and ten cells' worth is left over.
     """
     foam = Foam(tensile_strain=1.0, shear_strain=2.0)
-    scene = small_scene(base=FREE, foam=foam, model=Model(self_contact=False))
+    scene = small_scene(base=FREE, foam=foam, model=Model(self_contact=False, shear="face"))
     F = np.array([[1.02, 0.07], [-0.01, 0.98]])
     position = reference_positions(scene) @ F.T + LIFT
     forces = node_forces(scene, position=position)

@@ -44,22 +44,30 @@ LATTICES = 8
 assert THREADS < SMALL[0] * SMALL[1] <= BLOCK_NODES < BIG[0] * BIG[1]
 
 STEPS_BEFORE = 100  # nothing has broken yet
+STEPS_OPTIONS = 700  # free bodies are rounded, and touch later
 STEPS_AFTER = 400  # some bonds break on the way
 STEPS_BIG = 120
 
-ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shear_J", "damping_J", "fracture_J")
+ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shearing_J", "damping_J", "fracture_J")
 
 States = dict[str, np.ndarray]
 
 
 def paper_scenes() -> list[Scene]:
-    """Three of the paper's tests on the small lattice, which differ in all that is data."""
+    """Three of the paper's tests on the small lattice, which differ in all that is data.
+
+    They touch within a step, and beside the middle: rounding is not to say whether the first stage
+    is damped, nor to which side of a wedge its point goes.
+    """
     names = ("paper/rectangular-3.03", "paper/wedge-2.86", "paper/cylinder-3.32")
     scenes = [paper_scene(name) for name in names]
     columns, rows = SMALL
     return [
         scene.model_copy(
-            update={"block": scene.block.model_copy(update={"columns": columns, "rows": rows})}
+            update={
+                "block": scene.block.model_copy(update={"columns": columns, "rows": rows}),
+                "impactor": scene.impactor.model_copy(update={"gap": 1e-5, "x": 1e-4}),
+            }
         )
         for scene in scenes
     ]
@@ -80,18 +88,14 @@ def breaking_scenes() -> list[Scene]:
 
 
 def option_scenes() -> list[Scene]:
-    """The same with every option, on a block with a cut, in each reading of Eq. 27, off the rails.
+    """The same with every option, on a block with a cut, off the rails.
 
-    At a third of the speed: in STEPS_BEFORE the foam flows, and breaks little.
+    At a third of the speed: in STEPS_OPTIONS the foam flows, and breaks little.
     """
-    readings = ("either", "both", "each")
     return [
         scene.model_copy(
             update={
                 **EVERYTHING,
-                "model": EVERYTHING["model"].model_copy(
-                    update={"broken_halves": readings[b % len(readings)]}
-                ),
                 "impactor": scene.impactor.model_copy(
                     update={"velocity": 4.0 + 0.1 * b, "guided": False, "spin": 20.0 * b - 60.0}
                 ),
@@ -249,7 +253,7 @@ def everything() -> States:
         "after": states_of(breaking_scenes(), STEPS_AFTER),
         "alone": alone(breaking_scenes()[5], STEPS_AFTER),
         "ensemble": ensemble(),
-        "options": states_of(option_scenes(), STEPS_BEFORE),
+        "options": states_of(option_scenes(), STEPS_OPTIONS),
         "big": states_of(big_scenes(), STEPS_BIG),
         "pad": states_of(pad_scenes(), STEPS_BEFORE),
     }

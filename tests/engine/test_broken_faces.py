@@ -11,7 +11,8 @@ from taichi_foam.scene import Base, Foam, Model
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
-LOOSE = Model(broken_halves="either", self_contact=False)
+LOOSE = Model(self_contact=False)
+BY_FACES = Model(self_contact=False, shear="face")
 ROUNDING = 1e-9  # N, as in test_face_forces.py
 G, K = 0.84e6, 2.78e6
 FACE = 0.005 * 0.057  # m2
@@ -53,7 +54,7 @@ def test_a_broken_neighbour_takes_its_half_of_the_gradient_along(
     The rows slide by different amounts, so that each half sees its own shear: the mean of all
     four differences, of two, or none, and then no shear stress at all.
     """
-    scene = small_scene(base=FREE, model=LOOSE)
+    scene = small_scene(base=FREE, model=BY_FACES)
     position = reference_positions(scene) + LIFT
     position[..., 0] += 0.005 * OFFSET
     shear = {"above": ROW_SHEAR[AT], "below": ROW_SHEAR[AT - 1]}

@@ -7,12 +7,15 @@ import pytest
 from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
-from taichi_foam.scene import Base, Foam, Model, Start
+from taichi_foam.scene import Base, Block, Foam, Model, Start
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
-LOOSE = Model(self_contact=False, crushed_room=False)  # only the faces' forces
+# only the forces of bonds, and of cells by their shear
+LOOSE = Model(self_contact=False, crushed_room=False)
+FACE = LOOSE.model_copy(update={"shear": "face"})
+FORMS = pytest.mark.parametrize("model", [LOOSE, FACE], ids=["cell", "face"])
 
 # Positions near 0.5 m are good to 6e-17 m, strains of 5 mm bonds to 2e-14, forces of K A = 792 N
 # to 2e-11 N; what a node adds up, and the densified slope, up to 50 K, take it to 1e-9 N.
@@ -26,17 +29,29 @@ def free_block(gradient: object = ((1.0, 0.0), (0.0, 1.0)), dx: float = 0.005, *
 
 
 def uniform_stress(scene, F: np.ndarray, sigma: tuple[float, float], tau: float) -> np.ndarray:
-    """Node forces under one first Piola stress: none inside, one face's where one is missing."""
+    """Node forces under one first Piola stress: none inside, one face's where one is missing.
+
+    Shear is of bonds, which have whole faces in the outermost rows and columns too, or of cells,
+    which end there: a corner has half a face of each side.
+    """
     block, inverse = scene.block, 1 / np.linalg.norm(F, axis=0)
-    S = np.array([[sigma[0] * inverse[0], tau], [tau, sigma[1] * inverse[1]]])
-    P = F @ S
     forces = np.zeros((block.columns, block.rows, 2))
-    a, b = block.dy * block.thickness, block.dx * block.thickness
-    forces[0] += P[:, 0] * a
-    forces[-1] -= P[:, 0] * a
-    forces[:, 0] += P[:, 1] * b
-    forces[:, -1] -= P[:, 1] * b
+    normal = F @ np.diag(np.array(sigma) * inverse)
+    _add_faces(forces, normal, block, 1.0)
+    _add_faces(forces, F @ [[0.0, tau], [tau, 0.0]], block, scene.model.shear == "face" or 0.5)
     return forces
+
+
+def _add_faces(forces: np.ndarray, P: np.ndarray, block: Block, at_ends: float) -> None:
+    """Add a stress on the faces of a block; those at the ends of a side are so much of others."""
+    along_x, along_y = np.ones((block.columns, 1)), np.ones((block.rows, 1))
+    for along in (along_x, along_y):
+        along[[0, -1]] = at_ends
+    left, below = along_y * P[:, 0] * block.dy, along_x * P[:, 1] * block.dx
+    forces[0] += left * block.thickness
+    forces[-1] -= left * block.thickness
+    forces[:, 0] += below * block.thickness
+    forces[:, -1] -= below * block.thickness
 
 
 @pytest.mark.parametrize("dx", [0.005, 0.003])
@@ -74,19 +89,21 @@ def test_the_patch_starts_from_a_scene_alone() -> None:
 
 @pytest.mark.parametrize("dx", [0.005, 0.003])
 @pytest.mark.parametrize("gamma", [0.09, -0.04, 0.6])
-def test_a_simple_shear_patch_carries_eq_25(gamma: float, dx: float) -> None:
+@FORMS
+def test_a_simple_shear_patch_carries_eq_25(gamma: float, dx: float, model: Model) -> None:
     """S_12 = G gamma; the bonds across the layer also stretch, by sqrt(1 + gamma^2)."""
     F = np.array([[1.0, gamma], [0.0, 1.0]])
-    scene, position = free_block(F, dx)
+    scene, position = free_block(F, dx, model=model)
     stretch = math.hypot(gamma, 1.0)
     expected = uniform_stress(scene, F, (0.0, 2.78e6 * (stretch - 1.0)), 0.84e6 * gamma)
     np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("angle", [1e-3, 0.3, 1.0, math.pi / 2, 2.5, math.pi])
-def test_a_rigid_rotation_gives_no_force(angle: float) -> None:
+@FORMS
+def test_a_rigid_rotation_gives_no_force(angle: float, model: Model) -> None:
     c, s = math.cos(angle), math.sin(angle)
-    scene, position = free_block(((c, -s), (s, c)))
+    scene, position = free_block(((c, -s), (s, c)), model=model)
     np.testing.assert_allclose(node_forces(scene, position=position), 0.0, atol=ROUNDING)
 
 
@@ -100,9 +117,10 @@ def test_a_small_rotation_by_the_scene_alone_gives_no_force() -> None:
     assert forces[0, 0, 1] > 1.0  # the corner that does dip is pushed up
 
 
-def test_forces_turn_with_the_block() -> None:
+@FORMS
+def test_forces_turn_with_the_block(model: Model) -> None:
     """A distorted, partly crushed and broken block, turned, has the same forces, turned."""
-    scene, position = free_block()
+    scene, position = free_block(model=model)
     start = distorted(scene, position, seed=1)
     c, s = math.cos(1.1), math.sin(1.1)
     Q = np.array([[c, -s], [s, c]])
@@ -138,9 +156,10 @@ def distorted(scene, position: np.ndarray, seed: int) -> dict:
     ],
     ids=["small strain", "sheared", "crushed", "densified"],
 )
-def test_any_state_agrees_with_the_paper_in_tensors(gradient: tuple, dx: float) -> None:
+@FORMS
+def test_any_state_agrees_with_the_tensors(gradient: tuple, dx: float, model: Model) -> None:
     """Histories, free edges, broken neighbours and bare fibres in every combination."""
-    scene, position = free_block(gradient, dx)
+    scene, position = free_block(gradient, dx, model=model)
     start = distorted(scene, position, seed=2)
     reference = ReferenceLattice(scene, **start)
     expected = reference.node_forces()
@@ -148,17 +167,15 @@ def test_any_state_agrees_with_the_paper_in_tensors(gradient: tuple, dx: float) 
     np.testing.assert_allclose(node_forces(scene, **start), expected, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("damping", ["bond", "stiffness"])
-def test_dashpots_drag_on_the_relative_velocity_of_intact_pairs(damping: str) -> None:
+@pytest.mark.parametrize("dx", [0.005, 0.003])
+@FORMS
+def test_dashpots_drag_on_what_holds_together(model: Model, dx: float) -> None:
     """The same state in motion: 5 m/s at random, where dashpots outweigh the stresses.
 
-    tau K along the bond in both readings; across it tau K too, or tau G.
+    tau K on the rate of a bond's length, tau G on that of a cell's shear strain.
     One step of 1e-12 s: forward differences err by (c/m) dt = 3e-6, rounding by 1e-9, relatively.
     """
-    scene, position = free_block(
-        numerics=numerics(dt=1e-12),
-        model=Model(self_contact=False, crushed_room=False, damping=damping),
-    )
+    scene, position = free_block(dx=dx, numerics=numerics(dt=1e-12), model=model)
     start = distorted(scene, position, seed=3)
     velocity = np.random.default_rng(4).uniform(-5.0, 5.0, position.shape)
     with bench(scene, velocity=velocity, **start) as loaded:

@@ -20,13 +20,7 @@ STEPS = 1500
 # Every option that acts on forces or on what breaks.
 EVERYTHING = {
     "foam": Foam(rate=300.0, rate_exponent=2.0, strength_scatter=0.2, strength_seed=4),
-    "model": Model(
-        shear="variational",
-        shear_failure="angle",
-        broken_halves="each",
-        piece_size=0.8,
-        piece_friction=0.3,
-    ),
+    "model": Model(shear_failure="angle", piece_size=0.8, piece_friction=0.3),
     "start": Start(cuts=((-0.011, 0.02, 0.004, 0.07),)),
 }
 
@@ -38,7 +32,10 @@ def impacts() -> list[Scene]:
         small_scene(impactor=impactor, numerics=Numerics(end=5e-3), output=output, **parts)
         for impactor, parts in (
             (Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=15.0), {}),
-            (FlatBlock(width=0.02, mass=0.2, velocity=8.0), {"dx": 0.004}),
+            (
+                FlatBlock(width=0.02, mass=0.2, velocity=8.0),
+                {"dx": 0.004, "model": Model(shear="face")},
+            ),
             (FlatBlock(width=0.02, mass=0.1, velocity=12.0, rotation_deg=20), {"dy": 0.004}),
             (Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=14.0), EVERYTHING),
         )

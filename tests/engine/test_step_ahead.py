@@ -24,6 +24,7 @@ CASES = {
     "300 m/s": {"impactor.velocity": 300.0},
     "1e-4 kg": {"impactor.mass": 1e-4},
     "1e-6 kg": {"impactor.mass": 1e-6},
+    "1e-6 kg on springs": {"impactor.mass": 1e-6, "numerics.contact_damping": 0.0},
     "soft": {"foam.youngs_modulus": 1e3, "foam.shear_modulus": 1e3, "numerics.end": 5e-3},
 }
 
@@ -51,18 +52,19 @@ def test_nothing_moves_by_more_than_half_the_skin_in_a_step(runs: dict) -> None:
     result = runs["300 m/s"]
     cell = min(result.scene.block.dx, result.scene.block.dy)
     assert result.history["dt_s"][0] == pytest.approx(MOST_WAY * cell / 300.0)
-    assert result.run["dt_max_s"] <= 1.01 * MOST_WAY * cell / 300.0
+    assert result.run["dt_max_s"] <= 1.03 * MOST_WAY * cell / 300.0
 
 
 def test_a_light_impactor_bounces_off_as_it_came(runs: dict) -> None:
     """A milligram cannot crush anything: the contact is all there is.
 
-    It swings on the springs of four points, of 40 K Z each, for half a period, and hardly moves
-    the points, of 146 mg. The overlap is that of the stages, which look ahead a little too far.
+    It swings on the springs of four points on the block's top, half cells of 20 K Z each, for half
+    a period, and hardly moves the points, of 73 mg. The overlap is that of the stages, which look
+    ahead a little too far.
     """
-    result = runs["1e-6 kg"]
+    result = runs["1e-6 kg on springs"]
     scene = result.scene
-    stiffness = 4 * scene.numerics.contact_stiffness * scene.foam.youngs_modulus * 0.057
+    stiffness = 2 * scene.numerics.contact_stiffness * scene.foam.youngs_modulus * 0.057
     swing = np.sqrt(stiffness / scene.impactor.mass)
     assert result.summary["rebound_velocity_m_s"] == pytest.approx(3.03, rel=0.01)
     assert result.run["max_overlap_m"] == pytest.approx(3.03 / swing, rel=0.03)

@@ -64,7 +64,8 @@ def on_ribs() -> Result:
 
 
 def test_a_drop_on_ribs_is_accounted_for(on_ribs: Result) -> None:
-    assert on_ribs.history["base_J"][-1] > 0.5
+    by_ribs = ("contact_J", "contact_loss_J", "friction_J")
+    assert sum(on_ribs.history[name][-1] for name in by_ribs) > 0.5
     assert unaccounted(on_ribs) < 1e-3
 
 
@@ -99,7 +100,7 @@ def test_ribs_that_a_crosshead_presses_on_yield_by_their_own_faces() -> None:
         update={"impactor": press, "numerics": Numerics(end=10e-3, gravity=0.0)}
     )
     history = tf.run(scene).history
-    yielding = history["displacement_m"] > 1.7e-3
+    yielding = history["displacement_m"] > 1.75e-3  # the swing of the yield has decayed
     plateau = len(ON_RIBS) * K * YIELD * FACE
     np.testing.assert_allclose(history["contact_force_N"][yielding], plateau, rtol=2e-3)
     assert history["broken_bonds"][-1] == 0

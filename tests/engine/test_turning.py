@@ -51,8 +51,8 @@ def product(**values: object) -> FlatBlock:
 def test_free_flight_is_exact(gravity: float) -> None:
     """A parabola and an even turn, which Runge-Kutta follows exactly: only rounding is left.
 
-    Energy is kept, and so is the angular momentum about the centre of mass. 400 steps or more
-    round it by a part of an ulp each.
+    Energy is kept, and so is the angular momentum about the centre of mass. Each step rounds it by
+    half an ulp at most.
     """
     body = product(gap=0.02, velocity=0.5, velocity_x=0.3, spin=40.0, rotation_deg=20.0)
     result = run(dropped(body, 0.02, gravity))
@@ -60,14 +60,15 @@ def test_free_flight_is_exact(gravity: float) -> None:
     assert result.run["steps"] > 400
     assert not h.contact_force_N.any()
     np.testing.assert_allclose(h.displacement_m, 0.5 * t + 0.5 * gravity * t**2, atol=1e-15)
-    np.testing.assert_allclose(h.velocity_m_s, 0.5 + gravity * t, rtol=1e-13)
+    np.testing.assert_allclose(h.velocity_m_s, 0.5 + gravity * t, rtol=1e-12)
     np.testing.assert_allclose(h.displacement_x_m, 0.3 * t, rtol=1e-12)
     np.testing.assert_allclose(h.angle_rad, 40.0 * t, rtol=1e-12)
     assert np.ptp(h.spin_rad_s) == 0.0
     assert np.ptp(h.velocity_x_m_s) == 0.0
     energy = 0.5 * 0.2 * (0.5**2 + 0.3**2) + 0.5 * body.moment_of_inertia * 40.0**2
     assert h.impactor_kinetic_J[0] == pytest.approx(energy, rel=1e-14)
-    np.testing.assert_allclose(h.residual_J, 0.0, atol=1e-13 * energy)
+    rounding = 0.5 * np.finfo(float).eps * result.run["steps"]
+    np.testing.assert_allclose(h.residual_J, 0.0, atol=rounding * energy)
     last = result.snapshots[-1]
     assert last.impactor_angle == pytest.approx(40.0 * last.time, rel=1e-12)
     assert last.impactor_shift == pytest.approx(0.3 * last.time, rel=1e-12)
@@ -79,11 +80,12 @@ def test_a_body_that_rocks_on_foam_is_followed_to_the_order_of_the_integrator(
 ) -> None:
     """Pressed into elastic foam that it does not leave, so that nothing but springs acts.
 
-    Friction springs, which stick here, stretch along the chord of each step: of order three.
+    Its edges lie between mass points, none of which comes onto their arcs. Friction springs, which
+    stick here, stretch along the chord of each step: of order three.
     """
     time = 1e-3
     body = product(
-        mass=2.0, inertia=1e-4, x=0.004, velocity=0.2, spin=2e-3, velocity_x=2e-3,
+        mass=2.0, inertia=1e-4, width=0.032, x=0.004, velocity=0.2, spin=2e-3, velocity_x=2e-3,
         friction=friction,
     )  # fmt: skip
     soft = numerics(damping_time=1e-6, contact_stiffness=0.5)
@@ -172,8 +174,9 @@ def test_a_rod_that_strikes_off_centre_meets_the_closed_form(
 
 def test_a_body_that_falls_flat_and_centred_moves_as_one_on_rails() -> None:
     fixed = Numerics(end=4e-3, dt=1e-6)
+    # a dashpot acts at once where bodies meet: they are to meet in the midst of a step
     free, guided = (
-        run(dropped(product(velocity=2.0, guided=guided), numerics=fixed)).history
+        run(dropped(product(velocity=2.0, gap=1.05e-5, guided=guided), numerics=fixed)).history
         for guided in (False, True)
     )
     assert guided.contact_force_N.max() > 50.0

@@ -14,7 +14,7 @@ from pathlib import Path
 import device_states
 import numpy as np
 import pytest
-from device_states import ENERGIES, STEPS_BEFORE, STEPS_BIG, States
+from device_states import ENERGIES, STEPS_BEFORE, STEPS_BIG, STEPS_OPTIONS, States
 
 from taichi_foam.engine.device import device_of
 
@@ -99,12 +99,12 @@ def test_blocks_agree_with_the_cpu_to_rounding_before_failure(
 def test_blocks_agree_with_the_cpu_to_rounding_with_every_option(
     states: tuple[States, States],
 ) -> None:
-    """Rates, scatter, cuts, variational shear, all readings of Eq. 27, pieces that rub."""
+    """Rates, scatter, cuts, pieces that rub, off the rails."""
     on_cpu, on_vulkan = states
-    assert on_cpu["options/e_min_a"].min() < 0.0
+    assert on_cpu["options/e_min_a"].min() < -1e-3
     assert on_cpu["options/broken"].min() > 5  # the cut
     np.testing.assert_array_equal(on_vulkan["options/broken"], on_cpu["options/broken"])
-    assert_close(part(on_cpu, "options"), part(on_vulkan, "options"), STEPS_BEFORE)
+    assert_close(part(on_cpu, "options"), part(on_vulkan, "options"), STEPS_OPTIONS)
 
 
 def test_wide_steps_agree_with_the_cpu_to_rounding(states: tuple[States, States]) -> None:

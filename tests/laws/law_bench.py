@@ -78,14 +78,10 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
             out[k] = law.contact_stress(c, gap[k], touch, length)
 
     @ti.kernel
-    def shear(c: law.Constants, gamma: Array, out: Array):
-        for k in range(gamma.shape[0]):
-            out[k] = law.shear_stress(c, gamma[k])
-
-    @ti.kernel
     def crushed_shear(c: law.Constants, worst: Array, out: Array):
         for k in range(worst.shape[0]):
-            out[k] = law.shear_modulus(c, worst[k])
+            rise, _ = law.shear_rise(c, worst[k])
+            out[k] = law.shear_modulus(c) + rise
 
     @ti.kernel
     def fails(
@@ -139,13 +135,6 @@ def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarr
     """Stress [Pa] between pieces at distances `gap` [m] that touch at `touch` [m]."""
     gap, out = _arrays(gap)
     foam.kernels.piece(foam.constants, gap, touch, length, out)
-    return out
-
-
-def shear(foam: Bound, gamma: np.ndarray) -> np.ndarray:
-    """Shear stress [Pa] at shear strains `gamma`."""
-    gamma, out = _arrays(gamma)
-    foam.kernels.shear(foam.constants, gamma, out)
     return out
 
 

@@ -160,9 +160,12 @@ def test_jumping_contact_drops_the_stress_of_broken_bonds() -> None:
 
 
 def test_shear_gives_back_twice_what_bonds_lose_by_turning() -> None:
-    """Under the stress s a bond of the length 1 - e turns as if it had lost s / (1 - e) of G."""
+    """Under the stress s a bond of the length 1 - e turns as if it had lost s / (1 - e) of G.
+
+    But that kinks are smoothed over 2 % of strain.
+    """
     e = -np.array([0.0, 0.2, 0.55, 0.75, 0.88])
     turning = -curve_at(e) / (1 + e)
     expected = np.maximum(FOAM.shear_modulus, 2 * turning)
-    np.testing.assert_allclose(shear_modulus(constants(FOAM), e), expected, rtol=1e-12)
+    np.testing.assert_allclose(shear_modulus(constants(FOAM), e), expected, rtol=0.04)
     assert expected[-1] > 10 * expected[0]

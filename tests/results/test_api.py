@@ -66,7 +66,7 @@ def test_values_show_themselves_in_a_line(scene: tf.Scene) -> None:
         f"<Result of 'small': {rows} rows, {snapshots} snapshots, ended by: end time>"
     )
     last = result.history.time_s[-1]
-    assert repr(result.history) == f"<History of {rows} rows until {last:.4g} s, 22 columns>"
+    assert repr(result.history) == f"<History of {rows} rows until {last:.4g} s, 25 columns>"
     assert repr(result.snapshots[0]) == "<Snapshot of 6 x 4 mass points at 0 s>"
 
 

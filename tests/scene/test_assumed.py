@@ -27,7 +27,7 @@ def of_foam(scene: Scene) -> set[str]:
 
 def test_the_papers_foam_assumes_nothing() -> None:
     assert Scene(**AT_REST).assumed is None
-    readings = {"crush_band": 0.0075, "crushed_strength": 0.1, "softening": False}
+    readings = {"crush_band": 0.0075, "softening": False}
     assert Scene.checked({"foam": readings, **AT_REST}, "scene").assumed is None
 
 
@@ -48,7 +48,7 @@ def test_what_is_given_is_not_assumed() -> None:
     values = {key: getattr(foam, key) for key in MATERIAL if getattr(foam, key) is not None}
     scene = Scene(
         foam=Foam(**values, fracture_energy=50.0, shear_fracture_energy=30.0,
-                  crush_band=0.005, crushed_strength=0.2),
+                  crush_band=0.005),
         block=Block(density=30.0),
         model=Model(shear_pressure_coefficient=1.0),
         numerics=Numerics(end=0.01, damping_time=1e-6),

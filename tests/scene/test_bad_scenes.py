@@ -110,7 +110,7 @@ BAD = [
     (
         RECTANGULAR,
         "foam.densification_strain=-0.02",
-        ["foam.densification_strain = -0.02", "below foam.yield_strain = -0.05"],
+        ["foam.densification_strain = -0.02", "below foam.yield_strain = -0.0425"],
     ),
     (RECTANGULAR, "foam.locking_strain=-1.2", ["foam.locking_strain = -1.2", "above -1"]),
     # an impactor that cannot hit, or has hit already
@@ -127,7 +127,7 @@ BAD = [
     (
         RECTANGULAR,
         "start.deformation_gradient=[[1,0],[0,1.2]]",
-        ["impactor.gap = 0", "starts inside the block", "at least 0.019 m"],
+        ["impactor.gap = 0", "starts inside the block", "at least 0.02 m"],
     ),
     # wrong kinds of value
     (RECTANGULAR, "block.width=wide", ["block.width = 'wide'", "must be a number"]),
@@ -139,7 +139,7 @@ BAD = [
     (
         RECTANGULAR,
         "model.damping=none",
-        ["model.damping = none", "'bond', 'stiffness' or 'absolute'"],
+        ["model.damping = none", "'stiffness' or 'absolute'"],
     ),
     (RECTANGULAR, "base.kind=glued", ["base.kind = 'glued'", "'held', 'gripped' or 'floor'"]),
     (RECTANGULAR, "impactor.shape=ball", ["impactor.shape = 'ball'", "flat, cylinder, wedge"]),
@@ -169,17 +169,12 @@ BAD = [
     ),
     (RECTANGULAR, "foam.strength_seed=1.5", ["foam.strength_seed = 1.5", "a whole number"]),
     (RECTANGULAR, "foam.strength_seed=nan", ["foam.strength_seed = nan", "a whole number"]),
-    (RECTANGULAR, "model.shear=both", ["model.shear = 'both'", "'face' or 'variational'"]),
-    (RECTANGULAR, "model.shear=1", ["model.shear = 1", "'face' or 'variational'"]),
+    (RECTANGULAR, "model.shear=both", ["model.shear = 'both'", "'cell' or 'face'"]),
+    (RECTANGULAR, "model.shear=1", ["model.shear = 1", "'cell' or 'face'"]),
     (
         RECTANGULAR,
         "model.shear_failure=angel",
         ["model.shear_failure = 'angel'", "'always', 'pressure-dependent' or 'angle'"],
-    ),
-    (
-        RECTANGULAR,
-        "model.broken_halves=none",
-        ["model.broken_halves = none", "'either', 'both' or 'each'"],
     ),
     (RECTANGULAR, "model.piece_size=0", ["model.piece_size = 0", "at least 0.1 and at most 1"]),
     (RECTANGULAR, "model.piece_size=1.01", ["model.piece_size = 1.01", "at most 1"]),

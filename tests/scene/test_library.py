@@ -7,15 +7,17 @@ import pytest
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Foam, Numerics, Scene
+from taichi_foam.scene.assumed import PAPERS_FOAM
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.library import foam_of, names, read_foam
 
 AT_REST = {"numerics": {"end": 0.01}}
 
 
-def test_the_papers_foam_is_that_of_the_defaults() -> None:
+def test_the_papers_foam_is_that_of_the_defaults_but_for_what_is_calibrated() -> None:
     scene = Scene.checked({"foam": "shim2000-pu", **AT_REST}, "scene")
-    paper = Foam(crush_band=0.0075, crushed_strength=0.1, source=scene.foam.source)
+    paper = Foam(**PAPERS_FOAM, source=scene.foam.source)
+    assert paper.plateau_stress == pytest.approx(0.12e6, rel=0.02)  # measured
     assert scene.foam == paper
     assert scene.block.density == 25.6
     assert "shim2000-pu" in names()

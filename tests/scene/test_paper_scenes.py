@@ -169,11 +169,11 @@ def test_what_was_set_up_or_measured_makes_a_test(change):
     "change",
     [
         "impactor.friction=0.5", "impactor.velocity=2.87", "block.columns=80", "block.rows=10",
-        "foam.rate=none", "foam.crushed_strength=1", "foam.strength_scatter=0.1",
+        "foam.rate=none", "foam.strength_scatter=0.1",
         "foam.crush_band=none", "foam.fracture_energy=50", "foam.shear_fracture_energy=50",
         "foam.softening=false",
         "foam.strength_seed=3", "foam.locking_strain=-0.96", "foam.crushed_tensile_fraction=1",
-        "base.kind=floor", "base.friction=0.2", "model.shear=variational", "numerics.dt=1e-7",
+        "base.kind=floor", "base.friction=0.2", "model.shear=face", "numerics.dt=1e-7",
         "numerics.end=1e-3", "numerics.contact_stiffness=20", "numerics.damping_time=1e-5",
         "output.mode=stress", "output.snapshot_interval=2e-3",
     ],
@@ -196,7 +196,7 @@ def test_every_key_of_a_scene_has_been_decided():
         "block": {"columns", "rows", "lattice_angle_deg", "mass_points"},
         "foam": {
             "law", "source", "locking_strain", "densification_a", "densification_b",
-            "crushed_tensile_fraction", "crushed_tensile_stress", "crushed_strength", "rate",
+            "crushed_tensile_fraction", "crushed_tensile_stress", "rate",
             "rate_exponent", "crush_band", "fracture_energy", "shear_fracture_energy",
             "softening", "strength_scatter", "strength_seed",
         },
@@ -204,7 +204,8 @@ def test_every_key_of_a_scene_has_been_decided():
         "across": set(),
         "support": set(),
         "numerics": {
-            "dt", "safety", "damping_time", "contact_stiffness", "end", "time_limit",
+            "dt", "safety", "damping_time", "contact_stiffness", "contact_damping",
+            "end", "time_limit",
         },
         "start": set(),
     }  # fmt: skip

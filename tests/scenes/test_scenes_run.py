@@ -230,15 +230,15 @@ def test_the_tall_block_is_hit_after_a_fall_of_10_mm() -> None:
 
 
 def test_the_fine_wedge_is_the_wedge_with_smaller_cells() -> None:
-    """Same block and impactor; ten times as many steps a millisecond, as its text says."""
+    """Same block and impactor; a step is a fifth as long."""
     fine, coarse = script("fine_wedge").scene, script("wedge").scene
     rubbed = {"friction": coarse.impactor.friction}  # one of the readings that its picture has
     assert fine.impactor.model_copy(update=rubbed) == coarse.impactor
     assert (fine.block.width, fine.block.height) == (coarse.block.width, coarse.block.height)
-    assert fine.block.columns * fine.block.rows == 80_000
+    assert fine.block.columns * fine.block.rows == 20_200
     end = {"numerics": fine.numerics.model_copy(update={"end": 3e-6})}
     result = run(fine.model_copy(update=end))
-    assert 0.049 / result.run["dt_max_s"] == pytest.approx(150_000, rel=0.1)
+    assert 0.049 / result.run["dt_max_s"] == pytest.approx(77_000, rel=0.1)
     assert result.run["max_overlap_m"] < 0.02 * fine.block.dx
 
 
@@ -251,7 +251,10 @@ def coarse(name: str) -> Scene:
 
 
 def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
-    """The plateau's force on the product's width and no more, and the depth of that energy."""
+    """The plateau's force on the product's width and no more, and the depth of that energy.
+
+    Of which dashpots and cracks at its edges take 6 %.
+    """
     scene = coarse("edge")
     product, plateau = scene.impactor, scene.foam.landmarks.plateau_stress
     assert isinstance(product, FlatBlock)
@@ -260,8 +263,8 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     figures = run(scene).summary
     assert product.drop_height is not None
     depth = weight * product.drop_height / (force - weight)
-    assert depth == pytest.approx(0.0319, abs=1e-4)
-    assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.05)
+    assert depth == pytest.approx(0.0383, abs=1e-4)
+    assert figures["max_displacement_m"] == pytest.approx(0.94 * depth, rel=0.03)
     assert figures["plateau_deceleration_m_s2"] == pytest.approx(
         (force - weight) / product.mass, rel=0.1
     )
@@ -278,7 +281,7 @@ def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
     depth = -landmarks.crush_end * s
     taken = pressure * -landmarks.crush_end * (0.06 * s + 0.75 * s**2)
     end = int(np.argmax(taken >= weight * (product.drop_height + depth)))
-    assert s[end] == pytest.approx(0.035, abs=5e-4)
+    assert s[end] == pytest.approx(0.0394, abs=5e-4)
     figures = run(scene).summary
     whole = -landmarks.crush_start * (scene.block.height - s[end])  # what is not crushed yields
     assert figures["max_displacement_m"] == pytest.approx(depth[end] + whole, rel=0.05)

@@ -14,7 +14,7 @@ import pytest
 from taichi_foam import load_scene
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Block
+from taichi_foam.scene import Block, Scene
 from taichi_foam.shim2000.criteria import Criterion, comparing, criteria
 from taichi_foam.shim2000.tests import NAMES, TESTS, paper_scene
 
@@ -27,6 +27,11 @@ TIP = 0.0975 - DEPTH  # height of the impactor's lowest point at the stop
 CRUSHED = -0.85
 
 
+def on_cells(name: str) -> Scene:
+    """A test on 40 x 20 mass points in the middles of their cells, as these snapshots are."""
+    return paper_scene(name).model_copy(update={"block": BLOCK})
+
+
 @pytest.fixture
 def judged(make_snapshot, make_result) -> Callable[[str, Snapshot], dict[str, Criterion]]:
     """The criteria, by key, of a run that stops in the given state."""
@@ -34,7 +39,7 @@ def judged(make_snapshot, make_result) -> Callable[[str, Snapshot], dict[str, Cr
     def judge(name: str, stop: Snapshot) -> dict[str, Criterion]:
         t = np.linspace(0.0, 0.045, 46)
         result = make_result(
-            scene=paper_scene(name),
+            scene=on_cells(name),
             time=t,
             displacement_m=3.0 * t - 37.5 * t**2,
             velocity_m_s=3.0 - 75.0 * t,
@@ -182,7 +187,7 @@ def test_fig_22_spoiled(judged, flat, spoil, expected) -> None:
 
 def test_a_run_that_never_stops_has_no_displacement(make_result, flat) -> None:
     """The rest is judged at its last instant."""
-    moving = make_result(scene=paper_scene(FLAT), snapshots=[flat])
+    moving = make_result(scene=on_cells(FLAT), snapshots=[flat])
     found = {criterion.key: criterion for criterion in criteria(moving)}
     assert found["flat-layer-3.03"].value is None
     assert missed(found) == {"flat-layer-3.03"}
@@ -360,7 +365,7 @@ def test_a_scene_counts_by_what_it_is(make_result, flat) -> None:
     def keys(result: Result) -> list[str]:
         return [criterion.key for criterion in criteria(result)]
 
-    scene = paper_scene(FLAT)
+    scene = on_cells(FLAT)
     faster = scene.model_copy(
         update={"impactor": scene.impactor.model_copy(update={"velocity": 3.04})}
     )
@@ -371,7 +376,8 @@ def test_a_scene_counts_by_what_it_is(make_result, flat) -> None:
     assert keys(make_result(scene=renamed, snapshots=[flat])) == keys(
         make_result(scene=scene, snapshots=[flat])
     )
-    heavy = load_scene(FLAT, overrides=["impactor.mass=7"])
+    on_own = ["block.rows=20", "block.mass_points=cells"]
+    heavy = load_scene(FLAT, overrides=["impactor.mass=7", *on_own])
     assert keys(make_result(scene=heavy, snapshots=[flat])) == []
     asked = criteria(make_result(scene=heavy, snapshots=[flat]), TESTS[FLAT])
     assert [c.key for c in asked] == keys(make_result(scene=scene, snapshots=[flat])) != []
@@ -419,7 +425,7 @@ def test_layers_and_room_are_judged_at_the_end(make_snapshot, make_result, flat)
     """Pictures show the stop; specimens are looked at after the test."""
     t = np.linspace(0.0, 0.045, 46)
     result = make_result(
-        scene=paper_scene(FLAT),
+        scene=on_cells(FLAT),
         time=t,
         displacement_m=3.0 * t - 37.5 * t**2,
         velocity_m_s=3.0 - 75.0 * t,

@@ -86,7 +86,7 @@ def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
 # foam that flows, and options whose state is more than the defaults'
 OPTIONS = {
     "default": {},
-    "rate and scatter": {"foam": Foam(rate=3000.0, strength_scatter=0.2, crushed_strength=0.1)},
+    "rate and scatter": {"foam": Foam(rate=3000.0, strength_scatter=0.2)},
     "no contact": {"model": Model(self_contact=False, shear_failure="always")},
 }
 

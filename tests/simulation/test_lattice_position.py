@@ -19,7 +19,7 @@ def drop(shift: float = 0.0, angle: float = 0.0) -> Scene:
     corners = [tuple(corner) for corner in outline.tolist()]
     return Scene(
         block=Block(**size, thickness=0.1, outline=corners, lattice_angle_deg=angle),
-        foam=Foam(crush_band=0.0075, crushed_strength=0.1),
+        foam=Foam(crush_band=0.0075),
         impactor=FlatBlock(width=0.14, height=0.03, mass=4.0, velocity=3.0, x=shift * CELL),
         output=Output(film=False),
     )
@@ -31,11 +31,11 @@ def as_drawn() -> dict[str, float]:
 
 
 # The foam is held together along its lattice, so that a turned one is a little another foam: it is
-# crushed at an angle to its bonds, which shortens both kinds. At 45 degrees it stops the plate 14 %
-# sooner (docs/limits.md).
+# crushed at an angle to its bonds, which shortens both kinds and shears its cells. And where the
+# outline cuts cells, a bond may break at one position and hold at another (docs/limits.md).
 @pytest.mark.parametrize(
     ("shift", "angle", "within"),
-    [(0.25, 0.0, 0.01), (0.5, 0.0, 0.01), (0.0, 90.0, 0.02), (0.0, 10.0, 0.1), (0.0, 22.5, 0.13)],
+    [(0.25, 0.0, 0.015), (0.5, 0.0, 0.015), (0.0, 90.0, 0.02), (0.0, 10.0, 0.1), (0.0, 22.5, 0.13)],
 )
 def test_what_a_drop_comes_to(
     as_drawn: dict[str, float], shift: float, angle: float, within: float

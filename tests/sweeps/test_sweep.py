@@ -138,7 +138,7 @@ def test_another_plan_is_refused_with_the_difference(swept: Sweep) -> None:
     for line in (
         "axes[impactor.velocity].count: was 9, is 11",
         "keep.histories: was 'float32', is 'none'",
-        "scene.block.rows: was 20, is 10",
+        "scene.block.rows: was 21, is 10",
     ):
         assert line in str(refused.value)
     with pytest.raises(UserError, match="it is computed on cpu"):

@@ -90,10 +90,9 @@ def variants() -> tuple[Variant, ...]:
         ("no fracture", UNBROKEN),
         ("no rate", ("foam.rate=none",)),
         ("a tenth of the dashpots", (f"numerics.damping_time={1e-7 / 0.057!r}",)),
-        ("crushed foam as strong as whole foam", ("foam.crushed_strength=1",)),
         ("strength in shear without pressure", ("model.shear_failure=always",)),
         ("pieces pass through each other", ("model.self_contact=false",)),
-        ("halves by each bond", ("model.broken_halves=each",)),
+        ("shear by faces", ("model.shear=face",)),
     )
     return (
         Variant("cells", "as it is", CELLS, MANY),

@@ -24,7 +24,7 @@ def section(velocities: int, kept: Kept) -> list[str]:
         "## What each choice does to the nine tests\n",
         f"One change at a time from `calibrated`, medians of {velocities} velocities within 0.5 % "
         "(where strengths scatter, each with a seed of its own). A yield strain of -0.0432 puts "
-        "the plateau at the 0.12 MPa that were measured, `broken_halves = either` is Eq. 27 as "
+        "the plateau at the 0.12 MPa that were measured, `shear = face` is Eqs 10 to 13 and 27 as "
         "printed, and a cylinder of 5 cm is section 3.1's.\n",
         f"Figures are durations, displacements and plateaus, 27 in all, and *median error* is "
         f"that of their absolute errors. A criterion of the paper's pictures is met if at least "

@@ -133,7 +133,6 @@ def scene(strip: Strip) -> Scene:
             damping="absolute",
             self_contact=False,
             shear_failure="tension-only",
-            broken_halves="either",
         ),
         numerics=Numerics(
             damping_time=DRAG * strip.cell**2 / sound,

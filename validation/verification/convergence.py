@@ -34,8 +34,6 @@ KEPT_EVERY = 2.5e-4  # s: rows of the histories that are kept
 
 # All that decides a result, so that it does not change with the package's defaults.
 MODEL = Model(
-    damping="bond",
-    broken_halves="either",
     shear_failure="pressure-dependent",
     shear_pressure_coefficient=18.0,
     broken_contact="reload",
@@ -152,7 +150,7 @@ def figures_of(impact: Impact, result: Result) -> dict[str, object]:
         "first_failure_s": float(history["time_s"][first[0]]) if len(first) else None,
         "broken_area_m2": float(np.sum(last.broken_a) + np.sum(last.broken_b)) * face,
         "fracture_J": float(history["fracture_J"][-1]),
-        "shear_J": float(history["shear_J"][-1]),
+        "shear_J": float(history["shear_J"][-1] + history["shearing_J"][-1]),
     }
 
 

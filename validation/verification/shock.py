@@ -135,7 +135,7 @@ def scene(shock: Shock) -> Scene:
             width=4 * cell, height=0.02, mass=PLATE, velocity=shock.velocity, friction=0.0
         ),
         base=Base(kind="held"),
-        model=Model(damping="bond", self_contact=False),
+        model=Model(self_contact=False),
         numerics=Numerics(
             damping_time=shock.viscosity / shock.foam.youngs_modulus,
             safety=min(shock.safety, 20.0 / shock.velocity),

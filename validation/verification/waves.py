@@ -40,7 +40,7 @@ def scene(cell: float, damping_time: float) -> Scene:
         foam=FOAM,
         impactor=FlatBlock(width=4 * cell, height=0.02, mass=1e3, velocity=TAP, friction=0.0),
         base=Base(kind="held"),
-        model=Model(damping="bond", self_contact=False),
+        model=Model(self_contact=False),
         numerics=Numerics(damping_time=damping_time, end=TIME),
         output=Output(history_interval=TIME / 10, snapshot_interval=TIME),
     )

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from taichi_foam.parts import Part, quantity
 
-TABLE_ROWS, TABLE_COLUMNS = 1001, 4
+TABLE_ROWS, TABLE_COLUMNS = 1001, 5
 """Of the table that a law may have: a row for strains of 0, -0.001 and so on, to -1."""
 
 OPENING, SLIDING = 4.0, 2.0
@@ -155,6 +155,14 @@ class BondFoam(Part):
         return None
 
     @property
+    def most_damping(self) -> float | None:
+        """The most that a row of cells may have as dashpot, over its face [Pa s/m]; None: anything.
+
+        What dashpots take is no part of a foam's curve.
+        """
+        return None
+
+    @property
     def tested_strain(self) -> float | None:
         """The most compressive strain (< 0) that the foam was tested to; None: it is not known."""
         return None
@@ -191,11 +199,9 @@ class BondLaw:
     heeds_rate: bool = False
     """Whether the worst strain is frozen in a step; `flowed` brings it up to date before it."""
     shears_stiffer: bool = False
-    """Whether `shear_modulus` takes the place of `shear_stress` at a bond."""
+    """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
     """Whether `stiffening` is to be asked below `stiffens_below`."""
-    weakens_across: bool = False
-    """Whether crush across a bond takes from its tensile strength (`strength_left`)."""
 
     def with_table(self, table: Any) -> "BondLaw":
         """This law, to be called where `table` is on the device."""
@@ -247,16 +253,13 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def shear_stress(self, c: ti.template(), gamma):
-        """Shear stress [Pa] at shear strain `gamma`."""
-        raise NotImplementedError
+    def shear_rise(self, c: ti.template(), e):
+        """What compression to strain `e` adds to the shear modulus [Pa], and its slope over e."""
+        return 0.0 * e, 0.0 * e
 
     @ti.func
-    def shear_modulus(self, c: ti.template(), worst):
-        """Shear modulus [Pa] of foam that has met the strain `worst` (`shears_stiffer` only).
-
-        It never falls as foam is crushed further.
-        """
+    def shear_modulus(self, c: ti.template()):
+        """Shear modulus [Pa]."""
         raise NotImplementedError
 
     @ti.func
@@ -279,11 +282,6 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def strength_left(self, c: ti.template(), across):
-        """Tensile strength over that of whole foam, crushed across the bond to strain `across`."""
-        return 1.0 + 0.0 * across
-
-    @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
         """The steepest d(sigma_e)/de [Pa] of all but `stiffening`."""
         raise NotImplementedError
@@ -303,6 +301,13 @@ class BondLaw:
         return 0.0 * area
 
     @ti.func
+    def room_energy(self, c: ti.template(), area, room):
+        """Energy per reference volume [J/m3] that a cell of this room stores: the area under
+        `room_stress` from `room` down to `area`.
+        """
+        return 0.0 * area
+
+    @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
         """The steepest slope of `room_stress` over the area [Pa]."""
         return 0.0
@@ -315,6 +320,13 @@ class BondLaw:
 
         `length` is that of a cell.
         """
+        raise NotImplementedError
+
+    @ti.func
+    def contact_energy(
+        self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
+    ) -> ti.f64:
+        """Energy [J/m3] over face times length that two such pieces store in their contact."""
         raise NotImplementedError
 
     @ti.func

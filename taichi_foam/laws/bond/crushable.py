@@ -195,7 +195,6 @@ class Constants:
     densification_b: ti.f64
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
-    crushed_strength: ti.f64  # in tension when crushed across, over that of whole foam
     shear_pressure_coefficient: ti.f64
     rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: the foam does not heed the rate
     rate_exponent: ti.f64

@@ -30,7 +30,6 @@ UNLESS_GIVEN = {
     "fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
     "shear_fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
     "crush_band": "none: dashpots take strain rates over a cell",
-    "crushed_strength": "crush across a bond does not weaken it",
 }
 """See `BondFoam.unless_given`."""
 
@@ -83,14 +82,6 @@ class CrushingFoam(BondFoam):
         "youngs_modulus * crushed_tensile_fraction * tensile_strain",
         allowed="none, or at least 0 and at most 1e9 Pa",
     )
-    crushed_strength: float = quantity(
-        1.0,
-        "-",
-        "tensile strength of a bond between two cells that have been crushed across it, over "
-        "that of whole foam; 1: only crush along a bond weakens it",
-        at_least=0,
-        at_most=1,
-    )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:
         """By what a crack costs over what a bond holds at its limit (Bazant & Oh 1983)."""
@@ -109,7 +100,6 @@ class CrushingFoam(BondFoam):
     def options(self, model: Any) -> dict[str, Any]:
         """The options of `Crushing` for this foam and a scene's `model`."""
         return {
-            "weakens_across": self.crushed_strength < 1.0,
             "broken_contact": model.broken_contact,
             "shear_failure": model.shear_failure,
         }
@@ -126,7 +116,6 @@ class CrushingFoam(BondFoam):
             "densification_strain": marks.crush_end,
             "crushed_tensile_strain": strain,
             "crushed_tensile_stress": stress,
-            "crushed_strength": self.crushed_strength,
             "shear_pressure_coefficient": model.shear_pressure_coefficient,
         }
 
@@ -142,12 +131,10 @@ class CrushingFoam(BondFoam):
 class Crushing(BondLaw):
     """The functions that laws of this kind share. Their constants have what `CrushingFoam` gives.
 
-    weakens_across  foam that is crushed across a bond is weaker in tension
     broken_contact  how a broken bond takes compression up again (Model.broken_contact)
     shear_failure   when shear may break a bond (Model.shear_failure)
     """
 
-    weakens_across: bool = False
     broken_contact: str = "reload"
     shear_failure: str = "always"
 
@@ -204,6 +191,15 @@ class Crushing(BondLaw):
         least = elementary.smaller(room, 1.0 + c.densification_strain)
         lacks = elementary.larger(least - area - ROUNDING, 0.0)
         return PACKED * c.youngs_modulus * yielded * lacks
+
+    @ti.func
+    def room_energy(self, c: ti.template(), area, room):
+        """A parabola, see `room_stress`."""
+        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
+        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
+        least = elementary.smaller(room, 1.0 + c.densification_strain)
+        lacks = elementary.larger(least - area - ROUNDING, 0.0)
+        return 0.5 * PACKED * c.youngs_modulus * yielded * lacks * lacks
 
     @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
@@ -269,9 +265,9 @@ class Crushing(BondLaw):
         return ti.max(c.youngs_modulus, c.crushed_tensile_stress / c.crushed_tensile_strain)
 
     @ti.func
-    def shear_stress(self, c: ti.template(), gamma):
+    def shear_modulus(self, c: ti.template()):
         """tau = G gamma (Eq. 25)."""
-        return c.shear_modulus * gamma
+        return c.shear_modulus
 
     @ti.func
     def contact_stress(
@@ -286,6 +282,19 @@ class Crushing(BondLaw):
         return c.youngs_modulus * (ti.max((gap - touch) / length, c.yield_strain) + PACKED * packed)
 
     @ti.func
+    def contact_energy(
+        self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
+    ) -> ti.f64:
+        """Area under `contact_stress`, over gap / length."""
+        packed = ti.min(gap - (1.0 + c.densification_strain) * touch, 0.0) / length
+        closed = ti.min((gap - touch) / length, 0.0)
+        elastic = ti.max(closed, c.yield_strain)
+        yielded = c.yield_strain * (closed - elastic)
+        return c.youngs_modulus * (
+            0.5 * elastic * elastic + yielded + 0.5 * PACKED * packed * packed
+        )
+
+    @ti.func
     def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
         """Stored energy per reference volume [J/m3] that a bond can no longer give back.
 
@@ -295,16 +304,6 @@ class Crushing(BondLaw):
         if ti.static(self.broken_contact == "reload") and e <= self.permanent_strain(c, e_min):
             lost = 0.0
         return lost
-
-    @ti.func
-    def strength_left(self, c: ti.template(), e_min):
-        """Tensile strength over that of whole foam, crushed across the bond to `e_min`.
-
-        It falls in proportion to the crush, from yield to densification, where the foam is powder.
-        """
-        crush = (e_min - c.yield_strain) / (c.densification_strain - c.yield_strain)
-        crush = elementary.smaller(elementary.larger(crush, 0.0), 1.0)
-        return 1.0 - (1.0 - c.crushed_strength) * crush
 
     @ti.func
     def tensile_limit(self, c: ti.template(), e_min):

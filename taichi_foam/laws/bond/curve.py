@@ -18,7 +18,7 @@ from taichi_foam.parts import Part
 
 Array = NDArray[np.float64]
 
-STRESS, ENERGY, IN_CELLS, SHEAR = range(TABLE_COLUMNS)
+STRESS, ENERGY, IN_CELLS, CELLS_ENERGY, SHEAR = range(TABLE_COLUMNS)
 """Columns of the table that kernels read."""
 
 MOST_POINTS = 2000
@@ -38,6 +38,9 @@ SECANT = 0.005
 
 FLATTEST = 0.02
 """What of a bond's length is always left, as far as its turning goes."""
+
+SMOOTHED = 0.02
+"""Strain over which kinks of the rise in shear are smoothed."""
 
 END = 0.02
 """Strain before the last point over which the slope of a curve's end is taken."""
@@ -233,9 +236,11 @@ class Curve(Part):
         STRESS    [Pa]
         ENERGY    [J/m3] counts from densification, and follows the table's own straight lines
         IN_CELLS  stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
-        SHEAR     shear modulus [Pa], `shear` of whole foam. Under the stress s bonds of the length
-                  1 - e lose s / (1 - e) of it by turning, and rows would fold sideways once that
-                  is all: it is never less than twice as much.
+        CELLS_ENERGY   [J/m3] the area under it
+        SHEAR     what is added to the shear modulus [Pa], `shear` of whole foam. Under the stress s
+                  bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would fold
+                  sideways once that is all: the sum is twice as much. Forces have its slope in
+                  them, so the kinks of the curve are smoothed.
         """
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress = np.where(
@@ -249,8 +254,10 @@ class Curve(Part):
         energy -= energy[k] + 0.5 * (stress[k] + there) * part / (TABLE_ROWS - 1)
         rises = np.minimum(np.diff(stress, prepend=0.0), steepest / (TABLE_ROWS - 1))
         turning = stress / np.maximum(1.0 - strain, FLATTEST)
-        modulus = np.maximum.accumulate(np.maximum(shear, 2.0 * turning))
-        return np.column_stack([stress, energy, np.cumsum(rises), modulus])
+        rise = np.maximum.accumulate(np.maximum(2.0 * turning - shear, 0.0))
+        rise = _mean_around(strain, _mean_around(strain, rise))
+        in_cells = np.cumsum(rises)
+        return np.column_stack([stress, energy, in_cells, _areas(strain, in_cells), rise])
 
     def _beyond(self, strain: Array, locking: float) -> Array:
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""
@@ -268,6 +275,15 @@ def _areas(strain: Array, stress: Array) -> Array:
     """The area [J/m3] under straight lines between points, up to each of them."""
     parts = 0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)
     return np.append(0.0, np.cumsum(parts))
+
+
+def _mean_around(strain: Array, values: Array) -> Array:
+    """The mean over SMOOTHED of strain around each point, or as far as the nearer end allows."""
+    area = _areas(strain, values)
+    reach = np.minimum(0.5 * SMOOTHED, np.minimum(strain, 1.0 - strain))[1:-1]
+    low, high = strain[1:-1] - reach, strain[1:-1] + reach
+    means = (np.interp(high, strain, area) - np.interp(low, strain, area)) / (2.0 * reach)
+    return np.concatenate([values[:1], means, values[-1:]])
 
 
 def _numbers(data: Any) -> tuple[Array, Array] | None:
