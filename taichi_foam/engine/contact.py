@@ -24,6 +24,11 @@ NEW = 2  # at the surface since this listing
 # Foam between a mass point and its face that is thinner than this, in cells, has no law of its own.
 THIN = 0.25
 
+# Points of unequal size keep further apart by so much of the difference of their radii. A row of
+# large ones stands for foam with a straight face, and has dents: a point of no size in one of them
+# lies on that face, not behind it.
+LEVEL = 2.0**0.5 - 1.0
+
 UNLISTED = -1  # links of the search grid are not below this
 
 vec2 = ti.types.vector(2, ti.f64)
@@ -258,6 +263,12 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
 
 @ti.func
+def touch_of(one: ti.f64, two: ti.f64) -> ti.f64:
+    """Distance [m] at which mass points of two radii [m] begin to touch."""
+    return one + two + LEVEL * ti.abs(one - two)
+
+
+@ti.func
 def place_of(lattice: ti.template(), node) -> vec3i:
     """Column, pack and lane of a node that goes by its number."""
     j = ti.raw_mod(node, lattice.rows)
@@ -369,7 +380,7 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         closing = vec2(one.u - two.u, one.v - two.v)
         push = piece_push(
             lattice, b, lattice.state.candidate_node[b, pair[0]],
-            lattice.state.candidate_node[b, pair[1]], away, closing, one.radius + two.radius, p,
+            lattice.state.candidate_node[b, pair[1]], away, closing, touch_of(one.radius, two.radius), p,
         )  # fmt: skip
         lattice.scratch.candidate_push[b, pair[0]] = (
             lattice.scratch.candidate_push[b, pair[0]] - push
@@ -380,7 +391,7 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         if stage == LAST_STAGE:
             one_node = lattice.state.candidate_node[b, pair[0]]
             other_node = lattice.state.candidate_node[b, pair[1]]
-            touch = one.radius + two.radius
+            touch = touch_of(one.radius, two.radius)
             held += piece_energy(lattice, b, one_node, other_node, away.norm(), touch, p)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
@@ -476,7 +487,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    reach = lattice.scratch.radius[b, here[0], here[1]][here[2]] + p.skin
+    own = lattice.scratch.radius[b, here[0], here[1]][here[2]]
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
@@ -489,7 +500,8 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                 )
                 steps = ti.abs(there[0] - i) + ti.abs(ti.raw_mod(other, lattice.rows) - j)
                 if not listed and steps > 1:
-                    limit = reach + lattice.scratch.radius[b, there[0], there[1]][there[2]]
+                    radius = lattice.scratch.radius[b, there[0], there[1]][there[2]]
+                    limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
                             lattice.state.pairs[b, count] = ti.Vector([node, other])
@@ -515,7 +527,7 @@ def _make_room(lattice: ti.template(), b, pair):
         distance = (
             node_at(lattice.state.motion, b, two) - node_at(lattice.state.motion, b, one)
         ).norm()
-        share = distance / (radius_one + radius_two)
+        share = distance / touch_of(radius_one, radius_two)
         room_one = lattice.state.room[b, one[0], one[1]][one[2]]
         room_two = lattice.state.room[b, two[0], two[1]][two[2]]
         lattice.state.room[b, one[0], one[1]][one[2]] = ti.min(room_one, share * radius_one)

@@ -128,7 +128,7 @@ def _search(
     i, j = _place(lattice, node)
     point = _point(lattice, lattice.state.motion, b, node)
     home = contact.bin_of(lattice, point, p)
-    reach = lattice.state.radius[b, i, j][0] + p.skin
+    own = lattice.state.radius[b, i, j][0]
     inside = lattice.state.surface[b, i, j][0] == INSIDE
     there = makeup.is_there(lattice, b, i, j)
     count = 0
@@ -140,7 +140,7 @@ def _search(
                 both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
                 both_there = there and makeup.is_there(lattice, b, oi, oj)
                 if both_there and not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
-                    limit = reach + lattice.state.radius[b, oi, oj][0]
+                    limit = contact.touch_of(own, lattice.state.radius[b, oi, oj][0]) + p.skin
                     away = _point(lattice, lattice.state.motion, b, other) - point
                     if away.norm_sqr() < limit * limit:
                         if ti.static(listing):
@@ -166,7 +166,7 @@ def make_room(lattice: ti.template(), b, strip, width):
                 or lattice.state.surface[b, oi, oj][0] == NEW
             ):
                 distance = (_point(lattice, lattice.state.motion, b, other) - point).norm()
-                share = distance / (radius + lattice.state.radius[b, oi, oj][0])
+                share = distance / contact.touch_of(radius, lattice.state.radius[b, oi, oj][0])
                 room = ti.min(lattice.state.room[b, i, j][0], share * radius)
                 lattice.state.room[b, i, j][0] = room
         n += width
@@ -217,7 +217,9 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
             oi, oj = _place(lattice, other)
             away = point - _point(lattice, lattice.scratch.trial, b, other)
             closing = speed - lanes.velocity(lattice, lattice.scratch.trial, b, oi, oj)
-            touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
+            touch = contact.touch_of(
+                lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
+            )
             total -= contact.piece_push(lattice, b, n, other, away, closing, touch, p)
             if stage == LAST_STAGE:
                 held = contact.piece_energy(lattice, b, n, other, away.norm(), touch, p)

@@ -87,8 +87,10 @@ def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                 pair = lattice.state.pairs[b, n]
                 one = lattice.state.candidate_node[b, pair[0]]
                 two = lattice.state.candidate_node[b, pair[1]]
-                touch = lattice.state.candidate[b, pair[0]].radius
-                touch += lattice.state.candidate[b, pair[1]].radius
+                touch = contact.touch_of(
+                    lattice.state.candidate[b, pair[0]].radius,
+                    lattice.state.candidate[b, pair[1]].radius,
+                )
                 sums = _of_pair(lattice, b, one, two, touch, p)
                 for c in ti.static(range(3)):
                     for node in ti.static((one, two)):
@@ -123,7 +125,9 @@ def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                 for m in range(lattice.state.partner_count[b, n]):
                     other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
                     oi, oj = ti.raw_div(other, lattice.rows), ti.raw_mod(other, lattice.rows)
-                    touch = lattice.state.radius[b, i, j][0] + lattice.state.radius[b, oi, oj][0]
+                    touch = contact.touch_of(
+                        lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
+                    )
                     sums = _of_pair(lattice, b, n, other, touch, p)
                     for c in ti.static(range(3)):
                         found[i, j, c] = found[i, j, c] + sums[c]
