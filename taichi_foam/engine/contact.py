@@ -12,6 +12,7 @@ from taichi_foam.engine.state import (
     HELD_BY_CONTACT,
     HELD_BY_FRICTION,
     HELD_BY_PIECES,
+    NEVER,
 )
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws.shape.edges import Edged
@@ -246,16 +247,20 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
-def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
-
-    Never more than the room that there was when the node could first touch.
-    """
+def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed."""
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
     if ti.static(lattice.features.shaped):
         radius *= ti.sqrt(makeup.share(lattice, b, i, j))
+    return radius
+
+
+@ti.func
+def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
+    """`full_radius`, but never more than the room that there is, see `room_of`."""
+    radius = full_radius(lattice, b, i, j, p)
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         radius = ti.min(radius, room)
@@ -378,10 +383,10 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         two = lattice.state.candidate[b, pair[1]]
         away = vec2(one.x - two.x, one.y - two.y)
         closing = vec2(one.u - two.u, one.v - two.v)
-        push = piece_push(
-            lattice, b, lattice.state.candidate_node[b, pair[0]],
-            lattice.state.candidate_node[b, pair[1]], away, closing, touch_of(one.radius, two.radius), p,
-        )  # fmt: skip
+        one_node = lattice.state.candidate_node[b, pair[0]]
+        other_node = lattice.state.candidate_node[b, pair[1]]
+        touch = touch_of(one.radius, two.radius)
+        push = piece_push(lattice, b, one_node, other_node, away, closing, touch, p)
         lattice.scratch.candidate_push[b, pair[0]] = (
             lattice.scratch.candidate_push[b, pair[0]] - push
         )
@@ -389,9 +394,6 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
             lattice.scratch.candidate_push[b, pair[1]] + push
         )
         if stage == LAST_STAGE:
-            one_node = lattice.state.candidate_node[b, pair[0]]
-            other_node = lattice.state.candidate_node[b, pair[1]]
-            touch = touch_of(one.radius, two.radius)
             held += piece_energy(lattice, b, one_node, other_node, away.norm(), touch, p)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
@@ -447,7 +449,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         for j in range(lattice.rows):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
-            lattice.scratch.radius[b, i, k][lane] = piece_radius(lattice, b, i, j, p)
+            lattice.scratch.radius[b, i, k][lane] = full_radius(lattice, b, i, j, p)
             if lattice.state.surface[b, i, k][lane] == INSIDE and breaking.is_surface(
                 lattice, b, i, j
             ):
@@ -471,9 +473,11 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     lattice.state.clock[b].pairs = ti.min(found, lattice.most_pairs)
     if found > lattice.most_pairs:
         lattice.state.clock[b].status = CROWDED
-    for n in range(lattice.state.clock[b].pairs):
-        _make_room(lattice, b, lattice.state.pairs[b, n])
     _list_candidates(lattice, b)
+    _make_room(lattice, b)
+    for i in range(lattice.columns):
+        for k in range(lattice.packs):
+            lattice.state.surface[b, i, k] = ti.min(lattice.state.surface[b, i, k], AT_SURFACE)
     refresh_radii(lattice, b, p)
 
 
@@ -511,35 +515,60 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
 
 
 @ti.func
-def _make_room(lattice: ti.template(), b, pair):
-    """Let a node start to touch its neighbours without overlap.
+def _make_room(lattice: ti.template(), b):
+    """Let nodes begin to touch without overlap, and have their radii back where there is room."""
+    gaps = ti.static(lattice.scratch.candidate_push)  # not needed yet: free, torn; see `room_of`
+    for n in range(lattice.state.clock[b].candidates):
+        gaps[b, n] = vec2(NEVER, 1.0)
+    for n in range(lattice.state.clock[b].pairs):
+        pair = lattice.state.pairs[b, n]
+        one = place_of(lattice, lattice.state.candidate_node[b, pair[0]])
+        two = place_of(lattice, lattice.state.candidate_node[b, pair[1]])
+        away = node_at(lattice.state.motion, b, two) - node_at(lattice.state.motion, b, one)
+        distance = away.norm()
+        touch = touch_of(_listed_radius(lattice, b, one), _listed_radius(lattice, b, two))
+        is_new = (
+            lattice.state.surface[b, one[0], one[1]][one[2]] == NEW
+            or lattice.state.surface[b, two[0], two[1]][two[2]] == NEW
+        )
+        found = vec2(distance - touch, ti.select(is_new, distance / touch, 1.0))
+        for side in ti.static(range(2)):
+            gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
+    for n in range(lattice.state.clock[b].candidates):
+        place = place_of(lattice, lattice.state.candidate_node[b, n])
+        full = lattice.scratch.radius[b, place[0], place[1]][place[2]]
+        radius = _listed_radius(lattice, b, place)
+        lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
+            radius, full, gaps[b, n][0], gaps[b, n][1]
+        )
 
-    Foam that has sheared under compression may be closer than its radii when it tears. Contact
-    that sprang up there at once would push with energy from nothing.
+
+@ti.func
+def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
+    """A node's radius [m] before the list is made; `scratch.radius` is the full one."""
+    return ti.min(
+        lattice.scratch.radius[b, place[0], place[1]][place[2]],
+        lattice.state.room[b, place[0], place[1]][place[2]],
+    )
+
+
+@ti.func
+def room_of(radius: ti.f64, full: ti.f64, free: ti.f64, torn: ti.f64) -> ti.f64:
+    """Most that a node's radius [m] may be from now on.
+
+    `free` is the least gap to a node [m], below 0 where they touch, `torn` the least distance to
+    one of those that may touch since now, over that at which they touch, or 1. Foam that has
+    sheared under compression may be closer than its radii when it tears. Contact that sprang up
+    there at once would push with energy from nothing, so both radii give way. They grow again by
+    half the gap, so that two which both do so then just touch.
     """
-    one = place_of(lattice, pair[0])
-    two = place_of(lattice, pair[1])
-    radius_one = lattice.scratch.radius[b, one[0], one[1]][one[2]]
-    radius_two = lattice.scratch.radius[b, two[0], two[1]][two[2]]
-    state_one = lattice.state.surface[b, one[0], one[1]][one[2]]
-    state_two = lattice.state.surface[b, two[0], two[1]][two[2]]
-    if state_one == NEW or state_two == NEW:
-        distance = (
-            node_at(lattice.state.motion, b, two) - node_at(lattice.state.motion, b, one)
-        ).norm()
-        share = distance / touch_of(radius_one, radius_two)
-        room_one = lattice.state.room[b, one[0], one[1]][one[2]]
-        room_two = lattice.state.room[b, two[0], two[1]][two[2]]
-        lattice.state.room[b, one[0], one[1]][one[2]] = ti.min(room_one, share * radius_one)
-        lattice.state.room[b, two[0], two[1]][two[2]] = ti.min(room_two, share * radius_two)
+    room = ti.select(torn < 1.0, torn * radius, radius + 0.5 * ti.max(free, 0.0))
+    return ti.select(room < full, room, NEVER)
 
 
 @ti.func
 def _list_candidates(lattice: ti.template(), b):
     """List the nodes that have a pair, and count them by columns."""
-    for i in range(lattice.columns):
-        for k in range(lattice.packs):
-            lattice.state.surface[b, i, k] = ti.min(lattice.state.surface[b, i, k], AT_SURFACE)
     # the search grid's links are no longer needed: they tell each node's place in the list
     found = 0
     for n in range(lattice.state.clock[b].pairs):

@@ -12,7 +12,7 @@ import taichi as ti
 from taichi_foam.engine import breaking, contact, lanes, makeup
 from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import CROWDED, HELD_BY_PIECES, book
+from taichi_foam.engine.state import CROWDED, HELD_BY_PIECES, NEVER, book
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -32,7 +32,7 @@ def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
 
 @ti.func
 def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Part 1: empty bins; each node's bin and radius, and whether it is at a surface now."""
+    """Part 1: empty bins; each node's bin and full radius, and whether it is at a surface now."""
     n = strip
     while n < lattice.bins_x * lattice.bins_y:
         lattice.scratch.bin_head[b, n] = NOBODY
@@ -40,7 +40,7 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        lattice.state.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
+        lattice.state.radius[b, i, j][0] = contact.full_radius(lattice, b, i, j, p)
         if lattice.state.surface[b, i, j][0] == INSIDE and breaking.is_surface(lattice, b, i, j):
             lattice.state.surface[b, i, j][0] = NEW
         cell = contact.bin_of(lattice, _point(lattice, lattice.state.motion, b, n), p)
@@ -152,24 +152,32 @@ def _search(
 
 @ti.func
 def make_room(lattice: ti.template(), b, strip, width):
-    """Part 5: let nodes start to touch without overlap, see `contact`."""
+    """Part 5: which room nodes will have, kept where their pushes will be; see `contact`."""
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        point = _point(lattice, lattice.state.motion, b, n)
-        radius = lattice.state.radius[b, i, j][0]
+        radius = _listed_radius(lattice, b, i, j)
+        is_new = lattice.state.surface[b, i, j][0] == NEW
+        free, torn = NEVER, 1.0
         for m in range(lattice.state.partner_count[b, n]):
             other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
             oi, oj = _place(lattice, other)
-            if (
-                lattice.state.surface[b, i, j][0] == NEW
-                or lattice.state.surface[b, oi, oj][0] == NEW
-            ):
-                distance = (_point(lattice, lattice.state.motion, b, other) - point).norm()
-                share = distance / contact.touch_of(radius, lattice.state.radius[b, oi, oj][0])
-                room = ti.min(lattice.state.room[b, i, j][0], share * radius)
-                lattice.state.room[b, i, j][0] = room
+            away = _point(lattice, lattice.state.motion, b, other)
+            distance = (away - _point(lattice, lattice.state.motion, b, n)).norm()
+            touch = contact.touch_of(radius, _listed_radius(lattice, b, oi, oj))
+            free = ti.min(free, distance - touch)
+            if is_new or lattice.state.surface[b, oi, oj][0] == NEW:
+                torn = ti.min(torn, distance / touch)
+        if lattice.state.partner_count[b, n] > 0:
+            full = lattice.state.radius[b, i, j][0]
+            lattice.scratch.push[b, i, j].x[0] = contact.room_of(radius, full, free, torn)
         n += width
+
+
+@ti.func
+def _listed_radius(lattice: ti.template(), b, i, j) -> ti.f64:
+    """A node's radius [m] before the list is made; in parts 1 to 5 `radius` is the full one."""
+    return ti.min(lattice.state.radius[b, i, j][0], lattice.state.room[b, i, j][0])
 
 
 @ti.func
@@ -179,6 +187,8 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     while n < lattice.nodes:
         i, j = _place(lattice, n)
         lattice.state.surface[b, i, j][0] = ti.min(lattice.state.surface[b, i, j][0], AT_SURFACE)
+        if lattice.state.partner_count[b, n] > 0:
+            lattice.state.room[b, i, j][0] = lattice.scratch.push[b, i, j].x[0]
         n += width
     refresh_radii(lattice, b, strip, width, p)
 
