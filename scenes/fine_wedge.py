@@ -17,12 +17,12 @@ scene = Scene(
     name="Wedge at 2.86 m/s, 20,000 cells",
     block=Block(columns=200, rows=101, mass_points="faces"),
     foam=Foam(
-        yield_strain=-0.0425,
+        yield_strain=-0.042,
         fracture_energy=70.0,
         shear_fracture_energy=100.0,
         crush_band=0.005,
     ),
-    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.18),
+    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.14),
     output=Output(snapshot_interval=2e-3),
 )
 

@@ -15,7 +15,7 @@ from taichi_foam.scene import Block, FlatBlock, Foam, Scene
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
-    yield_strain=-0.0425, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
+    yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
 )
 BLOCK = Block(rows=21, mass_points="faces")  # as high as it is
 
@@ -23,7 +23,7 @@ scene = Scene(
     name="Flat block at 3.03 m/s",
     block=BLOCK,
     foam=FOAM,
-    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.18),
+    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.14),
 )
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 **{f"foam.{key}": value for key, value in assumed.PAPERS_FOAM.items()},
                 "foam.softening": True,
                 "base.kind": "gripped",
-                "impactor.friction": 0.18,
+                "impactor.friction": 0.14,
                 "model.damping": "stiffness",
                 "model.shear": "cell",
                 "model.shear_failure": "pressure-dependent",

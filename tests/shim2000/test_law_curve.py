@@ -9,7 +9,7 @@ from taichi_foam import paper_scene
 from taichi_foam.shim2000.law_curve import branches
 
 K = 2.78e6
-YIELD = -0.0425  # of a plateau of 0.118 MPa
+YIELD = -0.042  # of a plateau of 0.117 MPa
 PLATEAU = -K * YIELD
 
 
