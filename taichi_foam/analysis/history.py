@@ -39,8 +39,9 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     if scene.model.damping != "absolute":
         normal = normal - of["dashpots"]  # which drag acts beside: it is on the mass points
 
-    def lost(work: Array, stored: str, fracture: str | None = None) -> Array:
-        return work - (of[stored] - of[stored][:1]) - (0.0 if fracture is None else of[fracture])
+    def lost(work: Array, *stored: str, fracture: str | None = None) -> Array:
+        held = reduce(add, (of[member] for member in stored))
+        return work - (held - held[:1]) - (0.0 if fracture is None else of[fracture])
 
     potential = of["potential"] + mass * gravity * y
     found = {
@@ -49,11 +50,11 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         "deceleration_m_s2": deceleration,
         "deceleration_smoothed_m_s2": smooth_deceleration(t, deceleration),
         "impactor_kinetic_J": 0.5 * mass * v**2,
-        "crushing_J": lost(normal, "in_bonds", "lost_by_bonds"),
-        "folding_J": lost(of["room"], "in_room", "lost_by_room"),
-        "shearing_J": lost(of["shear"], "in_shear", "lost_by_shear"),
-        "friction_J": lost(of["friction"], "held_by_friction"),
-        "contact_loss_J": lost(of["contact"], "held_by_contact"),
+        "crushing_J": lost(normal, "in_bonds", fracture="lost_by_bonds"),
+        "folding_J": lost(of["room"], "in_room", fracture="lost_by_room"),
+        "shearing_J": lost(of["shear"], "in_shear", fracture="lost_by_shear"),
+        "friction_J": lost(of["friction"], "held_by_friction", "held_by_base_friction"),
+        "contact_loss_J": lost(of["contact"], "held_by_contact", "held_by_base"),
         "self_contact_J": lost(of["pieces"], "held_by_pieces"),
         "gravity_J": potential - potential[:1],
     }

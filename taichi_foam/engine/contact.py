@@ -9,6 +9,8 @@ from taichi_foam.engine.state import (
     CONTACT,
     CROWDED,
     FRICTION,
+    HELD_BY_BASE,
+    HELD_BY_BASE_FRICTION,
     HELD_BY_CONTACT,
     HELD_BY_FRICTION,
     HELD_BY_PIECES,
@@ -166,8 +168,8 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         work[CONTACT] -= weight * pressed.dot(speed)
         work[FRICTION] -= weight * rubbed.dot(speed)
         if stage == LAST_STAGE:
-            work[HELD_BY_CONTACT] += stored
-            work[HELD_BY_FRICTION] += 0.5 * stiffness * stretch * stretch
+            work[HELD_BY_BASE] += stored
+            work[HELD_BY_BASE_FRICTION] += 0.5 * stiffness * stretch * stretch
         force += pressed + rubbed
         lattice.state.work[b, strip] = work
     if stage == 0:

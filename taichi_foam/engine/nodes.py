@@ -12,6 +12,8 @@ from taichi_foam.engine.state import (
     BASE,
     BONDS,
     DASHPOTS,
+    HELD_BY_BASE,
+    HELD_BY_BASE_FRICTION,
     HELD_BY_CONTACT,
     HELD_BY_FRICTION,
     PIECES,
@@ -151,8 +153,10 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
         lattice.scratch.torque[b, strip] = 0.0
     lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
-        lattice.state.work[b, strip][HELD_BY_CONTACT] = 0.0
-        lattice.state.work[b, strip][HELD_BY_FRICTION] = 0.0
+        for held in ti.static(
+            (HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION)
+        ):
+            lattice.state.work[b, strip][held] = 0.0
         lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
         lattice.scratch.tally[b, strip].diverged = lanes.zeros(lattice)
 

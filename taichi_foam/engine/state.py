@@ -47,9 +47,10 @@ EMPTY = 5  # nothing was loaded, or it has been taken away
 (
     BONDS, SHEAR, ROOM, DASHPOTS, CONTACT, FRICTION, PIECES, BASE,
     LOST_BY_BONDS, LOST_BY_SHEAR, LOST_BY_ROOM,
-    HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_PIECES,
+    HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES,
 ) = range(len(BOOKED))  # fmt: skip
 WORKS = len(BOOKED)
+HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # beyond the impactor's time
 
 
 @ti.dataclass
@@ -145,8 +146,9 @@ class State:
                     shear: less than 1 only where bonds hold beyond their limits
     clock, body     numbers by name, CLOCK and BODY
     turn            the same, TURN; empty where impactors do not turn
-    work            (strips, WORKS) of each strip of nodes [J], see `records.history.BOOKED`
-    overlap         (strips,) deepest so far in the impactor [m]
+    work            (strips, WORKS) of each strip of nodes [J], see `records.history.BOOKED`; at a
+                    start as of one strip, since how many there are is the device's
+    overlap         (strips,) deepest so far in the impactor [m], likewise
     neighbours      the neighbour list as the device keeps it, by field
     """
 
@@ -218,6 +220,7 @@ class State:
             crush=self.clock["crush"],
             speed=self.clock["speed"],
             broken=self.clock["broken"],
+            held=self.work[:, HELD_AFTER].sum(axis=0),
         )
 
     def snapshot(self) -> Snapshot:
@@ -286,8 +289,8 @@ def initial_state(scene: Scene) -> State:
         clock=clock,
         body=body,
         turn=turn,
-        work=np.zeros((0, WORKS)),
-        overlap=np.zeros(0),
+        work=np.zeros((1, WORKS)),
+        overlap=np.zeros(1),
         neighbours={},
     )
 
@@ -297,7 +300,8 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
 
     The block goes on where it was, to the last bit. Bonds that are broken were so from the start,
     as cuts are. Clock, works and the impactor begin anew; its friction springs are slack, the
-    floor's are not. Raises ValueError: none of the block is beneath the impactor.
+    floor's are not. Floor and pieces hold what they held. Raises ValueError: none of the block is
+    beneath the impactor.
     """
     start = initial_state(scene)
     stretch = np.zeros_like(start.stretch)
@@ -306,6 +310,8 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
     if scene.impactor is not None:
         body["y"] = height_beneath(cushion.position, scene.impactor, filling(scene.block).there)
         body["y"] += scene.impactor.gap
+    work = np.zeros((1, WORKS))
+    work[0, HELD_AFTER] = cushion.held
     clock = {name: getattr(cushion, name) for name in ("stiffest", "crush", "speed", "broken")}
     return replace(
         start,
@@ -324,6 +330,7 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
         intact_b=cushion.intact_b,
         clock={**start.clock, **clock},
         body=body,
+        work=work,
     )
 
 

@@ -203,8 +203,8 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
 def put(lattice: Lattice, b: int, state: State) -> None:
     """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
     strips = np.zeros((lattice.strips, WORKS + 1))
-    if len(state.work):
-        strips[:, :WORKS], strips[:, WORKS] = state.work, state.overlap
+    given = len(state.work)
+    strips[:given, :WORKS], strips[:given, WORKS] = state.work, state.overlap
     numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
     # each array as it is: copies of a big lattice would be as large as the lattice itself
     nodes = (state.position, state.velocity, state.increment, state.stretch)

@@ -35,6 +35,7 @@ class Cushion:
     crush           largest of any bond, which it depends on, too
     speed           of the fastest mass point in the last step [m/s]
     broken          bonds broken so far
+    held            (3,) energy that contacts store: base, its friction, pieces [J]
     """
 
     position: Array
@@ -54,6 +55,7 @@ class Cushion:
     crush: float
     speed: float
     broken: float
+    held: Array
 
     @property
     def sha256(self) -> str:
@@ -84,4 +86,5 @@ class Cushion:
         kinds["hold"] = (columns - 1, rows - 1)
         for name in ("worst", "broken", "intact"):
             kinds |= {f"{name}_a": a, f"{name}_b": b}
-        return {**pairs, **kinds, **dict.fromkeys(("stiffest", "crush", "speed", "broken"), ())}
+        numbers = dict.fromkeys(("stiffest", "crush", "speed", "broken"), ())
+        return {**pairs, **kinds, **numbers, "held": (3,)}

@@ -27,7 +27,9 @@ BOOKED: tuple[str, ...] = (
     "bonds", "shear", "room", "dashpots",       # works: of bonds and cells, of their parts [J]
     "contact", "friction", "pieces", "base",    # works of contacts [J]
     "lost_by_bonds", "lost_by_shear", "lost_by_room",  # stored energy that breaking has lost [J]
-    "held_by_contact", "held_by_friction", "held_by_pieces",  # stored in contacts now [J]
+    "held_by_contact", "held_by_friction",      # stored now in contacts of the impactor [J],
+    "held_by_base", "held_by_base_friction",    # of floor and support,
+    "held_by_pieces",                           # and of pieces
 )  # fmt: skip
 """What strips of nodes book as they step."""
 
@@ -120,7 +122,8 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("room_J", "J", "pressed cells", "stored in cells that have less area than room",
            ("in_room",)),
     Column("contact_J", "J", "contacts", "stored in contacts of impactor, base and pieces",
-           ("held_by_contact", "held_by_friction", "held_by_pieces")),
+           ("held_by_contact", "held_by_friction", "held_by_base", "held_by_base_friction",
+            "held_by_pieces")),
     Column("crushing_J", "J", "crushing", "lost by normal stresses",
            ("bonds", "shear", "room", "dashpots", "in_bonds", "lost_by_bonds"), dissipates=True),
     Column("folding_J", "J", "folding", "lost as crushing left pressed cells less room",
@@ -130,10 +133,10 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("damping_J", "J", "damping", "lost in dashpots or by drag", ("dashpots",),
            dissipates=True),
     Column("friction_J", "J", "friction", "lost by friction on impactor and base",
-           ("friction", "held_by_friction"), dissipates=True),
+           ("friction", "held_by_friction", "held_by_base_friction"), dissipates=True),
     Column("contact_loss_J", "J", "contact, lost",
            "lost by contact with impactor and base, beside friction",
-           ("contact", "held_by_contact"), dissipates=True),
+           ("contact", "held_by_contact", "held_by_base"), dissipates=True),
     Column("self_contact_J", "J", "pieces' contact", "lost by contact of pieces",
            ("pieces", "held_by_pieces"), dissipates=True),
     Column("fracture_J", "J", "fracture",

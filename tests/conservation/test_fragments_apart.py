@@ -24,7 +24,7 @@ RUNS = {
     ),
     "on a floor": small_scene(
         base=Base(kind="floor"),
-        impactor=FlatBlock(width=0.02, mass=0.04, velocity=25.0, rotation_deg=25),
+        impactor=FlatBlock(width=0.02, mass=0.04, velocity=25.0, rotation_deg=10, friction=0.3),
         numerics=Numerics(end=10e-3, gravity=9.81),
         output=Output(snapshot_interval=2e-4),
     ),
@@ -72,7 +72,9 @@ def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.nda
     radius = touching_radii(snapshot, block).ravel()
     distance = pdist(snapshot.position.reshape(-1, 2))
     first, second = np.triu_indices(columns * rows, 1)
+    # a small one rests on the face that large ones stand for, not in the dents between them
     touch = radius[first] + radius[second]
+    touch += (np.sqrt(2.0) - 1.0) * np.abs(radius[first] - radius[second])
     apart = np.abs(node[first] - node[second]).sum(axis=1) > 1
     meets = (surface[first] | surface[second]) & apart & (distance < touch)
     return distance[meets], touch[meets]

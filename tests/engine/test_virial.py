@@ -161,7 +161,7 @@ def test_stresses_change_no_bit_of_a_run() -> None:
     """Taken after every step or never; a wedge breaks and crushes the block, pieces touch."""
     scene = small_scene(
         base=Base(kind="floor"),
-        impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=25.0),
+        impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=25.0, friction=0.5),
         model=Model(shear_failure="always"),
         numerics=numerics(),
     )

@@ -317,7 +317,7 @@ def test_none_empties_an_optional_key():
 def test_changing_the_shape_keeps_what_both_have():
     overrides = ["impactor.shape=cylinder", "impactor.radius=0.03"]
     impactor = load_scene("paper/wedge-2.86", overrides=overrides).impactor
-    assert impactor == Cylinder(radius=0.03, velocity=2.86, friction=0.18)
+    assert impactor == Cylinder(radius=0.03, velocity=2.86, friction=0.14)
 
 
 @pytest.mark.parametrize("text", ["block.rows", "=3", "block.rows=", "block..rows=3", ".=1"])
@@ -360,7 +360,6 @@ PAPER = {
 
 def test_calibrated_is_the_default_but_for_the_specimen_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    scene = scene.with_values({"impactor.friction": 0.18})  # fitted to the rig's impactors
     plain = ["block.rows=20", "block.mass_points=cells", "base.stops_impactor=true"]
     plain += [f"foam.{key}={value}" for key, value in PAPER.items()]
     assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])

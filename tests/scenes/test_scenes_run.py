@@ -251,22 +251,31 @@ def coarse(name: str) -> Scene:
 
 
 def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
-    """The plateau's force on the product's width and no more, and the depth of that energy.
+    """The plateau's force on the columns below it and no more, and the depth of that energy.
 
-    Of which dashpots and cracks at its edges take 6 %.
+    Beside crushing, dashpots, and cracks at its edges, take some by the ledger.
     """
     scene = coarse("edge")
     product, plateau = scene.impactor, scene.foam.landmarks.plateau_stress
     assert isinstance(product, FlatBlock)
-    force = plateau * product.width * scene.block.thickness
     weight = product.mass * STANDARD_GRAVITY
-    figures = run(scene).summary
+    result = run(scene)
+    figures, history = result.summary, result.history
+    x = scene.block.positions[:, 0, 0]
+    below = scene.block.dx * np.count_nonzero(np.abs(x - product.x) < 0.5 * product.width)
+    assert below == pytest.approx(product.width, rel=0.03)
+    others = ("damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J")
+    stop = int(np.argmax(history["displacement_m"]))
+    beside = sum(history[name][stop] for name in others) / history["displacement_m"][stop]
+    force = plateau * below * scene.block.thickness + beside
+    assert beside < 0.1 * force
     assert product.drop_height is not None
-    depth = weight * product.drop_height / (force - weight)
-    assert depth == pytest.approx(0.0383, abs=1e-4)
-    assert figures["max_displacement_m"] == pytest.approx(0.94 * depth, rel=0.03)
+    # the fall's energy, less that the force rises to the plateau while the foam yields
+    late = -0.5 * scene.foam.landmarks.crush_start * 0.05
+    depth = (weight * product.drop_height + force * late) / (force - weight)
+    assert figures["max_displacement_m"] == pytest.approx(depth, rel=0.03)
     assert figures["plateau_deceleration_m_s2"] == pytest.approx(
-        (force - weight) / product.mass, rel=0.1
+        (force - weight) / product.mass, rel=0.03
     )
 
 
@@ -277,11 +286,11 @@ def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
     assert product is not None
     pressure = landmarks.plateau_stress * scene.block.thickness
     weight = product.mass * STANDARD_GRAVITY
-    s = np.linspace(0.0, 0.04, 4001)
+    s = np.linspace(0.0, 0.05, 5001)
     depth = -landmarks.crush_end * s
     taken = pressure * -landmarks.crush_end * (0.06 * s + 0.75 * s**2)
     end = int(np.argmax(taken >= weight * (product.drop_height + depth)))
-    assert s[end] == pytest.approx(0.0394, abs=5e-4)
+    assert s[end] == pytest.approx(0.0403, abs=1e-4)
     figures = run(scene).summary
     whole = -landmarks.crush_start * (scene.block.height - s[end])  # what is not crushed yields
     assert figures["max_displacement_m"] == pytest.approx(depth[end] + whole, rel=0.05)

@@ -25,10 +25,12 @@ SAVED = Output(history_interval=5e-5, snapshot_interval=1e-3, film=False)
 # a wedge that breaks and crushes a small block, whose pieces touch, on a floor with friction
 BREAKING = small_scene(
     name="breaking",
-    impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=12.0, gap=0.001),
+    impactor=Wedge(
+        angle_deg=60, shank_width=0.02, mass=0.1, velocity=15.0, friction=0.22, gap=0.001
+    ),
     base=Base(kind="floor"),
     model=Model(shear_failure="always"),
-    numerics=Numerics(end=4e-3),
+    numerics=Numerics(end=1.45e-3),
     output=SAVED,
 )
 # a plate that crushes it evenly, and comes up again

@@ -29,8 +29,9 @@ from taichi_foam.simulation.simulate import Progress, resume, run, run_many
 
 def impact(velocity: float = 15.0, end: float = 5e-3, **parts: object) -> Scene:
     """A wedge that breaks and crushes a small block, whose pieces touch."""
+    wedge = Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=velocity, friction=0.5)
     given: dict[str, object] = {
-        "impactor": Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=velocity),
+        "impactor": wedge,
         "model": Model(shear_failure="always"),
         "numerics": Numerics(end=end),
         "output": Output(history_interval=5e-5, snapshot_interval=1e-3),
