@@ -40,7 +40,8 @@ class Variant:
 
     def overrides(self, cell: float) -> Overrides:
         block = Block()
-        counts = (round(block.width / cell), round(block.height / cell))
+        # rows of mass points lie on the faces, one more than there are cells
+        counts = (round(block.width / cell), round(block.height / cell) + 1)
         mesh = (f"block.columns={counts[0]}", f"block.rows={counts[1]}")
         return (*mesh, *limits(self.strengths, cell), *self.settings)
 
