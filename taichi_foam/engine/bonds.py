@@ -59,7 +59,8 @@ def _bond(
         )
     # what the strip has to know goes to memory: these loops have no registers to spare. Columns at
     # the seams of two sweeps are looked at by both: twice is the same as once
-    tally[b, strip].least = elementary.smaller(ti.select(there, e, 0.0), tally[b, strip].least)
+    packed = lattice.law.stiffens_at(e, worst)
+    tally[b, strip].least = elementary.smaller(ti.select(there, packed, 0.0), tally[b, strip].least)
     if stage == 0:
         bonds[b, i, k].worst = ti.select(there, worst, 0.0)
     closing = reach_x * along_u + reach_y * along_v
@@ -83,7 +84,7 @@ def _bond(
         force_y += across_y * shear
         sheared = (across_x * along_u + across_y * along_v) * shear
         tally[b, strip].sheared = tally[b, strip].sheared + sheared
-    return e, force_x, force_y
+    return packed, force_x, force_y
 
 
 @ti.func

@@ -132,3 +132,22 @@ def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
         + is_whole(lattice, B, b, i, j - 1)
         < 4 * makeup.is_there(lattice, b, i, j)
     )
+
+
+@ti.func
+def is_torn(lattice: ti.template(), b, i, j) -> ti.i32:
+    """Whether any of the node's bonds is broken."""
+    return ti.i32(
+        _is_broken(lattice, A, b, i, j)
+        | _is_broken(lattice, A, b, i - 1, j)
+        | _is_broken(lattice, B, b, i, j)
+        | _is_broken(lattice, B, b, i, j - 1)
+    )
+
+
+@ti.func
+def _is_broken(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
+    bonds = ti.static(lattice.state.bonds[axis])
+    return ti.i32(
+        bonds[b, i, lanes.pack_of(lattice, j)].condition[lanes.lane_of(lattice, j)] == BROKEN
+    )

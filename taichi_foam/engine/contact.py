@@ -21,8 +21,9 @@ from taichi_foam.laws.shape.edges import Edged
 
 # Whether a node can touch others: not while whole foam surrounds it.
 INSIDE = 0
-AT_SURFACE = 1
-NEW = 2  # at the surface since this listing
+OUTER = 1  # at the block's surface, with whole bonds
+TORN = 2  # at a crack
+NEW = 3  # at the surface, or torn, since this listing
 
 # Foam between a mass point and its face that is thinner than this, in cells, has no law of its own.
 THIN = 0.25
@@ -250,13 +251,40 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed."""
+    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
+
+    Whole foam has the stress of its bonds and no other: two nodes that a third lies between do not
+    touch, however flat all three are crushed.
+    """
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
     radius = 0.5 * p.piece_size * ti.sqrt(width * height)
     if ti.static(lattice.features.shaped):
         radius *= ti.sqrt(makeup.share(lattice, b, i, j))
+    flat = ti.min(width, height)
+    if flat < radius and not breaking.is_torn(lattice, b, i, j):
+        radius = flat
     return radius
+
+
+@ti.func
+def looked_at(lattice: ti.template(), b, i, j, surface) -> ti.i32:
+    """What a node is as a list is made: NEW if it has come to a surface, or is torn, since then."""
+    found = surface
+    if surface == INSIDE:
+        found = ti.select(breaking.is_surface(lattice, b, i, j) != 0, NEW, INSIDE)
+    elif surface == OUTER:
+        found = ti.select(breaking.is_torn(lattice, b, i, j) != 0, NEW, OUTER)
+    return found
+
+
+@ti.func
+def listed(lattice: ti.template(), b, i, j, surface) -> ti.i32:
+    """What a node is once the list is made."""
+    found = surface
+    if surface == NEW:
+        found = ti.select(breaking.is_torn(lattice, b, i, j) != 0, TORN, OUTER)
+    return found
 
 
 @ti.func
@@ -452,10 +480,9 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
             lattice.scratch.radius[b, i, k][lane] = full_radius(lattice, b, i, j, p)
-            if lattice.state.surface[b, i, k][lane] == INSIDE and breaking.is_surface(
-                lattice, b, i, j
-            ):
-                lattice.state.surface[b, i, k][lane] = NEW
+            lattice.state.surface[b, i, k][lane] = looked_at(
+                lattice, b, i, j, lattice.state.surface[b, i, k][lane]
+            )
             node = i * lattice.rows + j
             cell = bin_of(lattice, lanes.position(lattice, lattice.state.motion, b, i, j), p)
             head = cell.x * lattice.bins_y + cell.y
@@ -478,8 +505,11 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     _list_candidates(lattice, b)
     _make_room(lattice, b)
     for i in range(lattice.columns):
-        for k in range(lattice.packs):
-            lattice.state.surface[b, i, k] = ti.min(lattice.state.surface[b, i, k], AT_SURFACE)
+        for j in range(lattice.rows):
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+            lattice.state.surface[b, i, k][lane] = listed(
+                lattice, b, i, j, lattice.state.surface[b, i, k][lane]
+            )
     refresh_radii(lattice, b, p)
 
 

@@ -9,8 +9,8 @@ Threads call each part for their strip, and all have to end one part before any 
 
 import taichi as ti
 
-from taichi_foam.engine import breaking, contact, lanes, makeup
-from taichi_foam.engine.contact import AT_SURFACE, INSIDE, NEW
+from taichi_foam.engine import contact, lanes, makeup
+from taichi_foam.engine.contact import INSIDE, NEW
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import CROWDED, HELD_BY_PIECES, NEVER, book
 
@@ -41,8 +41,9 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     while n < lattice.nodes:
         i, j = _place(lattice, n)
         lattice.state.radius[b, i, j][0] = contact.full_radius(lattice, b, i, j, p)
-        if lattice.state.surface[b, i, j][0] == INSIDE and breaking.is_surface(lattice, b, i, j):
-            lattice.state.surface[b, i, j][0] = NEW
+        lattice.state.surface[b, i, j][0] = contact.looked_at(
+            lattice, b, i, j, lattice.state.surface[b, i, j][0]
+        )
         cell = contact.bin_of(lattice, _point(lattice, lattice.state.motion, b, n), p)
         lattice.scratch.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y
         lattice.scratch.next_in_bin[b, n] = NOBODY
@@ -186,7 +187,9 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.nodes:
         i, j = _place(lattice, n)
-        lattice.state.surface[b, i, j][0] = ti.min(lattice.state.surface[b, i, j][0], AT_SURFACE)
+        lattice.state.surface[b, i, j][0] = contact.listed(
+            lattice, b, i, j, lattice.state.surface[b, i, j][0]
+        )
         if lattice.state.partner_count[b, n] > 0:
             lattice.state.room[b, i, j][0] = lattice.scratch.push[b, i, j].x[0]
         n += width

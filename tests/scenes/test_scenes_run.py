@@ -372,9 +372,10 @@ def test_the_i_shape_is_turned_by_the_lever_of_its_flange() -> None:
 
 
 def test_five_drops_meet_the_energy_balance_one_by_one() -> None:
-    """Strains and raw peaks within 2 % below densification; each drop harder than the one before.
+    """Strains and raw peaks within 3 %; each drop harder than the one before.
 
     A plate that is wider than the cushion crushes it evenly: a narrower one has the same answer.
+    Foam unloads with its Young's modulus, or with the steepest slope of its curve so far.
     """
     whole = load_scene(SCENES / "five_drops.toml")
     narrow = {"block.columns": 8, "block.width": 0.15 * 8 / 57, "impactor.mass": 8.0 * 8 / 57}
@@ -388,20 +389,21 @@ def test_five_drops_meet_the_energy_balance_one_by_one() -> None:
     strain = np.linspace(0.0, curve.tested, 100_001)
     stress = curve.stress_at(strain)
     taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
+    slope = np.gradient(stress, strain)
+    steepest = np.maximum.accumulate(np.maximum(slope, scene.foam.youngs_modulus))
     worst, figures = 0, [result.summary for result in run_drops(scene, 5)]
-    for drop in figures[:3]:
+    for drop in figures:
         short = (scene.contact_height - drop["contact_height_m"]) / thickness
-        stored = stress[worst] ** 2 / (2 * scene.foam.youngs_modulus)
+        stored = stress[worst] ** 2 / (2 * steepest[worst])
         absorbed = thickness * (taken - taken[worst] + stored)
         lost = static * (height + (strain - short) * thickness)
         worst = int(np.argmax((absorbed >= lost) & (strain > strain[worst])))
-        assert strain[worst] < curve.densification
-        assert drop["max_strain"] == pytest.approx(strain[worst], rel=0.02)
-        assert drop["peak_deceleration_g"] == pytest.approx(stress[worst] / static - 1, rel=0.02)
+        assert drop["max_strain"] == pytest.approx(strain[worst], rel=0.03)
+        assert drop["peak_deceleration_g"] == pytest.approx(stress[worst] / static - 1, rel=0.03)
+    assert strain[worst] > curve.densification + 0.1  # where densified foam was a spring once
     peaks = [drop["peak_deceleration_g"] for drop in figures]
     assert peaks == sorted(peaks)
     assert peaks[4] > 2 * peaks[0]
-    assert figures[4]["bottomed_out"]
 
 
 def test_a_compression_test_gives_its_foams_curve() -> None:

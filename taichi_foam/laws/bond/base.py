@@ -218,8 +218,13 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
+    def stiffens_at(self, e, worst):
+        """The strain that is to be compared with `stiffens_below`."""
+        return e
+
+    @ti.func
     def stiffens_below(self, c: ti.template()):
-        """Strain below which `stiffening` adds stress."""
+        """Strain below which a bond is stiffer than `largest_stiffness`: ask `stiffening`."""
         return -1.0
 
     @ti.func

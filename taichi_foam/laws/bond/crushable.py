@@ -218,10 +218,6 @@ class Crushable(Crushing):
     Constants = Constants
 
     @ti.func
-    def stress_at_densification(self, c: ti.template()):
-        return c.youngs_modulus * c.yield_strain
-
-    @ti.func
     def densified(self, c: ti.template(), e):
         """Stress of the densification branch and its slope (Eq. 26c, both brackets positive).
 
@@ -240,15 +236,25 @@ class Crushable(Crushing):
         return stress + slope * (e - inside), slope
 
     @ti.func
-    def permanent_strain(self, c: ti.template(), e_min):
-        """Strain at which a bond that has met `e_min` is without stress.
+    def stiffening(self, c: ti.template(), e, e_min, broken):
+        """What densification adds to the yielding stress, and the slope there [Pa]; 0 above e_d."""
+        stress, slope = self.densified(c, elementary.smaller(e, c.densification_strain))
+        acts = e < c.densification_strain
+        if ti.static(self.broken_contact == "jump"):
+            acts = ti.select(broken, acts & (e <= e_min), acts)
+        added = stress - c.youngs_modulus * c.yield_strain
+        return ti.select(acts, added, 0.0), ti.select(acts, slope, 0.0)
+
+    @ti.func
+    def unloading(self, c: ti.template(), e_min):
+        """Strain at which a bond that has met `e_min` is without stress, and the slope to it [Pa].
 
         It unloads from the plateau with the slope K; densification retraces itself, so that the
         turning point is never beyond e_d.
         """
         turn = elementary.larger(e_min, c.densification_strain)
         turn = elementary.smaller(turn, c.yield_strain)
-        return turn - c.yield_strain
+        return turn - c.yield_strain, c.youngs_modulus
 
     @ti.func
     def flowed(self, c: ti.template(), e, e_min, time):
@@ -272,19 +278,30 @@ class Crushable(Crushing):
         return start - (short - left)
 
     @ti.func
-    def elastic_strain(self, c: ti.template(), e, e_min):
+    def elastic_strain(self, c: ti.template(), e, e_min, permanent):
         """What of a compressive strain unloading gives back, as if the plateau went on for ever.
 
         At most the yield strain, but for what e_min is short of e: rate-sensitive foam only.
         """
-        strain = elementary.larger(e - self.permanent_strain(c, e_min), c.yield_strain)
+        strain = elementary.larger(e - permanent, c.yield_strain)
         if ti.static(self.heeds_rate):
             flows_from = elementary.smaller(e_min, c.yield_strain)
             strain += elementary.smaller(e - flows_from, 0.0)
         return strain
 
     @ti.func
-    def densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
+    def stiffening_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
+        energy = 0.0
+        if e < c.densification_strain:
+            energy = self._densified_energy(c, e)
+            if ti.static(self.heeds_rate):
+                # over what e_min is short of e here, the overstress holds the plateau too
+                short = ti.max(ti.min(e_min, c.densification_strain) - e, 0.0)
+                energy += c.youngs_modulus * c.yield_strain * short
+        return energy
+
+    @ti.func
+    def _densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
         """Area under the densification branch between `e` and e_d [J/m3], by Gauss's rule.
 
         It is an exponential integral without a closed form for every b. Taken over the logarithm of

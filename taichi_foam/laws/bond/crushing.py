@@ -1,8 +1,7 @@
 """What all foams share that crush for good and break: unloading, weak re-tension, failure, packing.
 
-A bond that has met the strain e_min unloads from there elastically, with the slope K, and is weak
-in tension; what lies beyond densification retraces itself. A law of this kind says how the stress
-rises (`densified`), and where a bond that has met `e_min` is without stress (`permanent_strain`).
+A bond that has met the strain e_min unloads from there elastically, and is weak in tension. A law of
+this kind says with which slope, and where it is without stress (`unloading`).
 """
 
 from dataclasses import dataclass
@@ -146,29 +145,19 @@ class Crushing(BondLaw):
         return e_min
 
     @ti.func
-    def permanent_strain(self, c: ti.template(), e_min):
-        """Strain at which a bond that has met `e_min` is without stress."""
+    def unloading(self, c: ti.template(), e_min):
+        """Strain at which a bond that has met `e_min` is without stress, and the slope to it [Pa]."""
         raise NotImplementedError
 
     @ti.func
-    def elastic_strain(self, c: ti.template(), e, e_min):
-        """What of a compressive strain unloading gives back, as if nothing densified."""
+    def elastic_strain(self, c: ti.template(), e, e_min, permanent):
+        """What of a compressive strain unloading gives back, without what `stiffening` adds."""
         raise NotImplementedError
 
     @ti.func
-    def densified(self, c: ti.template(), e):
-        """Stress [Pa] beyond the densification strain, and its slope [Pa]."""
-        raise NotImplementedError
-
-    @ti.func
-    def densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
-        """Area under `densified` between `e` and the densification strain [J/m3]."""
-        raise NotImplementedError
-
-    @ti.func
-    def stress_at_densification(self, c: ti.template()):
-        """Stress [Pa] at the densification strain, < 0."""
-        raise NotImplementedError
+    def stiffening_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
+        """What `stiffening` stores at strain `e` [J/m3]."""
+        return 0.0
 
     @ti.func
     def stiffens_below(self, c: ti.template()):
@@ -213,9 +202,9 @@ class Crushing(BondLaw):
     def stress_fraction(self, c: ti.template(), e, e_min, broken):
         """The stress as if the plateau went on for ever, as (numerator, divisor > 0)."""
         met = self.met(e, e_min)
-        permanent = self.permanent_strain(c, met)
+        permanent, slope = self.unloading(c, met)
         stretch = e - permanent
-        elastic = c.youngs_modulus * self.elastic_strain(c, e, met)
+        elastic = slope * self.elastic_strain(c, e, met, permanent)
         crushed = met < c.yield_strain
         weak = ti.select(crushed, c.crushed_tensile_stress * stretch, elastic)
         reach = ti.select(crushed, c.crushed_tensile_strain - permanent, 1.0)
@@ -227,36 +216,21 @@ class Crushing(BondLaw):
         return ti.select(broken, kept, numerator), divisor
 
     @ti.func
-    def stiffening(self, c: ti.template(), e, e_min, broken):
-        """What densification adds to the yielding stress, and the slope there [Pa]; 0 above e_d."""
-        stress, slope = self.densified(c, elementary.smaller(e, c.densification_strain))
-        acts = e < c.densification_strain
-        if ti.static(self.broken_contact == "jump"):
-            acts = ti.select(broken, acts & (e <= e_min), acts)
-        added = stress - self.stress_at_densification(c)
-        return ti.select(acts, added, 0.0), ti.select(acts, slope, 0.0)
-
-    @ti.func
     def stored_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
         """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back.
 
         Under the jump reading a broken bond gives nothing back: its stress drops at once.
         """
         met = self.met(e, e_min)
-        permanent = self.permanent_strain(c, met)
+        permanent, slope = self.unloading(c, met)
         energy = 0.0
         if e > permanent:
             if not broken:
                 numerator, divisor = self.stress_fraction(c, e, e_min, broken)
                 energy = 0.5 * (e - permanent) * numerator / divisor
         elif not (broken and ti.static(self.broken_contact == "jump")):
-            energy = 0.5 * c.youngs_modulus * self.elastic_strain(c, e, met) ** 2
-            if e < c.densification_strain:
-                energy += self.densified_energy(c, e)
-                if ti.static(self.heeds_rate):
-                    # over what e_min is short of e here, the overstress holds the plateau too
-                    short = ti.max(ti.min(e_min, c.densification_strain) - e, 0.0)
-                    energy += self.stress_at_densification(c) * short
+            energy = 0.5 * slope * self.elastic_strain(c, e, met, permanent) ** 2
+            energy += self.stiffening_energy(c, e, e_min)
         return energy
 
     @ti.func
@@ -301,8 +275,10 @@ class Crushing(BondLaw):
         Reloading keeps what is stored in compression; the jump reading keeps nothing.
         """
         lost = self.stored_energy(c, e, e_min, 0)
-        if ti.static(self.broken_contact == "reload") and e <= self.permanent_strain(c, e_min):
-            lost = 0.0
+        if ti.static(self.broken_contact == "reload"):
+            permanent, _ = self.unloading(c, self.met(e, e_min))
+            if e <= permanent:
+                lost = 0.0
         return lost
 
     @ti.func

@@ -18,7 +18,7 @@ from taichi_foam.parts import Part
 
 Array = NDArray[np.float64]
 
-STRESS, ENERGY, IN_CELLS, CELLS_ENERGY, SHEAR = range(TABLE_COLUMNS)
+STRESS, UNLOADING, IN_CELLS, CELLS_ENERGY, SHEAR = range(TABLE_COLUMNS)
 """Columns of the table that kernels read."""
 
 MOST_POINTS = 2000
@@ -225,39 +225,38 @@ class Curve(Part):
 
     def steepest(self, until: float) -> float:
         """The steepest slope [Pa] up to a strain, of secants over SECANT: noise is no stiffness."""
-        strain, stress = self.points
-        starts = strain < min(until, self.tested - SECANT)
-        ends = strain[starts] + SECANT
-        return float(((self.stress_at(ends) - stress[starts]) / SECANT).max())
+        points, _ = self.points
+        starts = np.append(points, points - SECANT)
+        starts = starts[(starts >= 0.0) & (starts < min(until, self.tested - SECANT))]
+        return float((self.stress_at(starts + SECANT) - self.stress_at(starts)).max() / SECANT)
 
-    def table(self, densification: float, locking: float, steepest: float, shear: float) -> Array:
+    def table(self, locking: float, young: float, steepest: float, shear: float) -> Array:
         """(TABLE_ROWS, TABLE_COLUMNS) what kernels look up, at strains of 0, 0.001 and so on to 1.
 
-        STRESS    [Pa]
-        ENERGY    [J/m3] counts from densification, and follows the table's own straight lines
-        IN_CELLS  stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
+        STRESS     [Pa]
+        UNLOADING  slope [Pa] with which foam unloads from there: `young`, or the steepest secant of
+                   the curve so far where that is more. So what has been dissipated never falls
+        IN_CELLS   stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
         CELLS_ENERGY   [J/m3] the area under it
-        SHEAR     what is added to the shear modulus [Pa], `shear` of whole foam. Under the stress s
-                  bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would fold
-                  sideways once that is all: the sum is twice as much. Forces have its slope in
-                  them, so the kinks of the curve are smoothed.
+        SHEAR      what is added to the shear modulus [Pa], `shear` of whole foam. Under the stress s
+                   bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would fold
+                   sideways once that is all: the sum is twice as much. Forces have its slope in
+                   them, so the kinks of the curve are smoothed.
         """
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress = np.where(
             strain <= self.tested, self.stress_at(strain), self._beyond(strain, locking)
         )
-        energy = _areas(strain, stress)
-        at = densification * (TABLE_ROWS - 1)
-        k = min(int(at), TABLE_ROWS - 2)
-        part = at - k
-        there = stress[k] + part * (stress[k + 1] - stress[k])
-        energy -= energy[k] + 0.5 * (stress[k] + there) * part / (TABLE_ROWS - 1)
+        rows = round(SECANT * (TABLE_ROWS - 1))
+        secants = (stress[rows:] - stress[:-rows]) / SECANT
+        secants = np.append(secants, np.full(rows, secants[-1]))
+        unloading = np.maximum.accumulate(np.maximum(secants, young))
         rises = np.minimum(np.diff(stress, prepend=0.0), steepest / (TABLE_ROWS - 1))
         turning = stress / np.maximum(1.0 - strain, FLATTEST)
         rise = np.maximum.accumulate(np.maximum(2.0 * turning - shear, 0.0))
         rise = _mean_around(strain, _mean_around(strain, rise))
         in_cells = np.cumsum(rises)
-        return np.column_stack([stress, energy, in_cells, _areas(strain, in_cells), rise])
+        return np.column_stack([stress, unloading, in_cells, _areas(strain, in_cells), rise])
 
     def _beyond(self, strain: Array, locking: float) -> Array:
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""

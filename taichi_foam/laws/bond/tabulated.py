@@ -1,7 +1,7 @@
 """Foam by its measured curve: what a compression test gives, unloading, weak re-tension, failure.
 
-Loading follows the table. From a strain that a bond has met it unloads with the slope K, as the
-paper's foam does; beyond densification it retraces the curve.
+Loading follows the table. From any strain that a bond has met it unloads along a straight line: with
+the slope K, as the paper's foam does, or with the curve's steepest so far where that is more.
 """
 
 import contextlib
@@ -26,11 +26,11 @@ from taichi_foam.laws.bond.crushing import (
 )
 from taichi_foam.laws.bond.curve import (
     CELLS_ENERGY,
-    ENERGY,
     IN_CELLS,
     LOCKS,
     SHEAR,
     STRESS,
+    UNLOADING,
     Curve,
 )
 from taichi_foam.parts import quantity
@@ -180,9 +180,8 @@ class TabulatedFoam(CrushingFoam):
 
     @property
     def table(self) -> NDArray[np.float64]:
-        steepest = PACKED * self.youngs_modulus
-        densified, locked = -self.densification_strain, -self.locking_strain
-        return self.curve.table(densified, locked, steepest, self.shear_modulus)
+        young = self.youngs_modulus
+        return self.curve.table(-self.locking_strain, young, PACKED * young, self.shear_modulus)
 
     @property
     def most_damping(self) -> float:
@@ -193,20 +192,25 @@ class TabulatedFoam(CrushingFoam):
         return -self.curve.tested
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Unloading has the slope K; densification retraces itself."""
-        turn = np.clip(worst, self.densification_strain, 0.0)
-        stress = np.interp(-turn, np.linspace(0.0, 1.0, TABLE_ROWS), self.table[:, 0])
-        return turn + stress / self.youngs_modulus
+        """Where a line from the curve at `worst`, with the slope of unloading, meets no stress."""
+        turn, rows = np.minimum(worst, 0.0), np.linspace(0.0, 1.0, TABLE_ROWS)
+        table = self.table
+        stress, slope = (np.interp(-turn, rows, table[:, k]) for k in (STRESS, UNLOADING))
+        return turn + stress / slope
 
     def law_for(self, model: Any) -> "Tabulated":
         return Tabulated(**self.options(model))
 
     def constants(self, model: Any) -> dict[str, float]:
-        permanent = self.permanent_strain(np.array(self.densification_strain))
-        return super().constants(model) | {
-            "elastic_limit": self.densification_strain - float(permanent),
-            "place": 0.0,
-        }
+        return super().constants(model) | {"stiffens_below": self._stiffens_below, "place": 0.0}
+
+    @property
+    def _stiffens_below(self) -> float:
+        """Strain beyond which foam unloads with more than K."""
+        steeper = self.table[:, UNLOADING] > self.youngs_modulus * (1.0 + 1e-9)
+        first = int(np.argmax(steeper)) if steeper.any() else TABLE_ROWS - 1
+        # slopes between two rows lie between theirs
+        return -max(first - 1, 0) / (TABLE_ROWS - 1)
 
 
 _STANDINS = {
@@ -256,7 +260,7 @@ class Constants:
     tensile_strain: ti.f64
     shear_strain: ti.f64
     densification_strain: ti.f64
-    elastic_limit: ti.f64  # elastic strain at the densification strain
+    stiffens_below: ti.f64  # strain beyond which the slope of unloading is more than K
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
     shear_pressure_coefficient: ti.f64
@@ -299,10 +303,26 @@ class Tabulated(Crushing):
         return elementary.smaller(e, e_min)
 
     @ti.func
-    def permanent_strain(self, c: ti.template(), e_min):
-        turn = elementary.smaller(elementary.larger(e_min, c.densification_strain), 0.0)
+    def stiffens_at(self, e, e_min):
+        """Foam is as stiff as it has become, wherever it is unloaded to."""
+        return self.met(e, e_min)
+
+    @ti.func
+    def stiffens_below(self, c: ti.template()):
+        return c.stiffens_below
+
+    @ti.func
+    def stiffening(self, c: ti.template(), e, e_min, broken):
+        """No stress, which `unloading` has all of, and the slope of unloading."""
+        _, slope = self.unloading(c, self.met(e, e_min))
+        return 0.0 * e, slope
+
+    @ti.func
+    def unloading(self, c: ti.template(), e_min):
+        turn = elementary.smaller(e_min, 0.0)
         stress, _ = self._looked_up(c, turn, STRESS)
-        return turn + stress * (1.0 / c.youngs_modulus)
+        slope, _ = self._looked_up(c, turn, UNLOADING)
+        return turn + stress / slope, slope
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
@@ -330,31 +350,13 @@ class Tabulated(Crushing):
         return yielded * (now - before - met * (room - ROUNDING - least))
 
     @ti.func
-    def elastic_strain(self, c: ti.template(), e, e_min):
-        return elementary.larger(e - self.permanent_strain(c, e_min), c.elastic_limit)
+    def elastic_strain(self, c: ti.template(), e, e_min, permanent):
+        return e - permanent
 
     @ti.func
     def shear_rise(self, c: ti.template(), e):
         rise, slope = self._looked_up(c, elementary.smaller(e, 0.0), SHEAR)
         return rise, ti.select(e < 0.0, -slope, 0.0)
-
-    @ti.func
-    def stress_at_densification(self, c: ti.template()):
-        return c.youngs_modulus * c.elastic_limit
-
-    @ti.func
-    def densified(self, c: ti.template(), e):
-        stress, slope = self._looked_up(c, e, STRESS)
-        return -stress, slope
-
-    @ti.func
-    def densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
-        place = ti.cast(c.place, ti.i32)
-        along = -e * (TABLE_ROWS - 1.0)
-        row = ti.cast(ti.max(ti.min(along, TABLE_ROWS - 2.0), 0.0), ti.i32)
-        stress, _ = self._looked_up(c, e, STRESS)
-        mean = 0.5 * (self.table[place, row][STRESS] + stress)
-        return self.table[place, row][ENERGY] + mean * (along - row) / (TABLE_ROWS - 1.0)
 
 
 @ti.func
