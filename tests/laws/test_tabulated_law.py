@@ -116,7 +116,7 @@ def test_beyond_the_test_it_rises_without_a_kink_to_locking() -> None:
 
 
 def test_a_table_of_eq_26_is_that_foam() -> None:
-    """The paper's own law as a table: the same stresses, loading, and unloading from the plateau."""
+    """The paper's own law as a table: loading, and unloading from the plateau."""
     paper = Foam()
     strain = np.linspace(0.0, 0.92, 921)
     stress = -normal(constants(paper), -strain, 0.0)

@@ -1,7 +1,7 @@
 """What all foams share that crush for good and break: unloading, weak re-tension, failure, packing.
 
-A bond that has met the strain e_min unloads from there elastically, and is weak in tension. A law of
-this kind says with which slope, and where it is without stress (`unloading`).
+A bond that has met the strain e_min unloads from there elastically, and is weak in tension. A law
+of this kind says with which slope, and where it is without stress (`unloading`).
 """
 
 from dataclasses import dataclass
@@ -146,7 +146,7 @@ class Crushing(BondLaw):
 
     @ti.func
     def unloading(self, c: ti.template(), e_min):
-        """Strain at which a bond that has met `e_min` is without stress, and the slope to it [Pa]."""
+        """Strain at which a bond that has met `e_min` has no stress, and the slope to it [Pa]."""
         raise NotImplementedError
 
     @ti.func

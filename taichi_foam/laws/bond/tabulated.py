@@ -1,7 +1,7 @@
 """Foam by its measured curve: what a compression test gives, unloading, weak re-tension, failure.
 
-Loading follows the table. From any strain that a bond has met it unloads along a straight line: with
-the slope K, as the paper's foam does, or with the curve's steepest so far where that is more.
+Loading follows the table. From any strain that a bond has met it unloads along a straight line:
+with the slope K, as the paper's foam does, or with the curve's steepest so far where that is more.
 """
 
 import contextlib
