@@ -239,9 +239,9 @@ class Curve(Part):
         IN_CELLS   stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
         CELLS_ENERGY   [J/m3] the area under it
         SHEAR      what is added to the shear modulus [Pa], `shear` of whole foam. Under the stress
-                   s bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would fold
-                   sideways once that is all: the sum is twice as much. Forces have its slope in
-                   them, so the kinks of the curve are smoothed.
+                   s bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would
+                   fold sideways once that is all: the sum is twice as much. Forces have its slope
+                   in them, so the kinks of the curve are smoothed.
         """
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress = np.where(
