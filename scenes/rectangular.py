@@ -17,7 +17,7 @@ from taichi_foam.scene import Block, FlatBlock, Foam, Scene
 FOAM = Foam(
     yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
 )
-BLOCK = Block(rows=21, mass_points="faces")  # as high as it is
+BLOCK = Block(mass_points="faces")  # as high as it is
 
 scene = Scene(
     name="Flat block at 3.03 m/s",

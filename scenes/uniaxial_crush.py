@@ -22,7 +22,7 @@ FINAL_STRAIN = 0.87
 
 block = Block(width=0.05, height=0.10, columns=10, rows=20)
 gauge_length = block.height - block.dy
-section = block.width * block.thickness
+section = block.width * block.depth
 
 scene = Scene(
     name="Uniaxial crush",

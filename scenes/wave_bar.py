@@ -28,7 +28,7 @@ scene = Scene(
 )
 
 wave_speed = math.sqrt(scene.foam.youngs_modulus / block.density)
-impedance = block.density * wave_speed * block.width * block.thickness
+impedance = block.density * wave_speed * block.width * block.depth
 reflection_time = 2 * (block.height - block.dy) / wave_speed
 
 

@@ -8,6 +8,9 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+_INSIDE = ("taichi_foam.", "pydantic.")
+"""Modules whose lines are not those that asked for something."""
+
 
 class UserError(Exception):
     """The request cannot be met: the message says why, and how to mend it (exit code 2).
@@ -40,10 +43,19 @@ class LongRunWarning(RunWarning):
     """A run that has begun will take a very great number of steps."""
 
 
-def warn_of_run(text: str, category: type[RunWarning] = RunWarning) -> None:
+class SceneNote(FutureWarning):
+    """A scene says something in an old way, which is still understood."""
+
+
+def note(text: str) -> None:
+    """Give a note on a scene at the line, outside the package, that has it."""
+    warn_of_run(text, SceneNote)
+
+
+def warn_of_run(text: str, category: type[Warning] = RunWarning) -> None:
     """Give a warning at the line, outside the package, that asked for the run."""
     depth, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals["__name__"].startswith("taichi_foam."):
+    while frame.f_back is not None and frame.f_globals["__name__"].startswith(_INSIDE):
         depth, frame = depth + 1, frame.f_back
     warnings.warn(text, category, stacklevel=depth)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -100,6 +101,13 @@ def quantity(
 def choice(default: Any, meaning: str) -> Any:
     """Return a pydantic field for a named option or a switch."""
     return Field(default=default, description=meaning)
+
+
+def is_number(value: Any) -> bool:
+    """Whether raw data is a finite number that a double holds."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return -sys.float_info.max <= value <= sys.float_info.max
 
 
 def hints_of(field: FieldInfo) -> Mapping[str, Any]:

@@ -136,7 +136,7 @@ class ReferenceLattice:
     @property
     def volume(self) -> float:
         """Of a cell [m3]."""
-        return self.cell[0] * self.cell[1] * self.scene.block.thickness
+        return self.cell[0] * self.cell[1] * self.scene.block.depth
 
     def shear_energies(self, corners: np.ndarray) -> np.ndarray:
         """G gamma^2 / 2 times what the volume of each cell grips [J]."""
@@ -234,7 +234,7 @@ class ReferenceLattice:
         """Force [N] of the face on the bond's first node: T = F S N A0, and its dashpot."""
         block, f = self.scene.block, self.scene.foam
         dx, dy = self.cell
-        area = (dy if axis == 0 else dx) * block.thickness
+        area = (dy if axis == 0 else dx) * block.depth
         left = self.left(axis)[i, j]
         worst = (self.worst_a, self.worst_b)[axis]
         F = self.gradient(axis, i, j)

@@ -187,7 +187,7 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
     values: dict[str, Any] = {
         "name": name,
         "block": {
-            "width": width, "height": height, "thickness": thickness, "density": density,
+            "width": width, "height": height, "depth": thickness, "density": density,
             "columns": fixed.pop("block.columns"), "rows": fixed.pop("block.rows"),
         },
         "foam": {

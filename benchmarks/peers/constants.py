@@ -121,12 +121,12 @@ def case_of(scene: Scene) -> Case:
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     base, impactor = scene.base, scene.impactor
     assert impactor is not None
-    area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
+    area_a, area_b = block.dy * block.depth, block.dx * block.depth
     stretch_a, stretch_b = area_a / block.dx, area_b / block.dy  # area over length
     along = numerics.damping_time * foam.youngs_modulus
     crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
     crushed_stress = foam.crushed_tensile_stress
-    contact = numerics.contact_stiffness * foam.youngs_modulus * block.thickness
+    contact = numerics.contact_stiffness * foam.youngs_modulus * block.depth
     touching = max(
         min(block.columns, math.floor(impactor.extent / block.dx) + 1),
         2 * min(block.rows, math.ceil(impactor.nose_depth / block.dy)),
@@ -157,7 +157,7 @@ def case_of(scene: Scene) -> Case:
         per_length_b=1.0 / block.dy,
         area_a=area_a,
         area_b=area_b,
-        thickness=block.thickness,
+        thickness=block.depth,
         dashpot_a=along * stretch_a,
         dashpot_b=along * stretch_b,
         shear_viscosity=numerics.damping_time * foam.shear_modulus,

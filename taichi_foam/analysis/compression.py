@@ -24,6 +24,6 @@ def compression_curve(record: Record) -> tuple[Array, Array] | None:
     way = history["displacement_m"] - impactor.gap
     strain = way / (record.contact_height - block.foot)
     width = width_under(impactor, block)
-    stress = history["contact_force_N"] / (width * block.thickness)
+    stress = history["contact_force_N"] / (width * block.depth)
     touched = strain >= 0.0
     return strain[touched], stress[touched]

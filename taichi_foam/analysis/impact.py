@@ -183,7 +183,7 @@ def bottomed_out(record: Record) -> bool | None:
     )
     foams, _, rows = foams_of_bonds(scene)
     plateau = max(foams[n].landmarks.plateau_stress for n in np.unique(rows))
-    if force < PLATEAUS * plateau * width * block.thickness:
+    if force < PLATEAUS * plateau * width * block.depth:
         return False
     outline = impactor_now(record.snapshots[-1], scene)
     assert outline is not None  # one that has touched

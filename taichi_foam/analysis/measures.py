@@ -223,7 +223,7 @@ def crushed_volume(record: Record) -> float | None:
     found = impact(record)
     if found is None or not found.impactor.guided:
         return None
-    return float(found.impactor.crushed_volume(found.depth, record.scene.block.thickness))
+    return float(found.impactor.crushed_volume(found.depth, record.scene.block.depth))
 
 
 def energy_per_volume(record: Record) -> float | None:
@@ -247,7 +247,7 @@ def absorption_curve(record: Record) -> tuple[NDArray[np.float64], NDArray[np.fl
     during = (h["time_s"] > found.contact) & (h["time_s"] < found.stop)
     depth = np.concatenate([[0.0], h["displacement_m"][during] - found.depth_0, [found.depth]])
     velocity = np.concatenate([[found.velocity_0], h["velocity_m_s"][during], [0.0]])
-    volume = impactor.crushed_volume(depth, record.scene.block.thickness)
+    volume = impactor.crushed_volume(depth, record.scene.block.depth)
     return np.asarray(volume), 0.5 * impactor.mass * (found.velocity_0**2 - velocity**2)
 
 

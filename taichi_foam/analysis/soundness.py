@@ -63,7 +63,7 @@ def largest_fall(record: Record) -> tuple[Column, float] | None:
     None if there is no impact energy but that of rounding.
     """
     energy, block = impact_energy(record), record.scene.block
-    volume = block.width * block.height * block.thickness
+    volume = block.width * block.height * block.depth
     if energy <= record.scene.foam.youngs_modulus * volume * STILL**2:
         return None
     falls = [

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from taichi_foam.errors import LongRunWarning, RunError, RunWarning, UserError
+from taichi_foam.errors import LongRunWarning, RunError, RunWarning, SceneNote, UserError
 from taichi_foam.interrupts import heard_once
 from taichi_foam.results.folders import UNFINISHED
 from taichi_foam.results.manifest import MANIFEST
@@ -65,8 +65,9 @@ def _say_warning(
     console: Console, otherwise: Callable, message: Warning | str, category: type, *rest: Any
 ) -> None:
     """Print what Python warns of our runs as a line; leave all else to Python."""
-    if issubclass(category, LongRunWarning):
-        console.print(f"warning: {message}", soft_wrap=True, markup=False)
+    if issubclass(category, LongRunWarning | SceneNote):
+        word = "note" if issubclass(category, SceneNote) else "warning"
+        console.print(f"{word}: {message}", soft_wrap=True, markup=False)
     else:
         otherwise(message, category, *rest)
 

@@ -315,8 +315,8 @@ def parameters_of(scene: Scene) -> dict:
     """Every member of `parameters_type` for one scene, by name."""
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     impactor, base = scene.impactor, scene.base
-    stiffness = foam.youngs_modulus * block.thickness  # of a square cell's bond [N/m]
-    area_a, area_b = block.dy * block.thickness, block.dx * block.thickness
+    stiffness = foam.youngs_modulus * block.depth  # of a square cell's bond [N/m]
+    area_a, area_b = block.dy * block.depth, block.dx * block.depth
     drag = numerics.damping_time * stiffness
     contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
@@ -356,7 +356,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_friction": model.piece_friction,
         # half a bond's: the eight that the step's bound counts are four bonds' worth
         "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
-        "thickness": block.thickness,
+        "thickness": block.depth,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
         # no step jumps over a row of the history, however soft the foam
@@ -451,7 +451,7 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
 def _foam(scene: Scene, graded: Grading, n: int) -> dict:
     """Every member of `foam_type` for the foam number `n` of a scene's block, by name."""
     block, foam = scene.block, graded.foams[n]
-    areas = block.dy * block.thickness, block.dx * block.thickness
+    areas = block.dy * block.depth, block.dx * block.depth
     along, across = _viscosities(scene, foam)
     tension, shear = limits(foam, block)
     rates = rate_shares(foam, block)

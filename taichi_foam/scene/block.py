@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -10,14 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from taichi_foam.errors import note
 from taichi_foam.laws.bond import FOAMS, BondFoam
-from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.parts import Part, choice, is_number, quantity
 from taichi_foam.scene import outlines
 
 MAX_NODES = 4_000_000
 MOST_CORNERS = 2000
 MOST_LAYERS = 100
 MOST_HOLES = 1000
+
+CELLS_IN_HEIGHT, CELLS_IN_WIDTH = 20, 10
+"""Square cells are so small that there are as many at least, unless somebody says otherwise."""
 
 _Coordinate = Annotated[float, Field(ge=-5, le=5)]
 _Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
@@ -69,13 +74,20 @@ class Block(Part):
 
     width: float = quantity(0.2, "m", "width of the block", at_least=1e-4, at_most=5)
     height: float = quantity(0.1, "m", "height of the block", at_least=1e-4, at_most=5)
-    thickness: float = quantity(
+    depth: float = quantity(
         0.057,
         "m",
-        "thickness of the block, and of the impactor",
+        "depth of the block, and of the impactor, across the plane",
         at_least=1e-5,
         at_most=5,
         fix="lengths are in metres (57 mm is 0.057)",
+    )
+    cell: Annotated[float, Field(gt=0, le=5)] | None = quantity(
+        None,
+        "m",
+        "edge of the lattice's cells: as near as whole numbers of them fill width and height",
+        allowed="none, or above 0 and at most 5 m",
+        unless="of 20 in the height and 10 in the width the smaller",
     )
     columns: int = quantity(
         40,
@@ -83,7 +95,8 @@ class Block(Part):
         "number of mass points across",
         at_least=2,
         at_most=MAX_NODES // 2,
-        fix="the paper uses 40 by 20",
+        fix="take larger cells (block.cell); the paper has 40 by 20",
+        unless="what makes cells square",
     )
     rows: int = quantity(
         20,
@@ -91,7 +104,8 @@ class Block(Part):
         "number of mass points upwards",
         at_least=2,
         at_most=MAX_NODES // 2,
-        fix="the paper uses 40 by 20",
+        fix="take larger cells (block.cell); the paper has 40 by 20",
+        unless="what makes cells square",
     )
     mass_points: Literal["cells", "faces"] = choice(
         "cells",
@@ -111,7 +125,7 @@ class Block(Part):
     holes: Annotated[tuple[_Hole, ...], Field(strict=False, max_length=MOST_HOLES)] = quantity(
         (),
         "m",
-        "holes through the thickness, each a list of corners as the outline",
+        "holes through the depth, each a list of corners as the outline",
         allowed=f"up to {MOST_HOLES:,} lists of 3 to {MOST_CORNERS:,} corners [x, y], each from -5 "
         "to 5 m",
         fix=_CORNERS_FIX,
@@ -130,6 +144,17 @@ class Block(Part):
         at_most=90,
     )
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _complete(cls, data: Any, handler: Any) -> Block:
+        """With the numbers of cells that nobody gave; what was given is told apart."""
+        if not isinstance(data, Mapping):
+            return handler(data)
+        given = _by_todays_names(data)
+        block = handler({**_square(given), **given})
+        object.__setattr__(block, "__pydantic_fields_set__", set(given))
+        return block
+
     @model_validator(mode="after")
     def _check_size(self) -> Block:
         if self.columns * self.rows > MAX_NODES:
@@ -143,7 +168,11 @@ class Block(Part):
                 f"block.outline: {len(self.outline)} corners; at least 3 make an outline; give "
                 "more, or none for the whole rectangle"
             )
-        found = [*_problems_of_outline(self), *_problems_of_layers(self)]
+        found = [
+            *_problems_of_cell(self),
+            *_problems_of_outline(self),
+            *_problems_of_layers(self),
+        ]
         if found:
             raise ValueError("\n".join(found))
         return self
@@ -166,7 +195,7 @@ class Block(Part):
     @property
     def node_mass(self) -> float:
         """Mass of a mass point whose cell is whole, of the block's density [kg]: rho dX dY Z."""
-        return self.density * self.dx * self.dy * self.thickness
+        return self.density * self.dx * self.dy * self.depth
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -209,6 +238,75 @@ class Block(Part):
         """Of the outline [m]: there a turned lattice has its own."""
         points = np.array(self.corners)
         return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Nested data of a scene whose `values` have just been changed: what these take with them.
+
+    Numbers of cells that were given do away with a cell's edge, and with an edge they follow.
+    """
+    block = data.get("block")
+    if not isinstance(block, dict) or "block" in values or block.get("cell") is None:
+        return
+    if {"block.columns", "block.rows"} & values.keys():
+        del block["cell"]
+    else:
+        block.pop("columns", None)
+        block.pop("rows", None)
+
+
+def todays_key(key: str) -> str:
+    """A dotted key of a scene under its name of today; notes that another was given."""
+    if key != "block.thickness":
+        return key
+    note(
+        "block.thickness is now block.depth, that across the plane; how thick a cushion is under "
+        "a drop is its block.height"
+    )
+    return "block.depth"
+
+
+def _by_todays_names(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Raw data of a block under the names of today, unless it has one thing under both."""
+    if {"thickness", "depth"} <= data.keys():
+        return dict(data)
+    return {todays_key(f"block.{key}").removeprefix("block."): data[key] for key in data}
+
+
+def _square(given: Mapping[str, Any]) -> dict[str, int]:
+    """Numbers of columns and rows that make cells square, where raw data does not give them."""
+    known = {key: given.get(key, Block.model_fields[key].default) for key in ("width", "height")}
+    known |= {key: given[key] for key in ("cell", "columns", "rows") if given.get(key) is not None}
+    if not all(is_number(value) and value > 0 for value in known.values()):
+        return {}  # what is wrong with it is said where it is checked
+    width, height = known["width"], known["height"]
+    points = given.get("mass_points", Block.model_fields["mass_points"].default)
+    more = int(points == "faces")
+    if "cell" in known:
+        edge = known["cell"]
+    elif "columns" in known:
+        edge = width / known["columns"]
+    elif "rows" in known and known["rows"] > more:
+        edge = height / (known["rows"] - more)
+    else:
+        edge = min(height / CELLS_IN_HEIGHT, width / CELLS_IN_WIDTH)
+    return {
+        "columns": max(2, round(min(width / edge, MAX_NODES))),
+        "rows": max(2, round(min(height / edge, MAX_NODES)) + more),
+    }
+
+
+def _problems_of_cell(block: Block) -> list[str]:
+    """Say which numbers of cells contradict the edge of one."""
+    if block.cell is None:
+        return []
+    fit = _square({key: getattr(block, key) for key in ("width", "height", "cell", "mass_points")})
+    return [
+        f"block.{key} = {getattr(block, key)}: cells of block.cell = {block.cell:g} m make "
+        f"{number} {key}; give one of the two"
+        for key, number in fit.items()
+        if getattr(block, key) != number
+    ]
 
 
 def _in_rows(block: Block) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from taichi_foam.parts import Part
+from taichi_foam.parts import Part, is_number
 from taichi_foam.units import STANDARD_GRAVITY
 
 _SAME = 1e-9
@@ -37,7 +37,7 @@ def completed(data: Any) -> Any:
     gravity = STANDARD_GRAVITY if gravity is None else gravity
     gap = _given(impactor, "gap")
     gap = 0.0 if gap is None else gap
-    if not all(_is_number(value) for value in (height, gravity, gap)):
+    if not all(is_number(value) for value in (height, gravity, gap)):
         return data
     found = {**data, "numerics": _with(numerics, "gravity", gravity)}
     velocity = start_velocity(height, gap, gravity)
@@ -99,7 +99,3 @@ def _with(part: Any, key: str, value: float) -> Any:
     if isinstance(part, Part):
         return part.model_copy(update={key: value})
     return {**(part or {}), key: value}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

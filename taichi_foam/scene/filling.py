@@ -193,7 +193,7 @@ def _mass(block: Block, area: Array) -> Array:
     for layer in block.layers:
         if layer.density is not None:
             density[(middle >= layer.bottom) & (middle < layer.top)] = layer.density
-    mass = (density * block.dx * block.dy * block.thickness) * area
+    mass = (density * block.dx * block.dy * block.depth) * area
     return np.add.reduceat(mass, np.searchsorted(levels, np.arange(block.rows)), axis=1)
 
 

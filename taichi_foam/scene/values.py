@@ -12,7 +12,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, driven, fall
+from taichi_foam.scene import assumed, block, driven, fall
 from taichi_foam.scene.messages import key_shown, shown
 from taichi_foam.scene.paths import steps
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
@@ -48,15 +48,18 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
 
     Whole parts come first, the impactor's shape and the foam's law next, in whatever order they are
     given: a new one drops what the old one had and it lacks. A velocity and a drop height stand for
-    each other (`fall.settle`), and some of a foam's values for others (`assumed.settle`). Raises
+    each other (`fall.settle`), so do a cell's edge and the numbers of cells (`block.settle`), and
+    some of a foam's values for others (`assumed.settle`). Raises
     UserError for a key that is malformed, or below one that has no keys of its own.
     """
+    values = {block.todays_key(key): value for key, value in values.items()}
     found = _listed(dict(data))
     assumed.make_way(found, values)
     for key in sorted(values, key=lambda key: (key.count("."), not key.endswith(_FIRST))):
         if not all(key.split(".")) or key.count(".") > DEEPEST:
             raise UserError(f"{shown(key)}: must be the key of a value, e.g. block.rows")
         _put(found, key, values[key])
+    block.settle(found, values)
     fall.settle(found, values)
     driven.settle(found, values)
     assumed.settle(found, values)

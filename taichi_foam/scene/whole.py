@@ -28,7 +28,6 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "calibrated": MappingProxyType(
             {
-                "block.rows": 21,
                 "block.mass_points": "faces",
                 **{f"foam.{key}": value for key, value in assumed.PAPERS_FOAM.items()},
                 "foam.softening": True,
@@ -45,7 +44,6 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         ),
         "paper-literal": MappingProxyType(
             {
-                "block.rows": 20,
                 "block.mass_points": "cells",
                 "foam.yield_strain": -0.05,
                 "foam.fracture_energy": None,

@@ -118,7 +118,7 @@ NAMES: tuple[str, ...] = tuple(TESTS)
 # velocity may differ by as much as that of an ensemble's runs does.
 _CONDITIONS: Mapping[str, tuple[str, ...]] = {
     # The specimens. Columns, rows and the lattice's angle are a mesh.
-    "block": ("width", "height", "thickness", "density", "outline", "holes", "layers"),
+    "block": ("width", "height", "depth", "density", "outline", "holes", "layers"),
     # Table 1. Its yield strain and the plateau that was measured contradict each other by a
     # seventh: each choice set has one of them. The other constants of the law (locking, Eq. 26's a
     # and b, fracture energies, rate, scatter) were not measured: the paper chooses them, or leaves

@@ -207,7 +207,7 @@ def test_a_peak_at_the_end_leaves_no_plateau(make_result) -> None:
 def test_foam_bottoms_out_when_it_is_used_up_and_presses(braked, make_snapshot) -> None:
     """Crushed to -0.8 in the mean of a column under the face, and above twice its plateau."""
     block, foam = Block(), scene_with(FlatBlock()).foam
-    enough = 2.0 * foam.plateau_stress * 0.05 * block.thickness
+    enough = 2.0 * foam.plateau_stress * 0.05 * block.depth
     strains = np.zeros((block.columns, block.rows - 1))
 
     def found(column: int, strain: float, force: float) -> bool | None:

@@ -106,7 +106,7 @@ def test_a_column_of_an_outlined_block_bottoms_out(make_snapshot, make_result) -
     strain[10, :3] = -0.85  # all that there is of the column
 
     def found(worst: np.ndarray) -> bool | None:
-        force = 3 * scene.foam.landmarks.plateau_stress * 0.06 * CORNER.thickness
+        force = 3 * scene.foam.landmarks.plateau_stress * 0.06 * CORNER.depth
         return bottomed_out(
             make_result(
                 scene=scene,

@@ -120,7 +120,7 @@ IMPACTS = {
 def contact_stiffness(result: Result) -> float:
     """Of the impactor's penalty and of its friction springs [N/m]."""
     foam, block = result.scene.foam, result.scene.block
-    return result.scene.numerics.contact_stiffness * foam.youngs_modulus * block.thickness
+    return result.scene.numerics.contact_stiffness * foam.youngs_modulus * block.depth
 
 
 @pytest.fixture(scope="module", params=IMPACTS)

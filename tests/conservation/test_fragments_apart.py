@@ -123,9 +123,9 @@ def squeeze(result: Result, stiffness: float) -> float:
     """
     scene = result.scene
     foam, block = scene.foam, scene.block
-    spring = scene.numerics.contact_stiffness * foam.youngs_modulus * block.thickness
+    spring = scene.numerics.contact_stiffness * foam.youngs_modulus * block.depth
     largest = spring * result.run["max_overlap_m"] * np.hypot(1.0, scene.impactor.friction)
-    plateau = foam.plateau_stress * block.dx * block.thickness
+    plateau = foam.plateau_stress * block.dx * block.depth
     return max(largest - plateau, 0.0) / stiffness
 
 
@@ -157,7 +157,7 @@ def test_centres_of_pieces_do_not_meet(shattered: Result) -> None:
     smaller powder may be pressed flat.
     """
     foam, block = shattered.scene.foam, shattered.scene.block
-    lost = squeeze(shattered, 4 * foam.youngs_modulus * block.thickness)
+    lost = squeeze(shattered, 4 * foam.youngs_modulus * block.depth)
     pairs = [touching_pairs(s, block) for s in shattered.snapshots]
     distance, touch = (np.concatenate(found) for found in zip(*pairs, strict=True))
     kept = 0.2 * touch > lost
@@ -173,7 +173,7 @@ def test_nothing_goes_through_the_floor(shattered: Result) -> None:
     lie on the block's bottom have no foam below them.
     """
     foam, block = shattered.scene.foam, shattered.scene.block
-    lost = squeeze(shattered, 8 * foam.youngs_modulus * block.thickness)
+    lost = squeeze(shattered, 8 * foam.youngs_modulus * block.depth)
     for state in shattered.snapshots:
         above = np.minimum(block.positions[..., 1] / (0.5 * block.dy), 1.0)
         left = 0.2 * half_heights(state, block) * above - lost
@@ -195,6 +195,6 @@ def test_self_contact_pushes_and_never_pulls(shattered: Result) -> None:
     k (v dt)^2 / 2; such errors of either sign cancel, and one of them is allowed.
     """
     scene, history = shattered.scene, shattered.history
-    stiffness = scene.foam.youngs_modulus * scene.block.thickness
+    stiffness = scene.foam.youngs_modulus * scene.block.depth
     missed = 0.5 * stiffness * (scene.impactor.velocity * shattered.run["dt_max_s"]) ** 2
     assert history["self_contact_J"].min() >= -missed

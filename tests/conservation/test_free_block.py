@@ -53,7 +53,7 @@ def energy(shear: str, start: dict, now: Snapshot) -> float:
     scene = block(shear)
     broken = {name: set(start[name]) for name in ("broken_a", "broken_b")}
     lattice = ReferenceLattice(scene, now.position, **broken)
-    cell = scene.block.dx * scene.block.dy * scene.block.thickness
+    cell = scene.block.dx * scene.block.dy * scene.block.depth
     total = (
         0.5 * scene.block.node_mass * (now.velocity**2).sum()
         + lattice.shear_energies(lattice.corners()).sum()

@@ -24,7 +24,7 @@ def pulled_by(rise: object, across: object, F: np.ndarray) -> tuple[float, float
     )
     X = scene.block.positions - [0.0, 0.1]  # the floor is far below
     forces = node_forces(scene, position=X @ F.T + [0.0, 0.3])
-    dx, dy, thickness = scene.block.dx, scene.block.dy, scene.block.thickness
+    dx, dy, thickness = scene.block.dx, scene.block.dy, scene.block.depth
     return (
         forces[-1, :, 0].sum() / (ROWS * dy * thickness),
         forces[:, -1, 1].sum() / (COLUMNS * dx * thickness),

@@ -106,7 +106,7 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
     scene = small_scene(base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0013, 0.0211])
     lowest = scene.contact_height
-    stiffness = 40.0 * scene.foam.youngs_modulus * scene.block.thickness
+    stiffness = 40.0 * scene.foam.youngs_modulus * scene.block.depth
     expected = np.zeros_like(position)
     for index in np.ndindex(COLUMNS, ROWS):
         depth, out = depth_and_normal(SHAPES[name], position[index] - [SHAPES[name].x, lowest])
@@ -324,7 +324,7 @@ def block_at_rest(friction: float) -> tuple:
         model=LOOSE,
     )
     block = scene.block
-    stiffness = scene.foam.youngs_modulus * block.thickness  # of a bond of a square cell
+    stiffness = scene.foam.youngs_modulus * block.depth  # of a bond of a square cell
     weight = block.node_mass * GRAVITY
     shortening = weight * np.arange(ROWS - 1, 0, -1) / stiffness
     shrinking = 0.5 * shortening[0]

@@ -48,10 +48,10 @@ def _add_faces(forces: np.ndarray, P: np.ndarray, block: Block, at_ends: float) 
     for along in (along_x, along_y):
         along[[0, -1]] = at_ends
     left, below = along_y * P[:, 0] * block.dy, along_x * P[:, 1] * block.dx
-    forces[0] += left * block.thickness
-    forces[-1] -= left * block.thickness
-    forces[:, 0] += below * block.thickness
-    forces[:, -1] -= below * block.thickness
+    forces[0] += left * block.depth
+    forces[-1] -= left * block.depth
+    forces[:, 0] += below * block.depth
+    forces[:, -1] -= below * block.depth
 
 
 @pytest.mark.parametrize("dx", [0.005, 0.003])

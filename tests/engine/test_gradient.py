@@ -76,7 +76,7 @@ def stored(scene: Scene, start: Arrays, position: np.ndarray) -> dict[str, float
     """Energies [J] of bonds, of the cells' shear and of their room at complex positions."""
     block, filled = scene.block, filling(scene.block)
     cell = (block.dx, block.dy)
-    volume = block.dx * block.dy * block.thickness
+    volume = block.dx * block.dy * block.depth
     foams, *rows = foams_of_bonds(scene)
     found = {"in_bonds": 0.0}
     left = []

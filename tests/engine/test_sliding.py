@@ -223,7 +223,7 @@ def test_a_box_rocks_on_foam_as_on_springs() -> None:
     slack = Foam(shear_modulus=5e4, shear_strain=1.0, tensile_strain=1.0)
     scene = on_foam(body, cell, width=width, height=4 * cell, foam=slack)
     block = scene.block
-    bond = scene.foam.youngs_modulus * block.thickness
+    bond = scene.foam.youngs_modulus * block.depth
     column = bond / (block.rows - 1 + 1 / scene.numerics.contact_stiffness)
     squares = (block.positions[:, 0, 0] ** 2).sum()
     inertia = body.moment_of_inertia + block.rows * block.node_mass * squares / 3

@@ -87,7 +87,7 @@ def scene_of(case: Case, columns: int, rows: int) -> Scene:
     return Scene(
         block=Block(
             width=columns * case.dx, height=rows * case.dy, columns=columns, rows=rows,
-            thickness=case.thickness,
+            depth=case.thickness,
         ),
         base=FREE,
         foam=Foam(shear_modulus=case.shear_modulus, rate=case.rate),

@@ -115,7 +115,7 @@ def test_all_of_it_is_the_moment_of_the_forces(crushed_room: bool) -> None:
         sides.append((total / count[..., None], left))
     (a, wide), (b, tall) = sides
     area = np.maximum(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], 0.5 * wide * tall)
-    volume = area * scene.block.thickness
+    volume = area * scene.block.depth
     found = _matrix((whole * volume[..., None]).sum(axis=(0, 1)))
     forces = node_forces(scene, **start)
     moment = -np.einsum("ija,ijb->ab", position, forces)
@@ -150,7 +150,7 @@ def test_every_row_of_a_pressed_block_carries_the_contact_force(name: str) -> No
     last, force = result.snapshots[-1], result.history["contact_force_N"][-1]
     x = last.position[..., 0]
     width = np.ptp(x, axis=0) * COLUMNS / (COLUMNS - 1)
-    rows = last.stress[..., 1].astype(float).mean(axis=0) * width * scene.block.thickness
+    rows = last.stress[..., 1].astype(float).mean(axis=0) * width * scene.block.depth
     assert rows.shape == (ROWS,)
     np.testing.assert_allclose(rows, -force, rtol=0.02)
     if name == "crushed":

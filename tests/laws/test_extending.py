@@ -72,7 +72,7 @@ def test_a_block_of_the_new_law_swings_as_a_spring(law: ModuleType) -> None:
     block = scene.block
     result = tf.run(scene)
     upright = block.columns * (block.rows - 1)
-    volume = block.dx * block.dy * block.thickness
+    volume = block.dx * block.dy * block.depth
     energy = 0.5 * 2e6 * strain**2 * upright * volume
     assert result.history.strain_J[0] == pytest.approx(energy, rel=1e-9)
     assert result.history.foam_kinetic_J.max() > 0.5 * energy

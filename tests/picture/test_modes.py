@@ -123,9 +123,9 @@ def test_the_crush_energy_adds_up_to_what_crushing_the_block_takes() -> None:
     e_min_b = np.full((20, 39), -0.5)
     snapshot = snapshot_of(scene, reference(scene), e_min_a=np.zeros((19, 40)), e_min_b=e_min_b)
     block = scene.block
-    cell = block.dx * block.dy * block.thickness
+    cell = block.dx * block.dy * block.depth
     total = shown("energy", snapshot, scene).sum() * cell
-    volume = block.width * (block.height - block.dy) * block.thickness  # between mass points
+    volume = block.width * (block.height - block.dy) * block.depth  # between mass points
     assert total == pytest.approx(FOAM.plateau_stress * 0.45 * volume)
 
 

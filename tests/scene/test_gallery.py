@@ -42,7 +42,7 @@ def test_uniaxial_crush_ends_deep_in_densification_and_hardly_slows_down():
         -0.87
     )
     work = 0.8 * 0.139e6 + 0.07 * -names["exact_stress"](-0.87)  # an upper bound, J/m3
-    work *= scene.block.width * scene.block.height * scene.block.thickness
+    work *= scene.block.width * scene.block.height * scene.block.depth
     assert work / (0.5 * scene.impactor.mass * scene.impactor.velocity**2) < 0.01
 
 
@@ -80,7 +80,7 @@ def test_wave_bar():
     # After the time M / (rho c A) the velocity has fallen to 1/e.
     assert names["exact_velocity"](0.5 / names["impedance"]) == pytest.approx(math.exp(-1))
     assert scene.numerics.end < names["reflection_time"]
-    stress = names["exact_force"](0.0) / (scene.block.width * scene.block.thickness)
+    stress = names["exact_force"](0.0) / (scene.block.width * scene.block.depth)
     assert 2 * stress < 0.2 * scene.foam.plateau_stress
 
 

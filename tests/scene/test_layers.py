@@ -56,7 +56,7 @@ def test_mass_points_on_the_faces_belong_to_the_layers_there() -> None:
     block = Block(**SIZE, mass_points="faces", layers=(
         Layer(bottom=0.0, top=0.02), Layer(bottom=0.03, top=0.05, density=50.0)))  # fmt: skip
     np.testing.assert_array_equal(layer_of_rows(block), [0, 0, 0, 0, -1, -1, 1, 1, 1, 1])
-    mass = (0.02 * 50 + 0.03 * block.density) * block.width * block.thickness
+    mass = (0.02 * 50 + 0.03 * block.density) * block.width * block.depth
     assert filling(block).mass.sum() == pytest.approx(mass)
 
 
@@ -98,12 +98,12 @@ def test_masses_are_those_of_layers_wherever_they_lie(
     layer = Layer(bottom=bottom, top=bottom + max(thick, 1.21 / rows), density=density)
     block = Block(width=1, height=1.2, columns=3, rows=rows, layers=(layer,))
     other = block.height - (layer.top - layer.bottom)
-    total = (density * (layer.top - layer.bottom) + block.density * other) * block.thickness
+    total = (density * (layer.top - layer.bottom) + block.density * other) * block.depth
     assert filling(block).mass.sum() == pytest.approx(total, rel=1e-8)
     outline = ((-0.4, 0.0), (0.4, 0.0), (0.4, 1.1), (-0.4, 1.1))
     within = block.model_copy(update={"outline": outline})
     inside = max(min(layer.top, 1.1) - layer.bottom, 0.0)
-    total = 0.8 * (density * inside + block.density * (1.1 - inside)) * block.thickness
+    total = 0.8 * (density * inside + block.density * (1.1 - inside)) * block.depth
     assert filling(within).mass.sum() == pytest.approx(total, rel=1e-8)
 
 

@@ -31,7 +31,7 @@ def circle(x: float, y: float, radius: float, corners: int = 24) -> list[tuple[f
 def total(block: Block) -> float:
     """Mass of the foam [kg], from its area alone."""
     area = shapely.Polygon(block.corners, block.holes).area
-    return block.density * area * block.thickness
+    return block.density * area * block.depth
 
 
 def bonds_of(filled: Filling) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +105,7 @@ def test_no_mass_is_lost(block: Block) -> None:
     filled = filling(block)
     assume(filled.there.any())
     assert filled.mass.sum() == pytest.approx(total(block), rel=1e-9)
-    assert filled.share.sum() * block.dx * block.dy * block.thickness * block.density == (
+    assert filled.share.sum() * block.dx * block.dy * block.depth * block.density == (
         pytest.approx(total(block), rel=1e-9)
     )
 

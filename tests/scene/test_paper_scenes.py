@@ -41,7 +41,7 @@ def test_defaults_are_table_1_and_table_6():
     assert block.dx == pytest.approx(TABLE_6["cell_width_m"])
     assert block.dy == pytest.approx(TABLE_6["cell_height_m"])
     assert (block.columns, block.rows) == (TABLE_6["columns"], TABLE_6["rows"])
-    assert Numerics().damping_time * block.thickness == pytest.approx(TABLE_6["damping_beta_m_s"])
+    assert Numerics().damping_time * block.depth == pytest.approx(TABLE_6["damping_beta_m_s"])
 
 
 def test_node_mass_and_plateau():
@@ -69,7 +69,7 @@ def test_table_5_follows_from_the_other_tables_with_this_geometry(name):
     agree within 8 %: Table 5 is a fitted slope, this is one point of the line.
     """
     scene, measured = tests.paper_scene(name), tests.TESTS[name].measured
-    volume = scene.impactor.crushed_volume(measured.max_displacement_m, scene.block.thickness)
+    volume = scene.impactor.crushed_volume(measured.max_displacement_m, scene.block.depth)
     energy = 0.5 * scene.impactor.mass * scene.impactor.velocity**2
     assert energy / volume == pytest.approx(measured.energy_per_volume_J_m3, rel=0.08)
 
@@ -152,7 +152,7 @@ def test_a_test_is_recognised_in_every_reading(name, choices):
         "impactor.mass=5", "impactor.velocity=2.9", "impactor.x=0.001", "impactor.gap=0.001",
         "impactor.angle_deg=80", "impactor.shank_width=0.06", "impactor.height=0.3",
         "impactor.shape=cylinder", "block.width=0.21", "block.height=0.11",
-        "block.thickness=0.05", "block.density=30", "foam.youngs_modulus=2.7e6",
+        "block.depth=0.05", "block.density=30", "foam.youngs_modulus=2.7e6",
         "foam.shear_modulus=0.8e6", "foam.yield_strain=-0.04", "foam.densification_strain=-0.7",
         "foam.tensile_strain=0.06", "foam.shear_strain=0.09", "base.stops_impactor=true",
         "numerics.gravity=9.81", "start.velocity_gradient=[[0.0, 0.0], [0.0, 1.0]]",
@@ -193,7 +193,7 @@ def test_every_key_of_a_scene_has_been_decided():
     }
     free = {part: keys - set(tests._CONDITIONS[part]) for part, keys in known.items()}
     assert free == {
-        "block": {"columns", "rows", "lattice_angle_deg", "mass_points"},
+        "block": {"cell", "columns", "rows", "lattice_angle_deg", "mass_points"},
         "foam": {
             "law", "source", "locking_strain", "densification_a", "densification_b",
             "crushed_tensile_fraction", "crushed_tensile_stress", "rate",

@@ -98,6 +98,7 @@ def blocks(draw):
         parts(
             Block,
             width=floats(0.09, 0.2),
+            cell=st.none(),  # in test_lattice_numbers
             columns=st.integers(4, 2000),
             rows=st.integers(2, 2000),
             outline=st.just(()),

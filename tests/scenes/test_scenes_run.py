@@ -120,7 +120,7 @@ def test_wave_bar_is_a_dashpot_to_its_plate() -> None:
     time = history["time_s"]
     felt = (time > 3e-4) & (time < 4.5e-3)
     exact = np.array([bar.exact_velocity(t) for t in time[felt]])
-    row = bar.block.density * bar.block.dy * bar.block.width * bar.block.thickness
+    row = bar.block.density * bar.block.dy * bar.block.width * bar.block.depth
     lack = (row + bar.impedance * bar.scene.numerics.damping_time) / (2 * bar.plate.mass)
     assert lack == pytest.approx(0.0008, rel=0.05)
     np.testing.assert_allclose(history["velocity_m_s"][felt], exact * (1 - lack), rtol=2e-4)
@@ -158,9 +158,9 @@ def test_the_flat_block_meets_the_plateau_at_once_and_stays_on_it(drops: dict) -
     """
     result = drops["rectangular"]
     block, impactor = result.scene.block, result.scene.impactor
-    face = impactor.width * block.thickness
+    face = impactor.width * block.depth
     plateau = 1.39e5 * face / impactor.mass
-    flanks = 2 * 0.84e6 * 0.10 * block.dy * block.thickness
+    flanks = 2 * 0.84e6 * 0.10 * block.dy * block.depth
     crushing = (1.39e5 + VISCOSITY * impactor.velocity / block.dy) * face
     most = (crushing + flanks) / impactor.mass
     mean = mean_deceleration(result, 1, 12)
@@ -221,7 +221,7 @@ def test_the_tall_block_is_hit_after_a_fall_of_10_mm() -> None:
     found = impact(run(load_scene(scene, overrides=["block.columns=8", "block.rows=12"])))
     assert found.contact == pytest.approx(arrival, abs=1e-6)
     assert not history["contact_force_N"][free].any()
-    face = scene.impactor.width * scene.block.thickness
+    face = scene.impactor.width * scene.block.depth
     later = np.nonzero(history["time_s"] > arrival + 2e-3)[0]
     mean = scene.impactor.mass * (
         mean_deceleration(result, history["time_s"][later[0]] * 1e3, 15.0) + g
@@ -267,7 +267,7 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     others = ("damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J")
     stop = int(np.argmax(history["displacement_m"]))
     beside = sum(history[name][stop] for name in others) / history["displacement_m"][stop]
-    force = plateau * below * scene.block.thickness + beside
+    force = plateau * below * scene.block.depth + beside
     assert beside < 0.1 * force
     assert product.drop_height is not None
     # the fall's energy, less that the force rises to the plateau while the foam yields
@@ -284,7 +284,7 @@ def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
     scene = coarse("corner")
     product, landmarks = scene.impactor, scene.foam.landmarks
     assert product is not None
-    pressure = landmarks.plateau_stress * scene.block.thickness
+    pressure = landmarks.plateau_stress * scene.block.depth
     weight = product.mass * STANDARD_GRAVITY
     s = np.linspace(0.0, 0.05, 5001)
     depth = -landmarks.crush_end * s
@@ -312,7 +312,7 @@ def test_a_layered_pad_has_two_plateaus() -> None:
     assert strong is not None
     for foam, window in ((scene.foam, (0.008, 0.018)), (strong, (0.029, 0.037))):
         during = falling & (depth > window[0]) & (depth < window[1])
-        force = foam.landmarks.plateau_stress * block.width * block.thickness
+        force = foam.landmarks.plateau_stress * block.width * block.depth
         expected = force / product.mass - STANDARD_GRAVITY
         assert deceleration[during].mean() == pytest.approx(expected, rel=0.04)
     assert result.summary["pieces"] == 2
@@ -332,7 +332,7 @@ def test_own_foam_meets_the_energy_balance() -> None:
     thickness = scene.block.height - scene.block.dy
     height, mass = scene.impactor.drop_height, scene.impactor.mass
     assert height is not None
-    static = mass * STANDARD_GRAVITY / (scene.block.width * scene.block.thickness)
+    static = mass * STANDARD_GRAVITY / (scene.block.width * scene.block.depth)
     curve = scene.foam.curve
     strain = np.linspace(0.0, curve.tested, 100_001)
     stress = curve.stress_at(strain)
@@ -385,7 +385,7 @@ def test_five_drops_meet_the_energy_balance_one_by_one() -> None:
     block, curve, height = scene.block, scene.foam.curve, scene.impactor.drop_height
     assert height is not None
     thickness = block.height - block.dy
-    static = scene.impactor.mass * STANDARD_GRAVITY / (block.width * block.thickness)
+    static = scene.impactor.mass * STANDARD_GRAVITY / (block.width * block.depth)
     strain = np.linspace(0.0, curve.tested, 100_001)
     stress = curve.stress_at(strain)
     taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))

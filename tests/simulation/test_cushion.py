@@ -74,7 +74,7 @@ def drop(
     size = {"width": WIDTH, "height": ROWS * CELL, "columns": 8, "rows": ROWS} | (block or {})
     scene = Scene(
         name="cushion",
-        block=Block(**size, thickness=THICK, density=20.0),
+        block=Block(**size, depth=THICK, density=20.0),
         foam=TabulatedFoam(curve=Curve(strain=e, stress=s), tensile_strain=0.5, shear_strain=2.0),
         impactor=FlatBlock(
             width=2 * WIDTH,
@@ -131,7 +131,7 @@ def test_crush_beyond_the_test_is_said() -> None:
     figures, _, _ = drop((np.append(strain, 0.9), np.append(stress, 2e6)), 3e3, 1.3 * height)
     assert not figures["warnings"]
     scene = Scene(
-        block=Block(width=WIDTH, height=ROWS * CELL, thickness=THICK, columns=8, rows=ROWS),
+        block=Block(width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS),
         foam=TabulatedFoam(curve=curve, tensile_strain=0.5, shear_strain=2.0),
         impactor=FlatBlock(
             width=2 * WIDTH, mass=0.3, velocity=math.sqrt(2.6 * STANDARD_GRAVITY * height)
@@ -148,7 +148,7 @@ def test_lattices_of_a_batch_have_a_curve_each() -> None:
     def scene(factor: float) -> Scene:
         curve = Curve(strain=MADE_UP[0], stress=[factor * s for s in MADE_UP[1]])
         return Scene(
-            block=Block(width=WIDTH, height=0.025, thickness=THICK, columns=8, rows=10),
+            block=Block(width=WIDTH, height=0.025, depth=THICK, columns=8, rows=10),
             foam=TabulatedFoam(curve=curve),
             impactor=FlatBlock(width=2 * WIDTH, mass=0.3, velocity=3.0),
             numerics=Numerics(end=2e-3),

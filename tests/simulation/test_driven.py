@@ -159,8 +159,8 @@ def test_a_mass_on_elastic_foam_answers_a_half_sine_as_one_degree_of_freedom() -
         output=FILES,
     )
     block, modulus = scene.block, scene.foam.youngs_modulus
-    section = block.width * block.thickness
-    springs = [modulus * section / GAUGE, 40.0 * modulus * block.thickness * block.columns]
+    section = block.width * block.depth
+    springs = [modulus * section / GAUGE, 40.0 * modulus * block.depth * block.columns]
     w = np.sqrt(1.0 / sum(1.0 / k for k in springs) / mass)
     W = np.pi / duration
     history = run(scene).history

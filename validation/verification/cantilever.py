@@ -122,7 +122,7 @@ def scene(strip: Strip) -> Scene:
         block=Block(
             width=2 * strip.height,
             height=strip.length,
-            thickness=WIDTH,
+            depth=WIDTH,
             columns=2 * strip.columns,
             rows=rows,
         ),

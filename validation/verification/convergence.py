@@ -143,7 +143,7 @@ def figures_of(impact: Impact, result: Result) -> dict[str, object]:
     broken = history["broken_bonds"]
     first = np.flatnonzero(broken)
     last = result.snapshots[-1]
-    face = block.dx * block.thickness
+    face = block.dx * block.depth
     return {
         "impact": asdict(impact),
         **{name: summed[name] for name in FIGURES},

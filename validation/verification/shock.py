@@ -148,7 +148,7 @@ def scene(shock: Shock) -> Scene:
 def measure(shock: Shock, result: Result) -> Measured:
     """Take the figures of the steady part of a run."""
     history, block = result.history, result.scene.block
-    section = block.width * block.thickness
+    section = block.width * block.depth
     steady = history["time_s"] > SETTLED * shock.end
     time = history["time_s"][steady]
     force = PLATE * history["deceleration_m_s2"][steady] / section

@@ -53,7 +53,7 @@ _IMPACTOR = (
 )
 _REST = (
     Knob("impactor", "impactor.friction", "friction", 0.0, 1.0, 0.01),
-    Knob("block", "block.thickness", "thickness", 10, 200, 1, "mm", 1e-3),
+    Knob("block", "block.depth", "depth", 10, 200, 1, "mm", 1e-3),
     Knob("block", "block.columns", "columns", 10, 120, 2),
     Knob("block", "block.rows", "rows", 5, 60, 1),
     Knob("block", "block.density", "density", 10, 100, 0.1, "kg/m³"),

@@ -148,7 +148,7 @@ def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
     scene = paper_scene(name)
     finer = load_scene(scene, overrides=["block.columns=80", "foam.rate=none", "name=mine"])
     assert tests.test_of(finer) is tests.TESTS[name]
-    for change in ("impactor.velocity=2.0", "impactor.mass=5.9", "block.thickness=0.05"):
+    for change in ("impactor.velocity=2.0", "impactor.mass=5.9", "block.depth=0.05"):
         assert tests.test_of(load_scene(scene, overrides=[change])) is None
 
 
