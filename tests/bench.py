@@ -28,7 +28,9 @@ Bonds = Iterable[tuple[int, int]]
 
 def small_scene(dx: float = 0.005, dy: float = 0.005, **parts: object) -> Scene:
     """A scene on 10 x 20 nodes without impactor, 1 ms long unless told otherwise."""
-    block = Block(width=COLUMNS * dx, height=ROWS * dy, columns=COLUMNS, rows=ROWS)
+    block = Block(
+        mass_points="cells", width=COLUMNS * dx, height=ROWS * dy, columns=COLUMNS, rows=ROWS
+    )
     return Scene(**{"block": block, "numerics": Numerics(end=1e-3), **parts})
 
 

@@ -161,7 +161,7 @@ def bottomed_out(record: Record) -> bool | None:
     """Whether the foam below the impactor was used up.
 
     Either the impactor has come down to the support; or the foam of a column of mass points under
-    it was crushed, in the mean from top to base, to the densification strain or beyond, and
+    it was crushed, in the mean from top to base, to the strain at which it is used up, and
     has pressed on the impactor with more than PLATEAUS times the plateau's stress over the
     impactor's width. None: it has not touched, or there is no snapshot to tell.
     """
@@ -191,8 +191,8 @@ def bottomed_out(record: Record) -> bool | None:
     held = bonded(block)[1]
     x = block.positions[:, :-1, 0]
     under = held & (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
-    ends = np.array([foam.landmarks.crush_end for foam in foams])[rows]
-    # what the foam of a column was crushed by, over what densifies it
+    ends = np.array([foam.used_up_strain for foam in foams])[rows]
+    # what the foam of a column was crushed by, over what uses it up
     crush = np.where(under, record.snapshots[-1].e_min_b / ends, 0.0).sum(axis=1)
     count = under.sum(axis=1)
     return bool((crush[count > 0] >= count[count > 0]).any())

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis import balance
 from taichi_foam.analysis.fragments import crack_over_time, pieces
 from taichi_foam.analysis.impact import (
     bottomed_out,
@@ -190,17 +191,21 @@ def _plateau(record: Record) -> float | str | None:
 def initial_peak(record: Record) -> tuple[float, float] | None:
     """Initial peak of the smoothed deceleration and its time after contact (m/s2, s).
 
-    The largest within INITIAL_PEAK_WINDOW_S of contact; flat faces only.
+    The largest within INITIAL_PEAK_WINDOW_S of contact; flat faces only. None where the
+    deceleration still rises at the window's end, or the whole impact is shorter: there is no other
+    peak that this one would be the first of.
     """
     found = impact(record)
-    if found is None or not is_flat(found.impactor):
+    if found is None or not is_flat(found.impactor) or found.duration <= INITIAL_PEAK_WINDOW_S:
         return None
     since = record.history["time_s"] - found.contact
-    window = (since >= 0) & (since <= min(INITIAL_PEAK_WINDOW_S, found.duration))
+    window = (since >= 0) & (since <= INITIAL_PEAK_WINDOW_S)
     smooth = record.history["deceleration_smoothed_m_s2"][window]
     if smooth.size == 0 or np.isnan(smooth).any():
         return None
     top = int(np.argmax(smooth))
+    if top == smooth.size - 1:
+        return None
     return float(smooth[top]), float(since[window][top])
 
 
@@ -327,6 +332,7 @@ def summary(record: Record) -> dict[str, Any]:
     scene, run, found = record.scene, record.run, impact(record)
     raw, filtered = peak_deceleration(record), filtered_peak_deceleration(record)
     peak, resultant, turn = initial_peak(record), peak_resultant(record), final_turn(record)
+    by_hand = balance.of_run(record)
     last = record.snapshots[-1] if record.snapshots else None
     region = crushed_region(last, scene) if last else None
     crack = crack_over_time(record.snapshots, scene)
@@ -363,6 +369,10 @@ def summary(record: Record) -> dict[str, Any]:
         "contact_height_m": record.contact_height if scene.impactor is not None else None,
         "rest_height_m": rest_height(record),
         "max_strain": max_strain(record),
+        "static_stress_Pa": by_hand and by_hand.static_stress,
+        "balance_strain": by_hand and by_hand.strain,
+        "balance_peak_m_s2": by_hand and by_hand.peak,
+        "balance_peak_g": by_hand and by_hand.peak and by_hand.peak / STANDARD_GRAVITY,
         "final_angle_rad": turn and turn[0],
         "final_spin_rad_s": turn and turn[1],
         "final_velocity_x_m_s": turn and turn[2],
@@ -388,7 +398,10 @@ def summary(record: Record) -> dict[str, Any]:
         ),
         "interrupted": record.ending is Ending.INTERRUPTED,
     }
-    words = statement(figures, why_no_plateau(record))
+    cushion = by_hand and balance.words(
+        scene, by_hand, raw and raw.deceleration, figures["max_strain"]
+    )
+    words = statement(figures, why_no_plateau(record), cushion)
     return {
         **figures,
         "statement": words,

@@ -6,17 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def statement(figures: Mapping[str, Any], why_no_plateau: str | None = None) -> str | None:
+def statement(
+    figures: Mapping[str, Any], why_no_plateau: str | None = None, cushion: str | None = None
+) -> str | None:
     """What the measures of an impact come to, as a sentence; None if the impactor never touched.
 
     Args:
         figures: of `analysis.measures.summary`.
         why_no_plateau: a reason, if a deceleration that came to rest has none.
+        cushion: what the block is as a cushion, where it is one.
     """
     if figures["came_to_rest"] is None:
         return None
     depth = f"{100 * figures['max_displacement_m']:.2f} cm"
-    parts = []
+    parts = [cushion] if cushion else []
     if figures["bottomed_out"]:
         parts.append(f"the foam bottomed out{_peak(figures)}")
     if figures["passed_through"]:

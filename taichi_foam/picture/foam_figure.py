@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.fit import CrushableFit, loading
+from taichi_foam.laws.bond.fit import CrushableFit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.picture.style import BLUE, GREEN, GREY, INK, STYLE, VERMILION, blank
 from taichi_foam.units import si_scale
@@ -86,7 +86,7 @@ def _stresses(
     # as far as the law is the test's: beyond it each goes its own way
     fine = np.linspace(0.0, curve.tested, 800)
     axis.plot(
-        100 * fine, loading(fit.foam, fine) / scale, color=VERMILION, linewidth=1.5,
+        100 * fine, fit.foam.loading(fine) / scale, color=VERMILION, linewidth=1.5,
         label=f"Eq. 26 fitted, median error {100 * fit.error:.2g} %",
     )  # fmt: skip
     start, end, limit = (-100 * s for s in (marks.crush_start, marks.crush_end, marks.limit))
@@ -102,7 +102,7 @@ def _plateau(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -
     plateau = foam.landmarks.plateau_stress
     middle = 0.5 * (-foam.landmarks.crush_start + foam.curve.densification)
     covered = np.linspace(middle - 0.13, min(middle + 0.13, foam.curve.tested), 50)
-    lines = np.concatenate([foam.curve.stress_at(covered), loading(fit.foam, covered)]) / scale
+    lines = np.concatenate([foam.curve.stress_at(covered), fit.foam.loading(covered)]) / scale
     below = lines.max() > 0.88 * axis.get_ylim()[1]
     axis.annotate(
         f"plateau {_pressure(plateau)}",

@@ -108,10 +108,10 @@ class Block(Part):
         unless="what makes cells square",
     )
     mass_points: Literal["cells", "faces"] = choice(
-        "cells",
-        "where rows of them lie: cells: in the middles of rows of cells, half a cell inside the "
-        "block; faces: the first and the last on its bottom and its top, so that what is touched "
-        "and held there has the whole height between",
+        "faces",
+        "where rows of them lie: faces: the first and the last on the block's bottom and top, so "
+        "that what is touched and held there has the whole height between; cells: in the middles "
+        "of rows of cells, half a cell inside, so that a cushion acts as one by a cell thinner",
     )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
     outline: _Outline = quantity(

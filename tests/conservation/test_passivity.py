@@ -37,6 +37,7 @@ def tabulated(plateau: float) -> TabulatedFoam:
 
 
 PAD = Block(
+    mass_points="cells",
     width=0.05,
     height=0.1,
     columns=10,
@@ -45,6 +46,7 @@ PAD = Block(
     holes=[[(-0.007, 0.04), (0.008, 0.04), (0.0, 0.06)]],
 )
 LAYERED = Block(
+    mass_points="cells",
     width=0.05,
     height=0.1,
     columns=10,

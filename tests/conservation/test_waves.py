@@ -115,7 +115,9 @@ def test_a_layer_swings_in_shear_at_sqrt_g_over_rho(dx: float, dy: float) -> Non
     """
     columns, rows = LAYER
     scene = Scene(
-        block=Block(width=columns * dx, height=rows * dy, columns=columns, rows=rows),
+        block=Block(
+            mass_points="cells", width=columns * dx, height=rows * dy, columns=columns, rows=rows
+        ),
         model=LOOSE,
         numerics=numerics(damping_time=0.0),
     )
@@ -145,7 +147,9 @@ def test_a_cantilever_swings_as_timoshenkos_beam_does(dx: float, dy: float) -> N
     """
     columns, rows = 6, 40
     scene = Scene(
-        block=Block(width=columns * dx, height=rows * dy, columns=columns, rows=rows),
+        block=Block(
+            mass_points="cells", width=columns * dx, height=rows * dy, columns=columns, rows=rows
+        ),
         model=LOOSE,
         numerics=numerics(damping_time=0.0),
     )

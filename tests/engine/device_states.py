@@ -78,7 +78,13 @@ def breaking_scenes() -> list[Scene]:
     columns, rows = SMALL
     return [
         Scene(
-            block=Block(width=0.005 * columns, height=0.005 * rows, columns=columns, rows=rows),
+            block=Block(
+                mass_points="cells",
+                width=0.005 * columns,
+                height=0.005 * rows,
+                columns=columns,
+                rows=rows,
+            ),
             impactor=Wedge(angle_deg=60, shank_width=0.03, mass=0.1, velocity=velocity),
             numerics=Numerics(end=2.0e-3),
             output=Output(history_interval=1e-4, snapshot_interval=1e-3),
@@ -108,7 +114,9 @@ def option_scenes() -> list[Scene]:
 def big_scenes() -> list[Scene]:
     """Impacts so fast that they crush and break a fine lattice in a few dozen steps."""
     columns, rows = BIG
-    block = Block(width=1e-3 * columns, height=1e-3 * rows, columns=columns, rows=rows)
+    block = Block(
+        mass_points="cells", width=1e-3 * columns, height=1e-3 * rows, columns=columns, rows=rows
+    )
     return [
         Scene(block=block, impactor=impactor, numerics=Numerics(end=1.0), **parts)
         for impactor, parts in (
@@ -132,6 +140,7 @@ def pad_scenes() -> list[Scene]:
         for plateau in (120e3, 200e3)
     )
     block = Block(
+        mass_points="cells",
         width=width,
         height=height,
         columns=columns,

@@ -64,7 +64,7 @@ def test_shear_does_not_turn_the_foam() -> None:
 
 def test_a_drop_on_such_foam_closes_its_ledger() -> None:
     scene = Scene(
-        block=Block(width=0.05, height=0.1, columns=COLUMNS, rows=ROWS),
+        block=Block(mass_points="cells", width=0.05, height=0.1, columns=COLUMNS, rows=ROWS),
         foam=RISE,
         across={"foam": ACROSS},
         impactor=FlatBlock(width=0.02, mass=0.3, velocity=5.0),

@@ -35,7 +35,7 @@ def growth(slant: float) -> np.ndarray:
     tip = HALF * np.array([math.cos(math.radians(slant)), math.sin(math.radians(slant))])
     middle = np.array([0.0, 0.5 * SIZE])
     scene = Scene(
-        block=Block(width=SIZE, height=SIZE, columns=100, rows=100),
+        block=Block(mass_points="cells", width=SIZE, height=SIZE, columns=100, rows=100),
         foam=Foam(
             shear_modulus=1.39e6,
             tensile_strain=0.03,

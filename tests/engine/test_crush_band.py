@@ -19,7 +19,13 @@ def plateau(cell: float, band: float | None, tau: float, rate: float | None) -> 
     """
     scene = Scene(
         block=Block(
-            width=2 * cell, height=ROWS * cell, columns=2, rows=ROWS, depth=Z, density=5000.0
+            mass_points="cells",
+            width=2 * cell,
+            height=ROWS * cell,
+            columns=2,
+            rows=ROWS,
+            depth=Z,
+            density=5000.0,
         ),
         foam=Foam(rate=rate, crush_band=band),
         base=Base(kind="floor", friction=0.0),

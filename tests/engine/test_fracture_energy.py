@@ -24,10 +24,10 @@ def two_columns(dx: float, dy: float, foam: Foam, times: float = 1e-4) -> Scene:
     Nothing else takes energy: no dashpots, no impactor, no strain within a column. A step moves
     them by the part `times` of a cell.
     """
-    mass = Block().density * dx * dy * Z
+    mass = Block(mass_points="cells").density * dx * dy * Z
     speed = math.sqrt(10 * 100.0 * dy * Z / mass)  # m v^2 a row
     return Scene(
-        block=Block(width=2 * dx, height=ROWS * dy, columns=2, rows=ROWS),
+        block=Block(mass_points="cells", width=2 * dx, height=ROWS * dy, columns=2, rows=ROWS),
         foam=foam,
         base=Base(kind="floor", friction=0.0),
         model=Model(self_contact=False),

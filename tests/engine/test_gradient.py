@@ -26,7 +26,7 @@ Arrays = dict[str, np.ndarray]
 
 def block(**values: object) -> Block:
     given = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS}
-    return Block(**{**given, **values})
+    return Block(mass_points="cells", **{**given, **values})
 
 
 BLOCKS = {

@@ -28,7 +28,8 @@ if sys.argv[1] == "own field":
     mine.fill(7.0)
 for columns in (8, 9, 8):
     scene = Scene(
-        block=Block(columns=columns, rows=5), impactor=Wedge(), numerics=Numerics(end=5e-4),
+        block=Block(mass_points="cells", columns=columns, rows=5),
+        impactor=Wedge(), numerics=Numerics(end=5e-4),
         output=Output(history_interval=1e-4),
     )
     result = tf.run(scene)

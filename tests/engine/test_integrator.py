@@ -155,7 +155,7 @@ def test_an_absurd_step_stops_the_run_and_says_when_and_where() -> None:
 def test_rows_and_snapshots_come_at_their_times() -> None:
     """Many short calls: a row every 20 us and a snapshot every 50 us, at most one step late."""
     scene = Scene(
-        block=Block(width=0.05, height=0.1, columns=10, rows=20),
+        block=Block(mass_points="cells", width=0.05, height=0.1, columns=10, rows=20),
         numerics=Numerics(end=4e-3),
         output=Output(history_interval=2e-5, snapshot_interval=5e-5),
     )

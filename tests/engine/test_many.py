@@ -32,7 +32,7 @@ def other_counts() -> Scene:
     """A drop on a block of other lattice counts."""
     return Scene(
         name="other counts",
-        block=Block(width=0.05, height=0.05, columns=10, rows=10),
+        block=Block(mass_points="cells", width=0.05, height=0.05, columns=10, rows=10),
         impactor=FlatBlock(width=0.03, mass=0.2, velocity=5.0),
         numerics=Numerics(end=1e-3),
     )

@@ -75,7 +75,7 @@ def test_fused_and_staged_stepping_agree(which: int) -> None:
 def test_many_sweeps_agree_with_one() -> None:
     """A wider block, whose columns are dealt out to four sweeps or, for two threads, to six."""
     scene = Scene(
-        block=Block(width=0.15, height=0.05, columns=30, rows=10),
+        block=Block(mass_points="cells", width=0.15, height=0.05, columns=30, rows=10),
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=14.0),
         numerics=Numerics(end=5e-3),
         **{**EVERYTHING, "start": Start(cuts=((-0.011, 0.01, 0.004, 0.035),))},

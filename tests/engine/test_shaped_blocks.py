@@ -30,7 +30,7 @@ def wedge_drop(foam: BondFoam | None = None, **block: object) -> Scene:
     """A wedge that splits a small block, with everything on."""
     size = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS}
     return Scene(
-        block=Block(**size, **block),
+        block=Block(mass_points="cells", **size, **block),
         foam=foam or Foam(),
         impactor=Wedge(mass=1.0, velocity=8.0, shank_width=0.03),
         numerics=Numerics(end=3e-3),
@@ -94,6 +94,7 @@ def test_a_layered_bar_reflects_by_its_impedances(young: float, density: float) 
     foam = Foam(youngs_modulus=young, crush_band=None)
     top = 0.5 * rows * dy
     block = Block(
+        mass_points="cells",
         width=4 * dy,
         height=rows * dy,
         columns=4,
@@ -137,7 +138,7 @@ def test_the_weaker_layer_crushes_first() -> None:
     layers = [{"bottom": 0.05, "top": 0.1, "foam": strong}]
     size = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS}
     scene = Scene(
-        block=Block(**size, layers=layers),
+        block=Block(mass_points="cells", **size, layers=layers),
         impactor=FlatBlock(width=0.1, mass=2e3, velocity=0.5, friction=0.0),
         base=Base(kind="held"),
         numerics=Numerics(end=0.04, damping_time=1e-6),
@@ -167,7 +168,9 @@ def hole_stress(cells: int) -> tuple[np.ndarray, np.ndarray]:
     angle = np.arange(200) * (2 * math.pi / 200)
     corner = radius * math.sqrt(math.pi / 100 / math.sin(math.pi / 100))  # of the circle's area
     hole = [(corner * math.cos(a), 0.5 * size + corner * math.sin(a)) for a in angle]
-    block = Block(width=size, height=size, columns=count, rows=count, holes=[hole])
+    block = Block(
+        mass_points="cells", width=size, height=size, columns=count, rows=count, holes=[hole]
+    )
     drag = 3e3 * block.node_mass / (2.78e6 * 0.057)
     run = tf.run(
         Scene(

@@ -42,7 +42,11 @@ def on_foam(
     """A body on a block of square cells, ten to a column, with gravity."""
     height = 10 * cell if height is None else height
     block = Block(
-        width=width, height=height, columns=round(width / cell), rows=round(height / cell)
+        mass_points="cells",
+        width=width,
+        height=height,
+        columns=round(width / cell),
+        rows=round(height / cell),
     )
     return Scene(
         block=block,

@@ -85,7 +85,7 @@ CASES = {
 
 def scene_of(case: Case, columns: int, rows: int) -> Scene:
     return Scene(
-        block=Block(
+        block=Block(mass_points="cells",
             width=columns * case.dx, height=rows * case.dy, columns=columns, rows=rows,
             depth=case.thickness,
         ),

@@ -15,7 +15,7 @@ from taichi_foam.engine.strengths import cuts, strengths, weibull_modulus
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
 from taichi_foam.simulation.simulate import run
 
-BIG = Block(width=1.0, height=1.0, columns=200, rows=200)
+BIG = Block(mass_points="cells", width=1.0, height=1.0, columns=200, rows=200)
 COUNT = 2 * 200 * 200
 
 
@@ -98,7 +98,7 @@ def test_a_block_breaks_connection_by_connection_at_its_own_strength(
 
 
 # Four by three nodes, 1 cm apart: x = -15, -5, 5, 15 mm; y = 5, 15, 25 mm.
-FEW = Block(width=0.04, height=0.03, columns=4, rows=3)
+FEW = Block(mass_points="cells", width=0.04, height=0.03, columns=4, rows=3)
 MM = 1e-3
 CUTS = {
     "vertical, between the middle columns": (

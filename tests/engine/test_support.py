@@ -14,7 +14,7 @@ from taichi_foam.scene import Base, Block, FlatBlock, Numerics, Output, Scene, S
 FLOOR = Base(kind="floor")
 LEVEL = Support(kind="outline", outline=((-1, -0.1), (1, -0.1), (1, 0), (-1, 0)))
 RIBS = Support(kind="ribs", pitch=0.025, width=0.01, depth=0.02)
-BLOCK = Block(width=0.1, height=0.05, columns=20, rows=10)
+BLOCK = Block(mass_points="cells", width=0.1, height=0.05, columns=20, rows=10)
 K, YIELD, FACE = 2.78e6, 0.05, 0.005 * 0.057  # Pa, -, m2
 
 # Of the mass points at odd multiples of 2.5 mm: two on each of three ribs, one on each outer one.
@@ -41,7 +41,7 @@ def unaccounted(result: Result) -> float:
     )
 
 
-CUT = Block(
+CUT = Block(mass_points="cells",
     width=0.1, height=0.05, columns=20, rows=10,
     outline=((-0.041, 0), (0.041, 0), (0.05, 0.031), (0.05, 0.05), (-0.05, 0.05), (-0.05, 0.031)),
 )  # fmt: skip
@@ -119,7 +119,7 @@ def test_ribs_push_up_what_stands_on_them(sunk: float, share: float) -> None:
 
 def test_a_wall_beside_the_block_presses_by_the_faces_of_bonds_along_x() -> None:
     """Cells of 5 by 8 mm, moved by 0.05 mm against it: half a cell's width gives way by 2 %."""
-    block = Block(width=0.1, height=0.08, columns=20, rows=10)
+    block = Block(mass_points="cells", width=0.1, height=0.08, columns=20, rows=10)
     wall = ((0.05, -0.02), (0.06, -0.02), (0.06, 0.1), (0.05, 0.1))
     scene = drop(Support(kind="outline", outline=wall), block)
     scene = scene.model_copy(update={"impactor": None, "numerics": Numerics(end=1e-3, gravity=0.0)})
@@ -156,7 +156,7 @@ BAD = {
         ["support.outline: overlaps the foam", "at most at y = 0"],
     ),
     "too many": (
-        {"block": Block(width=1.0, height=0.5, columns=20, rows=10)},
+        {"block": Block(mass_points="cells", width=1.0, height=0.5, columns=20, rows=10)},
         Support(kind="ribs", pitch=0.01, width=0.006, depth=0.02),
         ["support.pitch = 0.01", "at most 128", "wider pitch"],
     ),

@@ -365,7 +365,9 @@ def test_a_rod_slaps_down_before_its_run_ends() -> None:
     """
     low = product(width=0.18, height=0.02, rotation_deg=6.0, mass=0.5, velocity=1.0)
     until = Numerics(end="rebound", gravity=9.81)
-    result = run(dropped(low, block=Block(columns=20, rows=10), numerics=until))
+    result = run(
+        dropped(low, block=Block(mass_points="cells", columns=20, rows=10), numerics=until)
+    )
     h, figures = result.history, result.summary
     pressed = np.flatnonzero(h.contact_force_N > 1.0)
     turned = np.diff(np.sign(h.spin_rad_s[pressed]))

@@ -8,7 +8,7 @@ import pytest
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.laws.bond.fit import crushable_fit, loading
+from taichi_foam.laws.bond.fit import crushable_fit
 from taichi_foam.scene import Scene
 from taichi_foam.scene.options import Numerics
 
@@ -29,7 +29,7 @@ CONSTANTS = (
 def curve_of(foam: Foam, tested: float, points: int, noise: float = 0.0) -> Curve:
     strain = np.linspace(0.0, tested, points)
     factor = 1.0 + noise * np.random.default_rng(3).standard_normal(points)
-    return Curve(strain=strain, stress=loading(foam, strain) * factor)
+    return Curve(strain=strain, stress=foam.loading(strain) * factor)
 
 
 @pytest.mark.parametrize("foam", [Foam(), OTHER], ids=["paper", "other"])
@@ -37,7 +37,7 @@ def test_stresses_are_those_of_the_law(foam: Foam) -> None:
     strain = np.linspace(0.0, 0.98, 197)  # the guard of locking included
     scene = Scene(foam=foam, numerics=Numerics(end=1e-3))
     law = -normal_stresses(scene, -strain, -strain)
-    np.testing.assert_allclose(loading(foam, strain), law, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(foam.loading(strain), law, rtol=1e-9, atol=1e-6)
 
 
 @pytest.mark.parametrize("foam", [Foam(), OTHER], ids=["paper", "other"])

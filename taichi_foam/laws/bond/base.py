@@ -149,6 +149,10 @@ class BondFoam(Part):
         """Strain (<= 0) at which foam that has met the strain `worst` is without stress."""
         raise NotImplementedError
 
+    def loading(self, strain: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Static stress [Pa] on first loading, both positive in compression; None: not known."""
+        return None
+
     @property
     def table(self) -> NDArray[np.float64] | None:
         """(TABLE_ROWS, TABLE_COLUMNS) what a law that is `tabulated` looks up."""
@@ -166,6 +170,12 @@ class BondFoam(Part):
     def tested_strain(self) -> float | None:
         """The most compressive strain (< 0) that the foam was tested to; None: it is not known."""
         return None
+
+    @property
+    def used_up_strain(self) -> float:
+        """Strain (< 0) at which nothing is known to be left to crush: where its test ends."""
+        tested = self.tested_strain
+        return self.landmarks.crush_end if tested is None else tested
 
     def law_for(self, model: Any) -> "BondLaw":
         """The law's functions, with the options of this foam and of a scene's `model` built in."""

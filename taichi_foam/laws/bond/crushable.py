@@ -162,6 +162,17 @@ class Foam(CrushingFoam):
         """Unloading from the plateau has the slope K; densification retraces itself (Fig. 19)."""
         return np.clip(worst, self.densification_strain, self.yield_strain) - self.yield_strain
 
+    def loading(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        return loading_stress(
+            strain,
+            self.youngs_modulus,
+            -self.yield_strain,
+            -self.densification_strain,
+            -self.locking_strain,
+            self.densification_a,
+            self.densification_b,
+        )
+
     def law_for(self, model: Any) -> "Crushable":
         return Crushable(
             heeds_rate=self.rate is not None,
@@ -178,6 +189,29 @@ class Foam(CrushingFoam):
             "rate": self.rate or 0.0,
             "rate_exponent": self.rate_exponent,
         }
+
+
+def loading_stress(
+    strain: NDArray[np.float64],
+    young: float,
+    yields: float,
+    densification: float,
+    locking: float,
+    a: float,
+    b: float,
+) -> NDArray[np.float64]:
+    """Stress [Pa] of Eq. 26 on first loading; everything is positive in compression.
+
+    The law of `Crushable.densified`, with its tangent within the guard of locking, for arrays.
+    """
+    guard = locking - GUARD * (locking - densification)
+    inside = np.clip(strain, densification, guard)
+    room = locking - inside
+    exponent = a * (inside - densification) / room**b
+    stress = young * yields * np.exp(np.minimum(exponent, 300.0))
+    slope = stress * (a / room**b + b * exponent / room)
+    dense = stress + slope * np.maximum(strain - guard, 0.0)
+    return np.where(strain <= densification, young * np.clip(strain, 0.0, yields), dense)
 
 
 @ti.dataclass

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from taichi_foam.laws.bond.crushable import GUARD, Foam
+from taichi_foam.laws.bond import crushable
+from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import LOCKS, Curve
 from taichi_foam.laws.bond.tabulated import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
 
@@ -55,22 +56,6 @@ class CrushableFit:
     densifies: bool
 
 
-def loading(foam: Foam, strain: ArrayLike) -> Array:
-    """Stress [Pa] of Eq. 26 on first loading; strain and stress are positive in compression.
-
-    The law of `Crushable.densified`, with its tangent within the guard of locking, for arrays.
-    """
-    return _loading(
-        np.asarray(strain, dtype=np.float64),
-        foam.youngs_modulus,
-        -foam.yield_strain,
-        -foam.densification_strain,
-        -foam.locking_strain,
-        foam.densification_a,
-        foam.densification_b,
-    )
-
-
 def crushable_fit(curve: Curve) -> CrushableFit:
     """Fit Eq. 26 to a curve by bounded least squares of relative residuals.
 
@@ -83,7 +68,7 @@ def crushable_fit(curve: Curve) -> CrushableFit:
     weights = np.sqrt(spacing / spacing.sum()) / (stress + _FLOOR * plateau)
 
     def residuals(x: Array) -> Array:
-        return weights * (_loading(strain, *_constants(x, curve)) - stress)
+        return weights * (crushable.loading_stress(strain, *_constants(x, curve)) - stress)
 
     densifies = curve.densification < curve.tested
     # in SciPy's trust region, which goes on without it
@@ -152,26 +137,6 @@ def _constants(x: Array, curve: Curve) -> tuple[float, ...]:
     return young, yields, densification, locking, np.exp(x[4]), np.exp(x[5])
 
 
-def _loading(
-    strain: Array,
-    young: float,
-    yields: float,
-    densification: float,
-    locking: float,
-    a: float,
-    b: float,
-) -> Array:
-    """Eq. 26; everything is positive in compression."""
-    guard = locking - GUARD * (locking - densification)
-    inside = np.clip(strain, densification, guard)
-    room = locking - inside
-    exponent = a * (inside - densification) / room**b
-    stress = young * yields * np.exp(np.minimum(exponent, 300.0))
-    slope = stress * (a / room**b + b * exponent / room)
-    dense = stress + slope * np.maximum(strain - guard, 0.0)
-    return np.where(strain <= densification, young * np.clip(strain, 0.0, yields), dense)
-
-
 def _spread_out(curve: Curve) -> tuple[Array, Array]:
     """The points of a curve; with more between them where there are few."""
     strain, stress = curve.points
@@ -186,4 +151,4 @@ def _median_error(foam: Foam, curve: Curve) -> float:
     strain = np.linspace(min(-foam.yield_strain, 0.5 * curve.tested), curve.tested, 500)
     # a test may begin without stress for a while
     test = np.maximum(curve.stress_at(strain), 1e-3 * curve.plateau_stress)
-    return float(np.median(np.abs(loading(foam, strain) / test - 1.0)))
+    return float(np.median(np.abs(foam.loading(strain) / test - 1.0)))

@@ -198,6 +198,9 @@ class TabulatedFoam(CrushingFoam):
         stress, slope = (np.interp(-turn, rows, table[:, k]) for k in (STRESS, UNLOADING))
         return turn + stress / slope
 
+    def loading(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.interp(strain, np.linspace(0.0, 1.0, TABLE_ROWS), self.table[:, STRESS])
+
     def law_for(self, model: Any) -> "Tabulated":
         return Tabulated(**self.options(model))
 

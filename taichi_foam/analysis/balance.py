@@ -1,0 +1,94 @@
+"""The energy balance of a drop on a level cushion: computed by hand, beside a run's figures.
+
+A mass that comes to the cushion with the velocity v and crushes its height T to the strain e has
+lost m v^2 / 2 + m g T e, and the foam under the area A has taken A T times the area under its
+curve up to e. Both are equal at the stop; the stress there, over the mass, is the deceleration.
+Waves, the foam's own mass and its dashpots are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_foam.analysis.impact import is_flat
+from taichi_foam.records.record import Record
+from taichi_foam.scene import Scene
+from taichi_foam.units import STANDARD_GRAVITY
+
+POINTS = 20_001
+"""Strains at which a balance is sought, from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What a drop on a cushion comes to by hand.
+
+    static_stress  Pa, weight over area
+    strain         at the stop; None: the foam cannot take that much
+    peak           m/s2, the largest deceleration until then; None likewise
+    """
+
+    static_stress: float
+    strain: float | None
+    peak: float | None
+
+
+def of_run(record: Record) -> Balance | None:
+    """That of a drop on a fresh cushion; None after other drops, and where `balance` is None."""
+    lifted = abs(record.contact_height - record.scene.contact_height)
+    return balance(record.scene) if lifted <= 1e-9 * record.scene.block.height else None
+
+
+def balance(scene: Scene) -> Balance | None:
+    """The energy balance of a scene; None where there is none by hand.
+
+    There is one for a level face on rails over the whole width of a rectangle of one foam, whose
+    law says its stress.
+    """
+    impactor, block = scene.impactor, scene.block
+    if impactor is None or scene.is_driven or not impactor.guided or not is_flat(impactor):
+        return None
+    if block.outline or block.holes or block.layers or not scene.start.is_at_rest:
+        return None
+    ends = impactor.x + impactor.outline()[:, 0]
+    half = 0.5 * block.width * (1.0 - 1e-9)
+    if ends.min() > -half or ends.max() < half:
+        return None
+    strain = np.linspace(0.0, 1.0, POINTS)
+    stress = scene.foam.loading(strain)
+    if stress is None:
+        return None
+    area, gravity = block.width * block.depth, scene.numerics.gravity
+    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
+    fall = 0.5 * impactor.velocity**2 + gravity * (impactor.gap + block.height * strain)
+    enough = area * block.height * taken >= impactor.mass * fall
+    static = impactor.mass * STANDARD_GRAVITY / area
+    stop = int(np.argmax(enough))
+    if not enough[stop] or -strain[stop] <= scene.foam.landmarks.limit:
+        return Balance(static, None, None)
+    peak = area * float(stress[: stop + 1].max()) / impactor.mass - gravity
+    return Balance(static, float(strain[stop]), peak)
+
+
+def words(scene: Scene, found: Balance, peak: float | None, strain: float | None) -> str:
+    """A cushion, its load and its balance in a sentence, beside a run's raw peak [m/s2] and strain.
+
+    Lengths are in mm, as people give them.
+    """
+    block = scene.block
+    size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))
+    static = f"static stress {1e-3 * found.static_stress:.3g} kPa"
+    load = f"cushion {size} mm (height, width, depth), {static}"
+    by_hand = "by energy balance the foam cannot stop it"
+    if found.peak is not None:
+        by_hand = f"by energy balance {_peak(found.peak, found.strain)}"
+    return f"{load}; {by_hand}, computed {_peak(peak, strain)}"
+
+
+def _peak(peak: float | None, strain: float | None) -> str:
+    if peak is None:
+        return "no peak"
+    at = "" if strain is None else f" at {100 * strain:.1f} % strain"
+    return f"{peak / STANDARD_GRAVITY:.1f} g{at}"
