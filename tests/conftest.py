@@ -49,12 +49,10 @@ def taichi_runtime() -> None:
 def intact_snapshot(block: Block) -> Snapshot:
     """The block at rest and unbroken at t = 0."""
     columns, rows = block.columns, block.rows
-    x = (np.arange(columns) - (columns - 1) / 2) * block.dx
-    y = (np.arange(rows) + 0.5) * block.dy
-    position = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1, dtype=np.float64)
+    position = block.positions
     return Snapshot(
         time=0.0,
-        impactor_y=block.height - block.dy / 2,
+        impactor_y=float(position[..., 1].max()),
         position=position,
         velocity=np.zeros_like(position),
         e_min_a=np.zeros((columns - 1, rows)),

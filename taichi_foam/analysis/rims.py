@@ -15,7 +15,10 @@ from taichi_foam.scene.outlines import is_mirrored
 Array = NDArray[np.float64]
 
 AT_CORNER = 0.75
-"""A corner of cells so near to one of the outline [cells] is put there, otherwise on its side."""
+"""A corner of cells so near to one of the outline [cells] is put there, otherwise on its side.
+
+Where the outline's corner is the nearest point of any, only these are put there: another one beside
+them would leave a cell without a side."""
 
 FURTHEST = 1.0
 """Corners further from the outline than this [cells] stay: what is there is too thin to show."""
@@ -77,7 +80,9 @@ def _kept(block: Block) -> Rim:
     marks = shapely.get_coordinates(edge)
     away = np.abs(corners[:, None] - marks[None]).max(axis=2)
     best = away.argmin(axis=1)
+    comes = np.abs(nearest - marks[best]).max(axis=1) < 1e-9
     at_corner = away[np.arange(len(best)), best] <= AT_CORNER
+    at_corner &= comes | ~np.isin(best, best[comes])
     shift = np.where(at_corner[:, None], marks[best], nearest) - corners
     shift[np.abs(shift).max(axis=1) > FURTHEST] = 0.0
     shift[np.abs(shift) < 1e-9] = 0.0

@@ -12,11 +12,12 @@ from taichi_foam.analysis import room
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene
 
-BLOCK = Block(columns=12, rows=8, width=0.06, height=0.04)  # cells of 5 mm
+BLOCK = Block(columns=12, rows=9, width=0.06, height=0.04)  # cells of 5 mm
+INSIDE = Block(columns=12, rows=8, width=0.06, height=0.04, mass_points="cells")  # as large
 SCENE = Scene(name="room", block=BLOCK, impactor=FlatBlock())
 DX = DY = 0.005
 
-WHOLE = Block()  # 40 x 20 cells of 5 mm
+WHOLE = Block()  # 40 columns of 5 mm, 21 rows and 20 bonds between them
 FLAT = Scene(name="flat", block=WHOLE, impactor=FlatBlock())
 
 
@@ -55,12 +56,14 @@ MAPS = {
 }
 
 
+@pytest.mark.parametrize("block", [BLOCK, INSIDE], ids=["faces", "cells"])
 @pytest.mark.parametrize("shape", MAPS)
 @pytest.mark.parametrize("left", [1.0, 0.5, 0.25, 0.13, 0.1, 0.06, 0.02])
-def test_foam_that_is_crushed_evenly_has_its_room(make_snapshot, shape, left) -> None:
-    snapshot = mapped(crushed_to(make_snapshot(BLOCK), left), MAPS[shape])
+def test_foam_that_is_crushed_evenly_has_its_room(make_snapshot, shape, left, block) -> None:
+    snapshot = mapped(crushed_to(make_snapshot(block), left), MAPS[shape])
     snapshot.e_min_b[:] = np.minimum(snapshot.e_min_b, -0.5)
-    assert room.without_room(snapshot, SCENE) == pytest.approx(0.0, abs=2e-3)
+    scene = SCENE.model_copy(update={"block": block})
+    assert room.without_room(snapshot, scene) == pytest.approx(0.0, abs=2e-3)
 
 
 def test_foam_that_is_crushed_both_ways_has_its_room(make_snapshot) -> None:
@@ -134,7 +137,7 @@ def folded(make_snapshot, block: Block) -> Snapshot:
 def test_the_share_does_not_depend_on_the_mesh(make_snapshot) -> None:
     shares = []
     for finer in (1, 2, 4):
-        block = Block(columns=12 * finer, rows=16 * finer, width=0.06, height=0.08)
+        block = Block(cell=0.005 / finer, width=0.06, height=0.08)
         snapshot = folded(make_snapshot, block)
         shares.append(room.without_room(snapshot, SCENE.model_copy(update={"block": block})))
     # The part that comes back is inside out; the part on its way lies free beneath it.
@@ -189,9 +192,9 @@ def test_values_of_a_run_that_diverged_do_no_harm(make_snapshot, value) -> None:
 def pressed(make_snapshot) -> Snapshot:
     """Under a flat face the upper ten bonds of its columns are crushed to a fifth."""
     snapshot = make_snapshot(WHOLE)
-    snapshot.e_min_b[15:25, 9:] = -0.8
+    snapshot.e_min_b[15:25, 10:] = -0.8
     height = snapshot.position[15:25, :, 1]
-    height[:, 10:] = height[:, 9:10] + 0.2 * (height[:, 10:] - height[:, 9:10])
+    height[:, 11:] = height[:, 10:11] + 0.2 * (height[:, 11:] - height[:, 10:11])
     return replace(snapshot, impactor_y=float(height.max()))
 
 
@@ -201,20 +204,20 @@ def test_the_layer_reaches_from_the_face_to_its_lower_end(pressed) -> None:
 
 def test_of_a_bond_crushed_in_part_the_upper_part_is_crushed(pressed) -> None:
     """At 0.6 of the way from 0.05 to 0.8 it is 0.6 crushed foam (0.2) and 0.4 yielded (0.95)."""
-    pressed.e_min_b[15:25, 8] = -0.5
-    pressed.position[15:25, 9:, 1] -= 0.5 * DY
+    pressed.e_min_b[15:25, 9] = -0.5
+    pressed.position[15:25, 10:, 1] -= 0.5 * DY
     lowered = replace(pressed, impactor_y=pressed.impactor_y - 0.5 * DY)
     assert room.crushed_layer(lowered, FLAT) == pytest.approx((10 * 0.2 + 0.6 * 0.2) * DY)
 
 
 def test_foam_that_is_hardly_crushed_does_not_count(pressed) -> None:
-    pressed.e_min_b[15:25, 4:9] = -0.4
+    pressed.e_min_b[15:25, 5:10] = -0.4
     assert room.crushed_layer(pressed, FLAT) == pytest.approx(10 * 0.2 * DY)
 
 
 def test_the_layer_is_measured_where_it_lies(pressed) -> None:
     """Folded foam leaves no layer, whatever its bonds would measure when unloaded."""
-    pressed.position[15:25, 11:, 1] = pressed.position[15:25, 10:11, 1]
+    pressed.position[15:25, 12:, 1] = pressed.position[15:25, 11:12, 1]
     face = replace(pressed, impactor_y=float(pressed.position[15:25, -1, 1].max()))
     assert room.crushed_layer(face, FLAT) == pytest.approx(0.2 * DY)
 
