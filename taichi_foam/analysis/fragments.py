@@ -1,7 +1,8 @@
 """How a block has broken: its pieces and its cracks.
 
 Cracks live on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the reference
-configuration at x = (p - I/2) dX, y = q dY. A broken bond is the cell edge that it crosses:
+configuration at x = (p - I/2) dX, y = `Block.row_edges`[q]. A broken bond is the cell edge that it
+crosses:
 
     A(i,j), sideways    the vertical edge from corner (i+1, j) to corner (i+1, j+1)
     B(i,j), upwards     the horizontal edge from corner (i, j+1) to corner (i+1, j+1)
@@ -33,7 +34,7 @@ CRACK_CELLS = 3
 """A crack below the impactor is at least so many cells long ..."""
 
 CRACK_HEIGHT_FRACTION = 0.15
-"""... and at least this share of the block's height (as much, on the paper's 20 rows)."""
+"""... and at least this share of the block's height (as much, on the paper's 20 cells)."""
 
 CRACK_EDGES_PER_ROW = 2
 """Below the impactor, a row of cells with more broken edges of one line is shattered."""
@@ -47,12 +48,12 @@ class Crack:
     """A crack that starts below the impactor (reference configuration).
 
     lowest_height  m, height of the lowest end of its vertical edges; 0 is the block's bottom. With
-                   a gripped base the bottom row cannot open: a through crack ends at dY.
+                   a gripped base the bottom row cannot open: a through crack ends above its cells.
     start_x        m, where its first bond broke
-    start_height   m, middle of that vertical edge
+    start_height   m, of that bond; of the top row's, with mass points on the faces, the block's
     start_time     s, when
-    path           m, middles (x, y) of its vertical edges, downwards: from the start, in each lower
-                   row the one that is nearest sideways to the one before
+    path           m, where its bonds cross its vertical edges (x, y), downwards: from the start, in
+                   each lower row the one that is nearest sideways to the one before
     """
 
     lowest_height: float
@@ -136,9 +137,9 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
                     break
             lines.append(line)
 
-    spacing, origin = (block.dx, block.dy), (-columns / 2 * block.dx, block.foot - block.dy / 2)
-    corners = [np.stack(np.divmod(line, rows + 1), axis=1) * spacing + origin for line in lines]
-    points = [block.turned(each) for each in corners]
+    across, up = (np.arange(columns + 1) - columns / 2) * block.dx, block.row_edges
+    corners = [np.divmod(line, rows + 1) for line in lines]
+    points = [block.turned(np.stack([across[p], up[q]], axis=1)) for p, q in corners]
     return sorted(points, key=lambda xy: -np.abs(np.diff(xy, axis=0)).sum())
 
 
@@ -157,15 +158,15 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
        L or more rows (so cracks that rise from the base do not count).
 
     Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
-    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the rows, whichever is more. Of several such lines
-    the one that reaches deepest counts, then the one that starts nearest to the axis. It starts at
-    the edge of its path that broke first (of equals the highest). On a turned lattice no line of
-    edges is upright: None.
+    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the cells in the height, whichever is more. Of
+    several such lines the one that reaches deepest counts, then the one that starts nearest to the
+    axis. It starts at the edge of its path that broke first (of equals the highest). On a turned
+    lattice no line of edges is upright: None.
     """
     if scene.impactor is None or scene.block.lattice_angle_deg != 0:
         return None
     columns, rows = snapshot.position.shape[:2]
-    dx, dy = scene.block.dx, scene.block.dy
+    dx, dy, row_edges = scene.block.dx, scene.block.dy, scene.block.row_edges
     crushed = crushed_cells(snapshot, scene)
     lines = np.zeros((columns - 1, rows), dtype=np.int32)
     ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
@@ -179,9 +180,9 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     slack = 1e-6 * dx
     below = (from_axis > outline.min() + dx - slack) & (from_axis < outline.max() - dx + slack)
     below |= np.abs(from_axis) <= dx + slack
-    under = scene.block.foot - dy / 2  # where the first row of cells begins
-    ahead = under + (np.arange(rows) + 1) * dy <= level + dy + slack
-    length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * rows - 1e-9))
+    ahead = row_edges[1:] <= level + dy + slack
+    length = max(CRACK_CELLS, ceil(CRACK_HEIGHT_FRACTION * scene.block.height / dy - 1e-9))
+    heights = scene.block.positions[0, :, 1]
 
     found = []
     for label in np.unique(lines[below][:, ahead]):
@@ -195,8 +196,9 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
         path = path[times.index(min(times)) :]
         if path[0][1] - path[-1][1] + 1 < length:
             continue
-        middles = tuple((float(x[i]), under + (j + 0.5) * dy) for i, j in path)
-        found.append(Crack(under + path[-1][1] * dy, *middles[0], min(times), middles))
+        places = tuple((float(x[i]), float(heights[j])) for i, j in path)
+        lowest = float(row_edges[path[-1][1]])
+        found.append(Crack(lowest, *places[0], min(times), places))
     return min(found, key=lambda c: (c.lowest_height, abs(c.start_x - axis)), default=None)
 
 

@@ -82,13 +82,14 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
     if patch is None:
         return None
     columns, rows = np.flatnonzero(patch.any(axis=1)), np.flatnonzero(patch.any(axis=0))
-    across, up = int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)
+    across, edges = int(columns[-1] - columns[0] + 1), scene.block.row_edges
+    height = float(edges[rows[-1] + 1] - edges[rows[0]])
     return CrushedRegion(
         columns=(int(columns[0]), int(columns[-1])),
         rows=(int(rows[0]), int(rows[-1])),
         width=across * scene.block.dx,
-        height=up * scene.block.dy,
-        fill=float(np.count_nonzero(patch) / (across * up)),
+        height=height,
+        fill=float((patch @ np.diff(edges)).sum() / (across * height)),
     )
 
 
@@ -210,11 +211,14 @@ def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
     """How far below the impactor's lowest point foam is deformed for good [m].
 
     To the lowest side of the deformed cells that lie now in the middle half of the impactor's width
-    (half a cell below their mass points, at most); 0 where none of them is lower than it.
+    (half a cell below their mass points, or the block's bottom); 0 where none of them is lower than it.
     """
     if scene.impactor is None:
         return None
-    depth = snapshot.impactor_y - snapshot.position[..., 1] + scene.block.dy / 2
+    block = scene.block
+    below = np.full(block.rows, block.dy / 2)
+    below[0] = block.foot
+    depth = snapshot.impactor_y - snapshot.position[..., 1] + below
     lasting = _deformed_for_good(snapshot, scene) & _middle_half(snapshot, scene.impactor)
     return float(depth[lasting].max(initial=0.0))
 
@@ -279,7 +283,7 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
     """
     if scene.impactor is None or not snapshots:
         return None
-    dx, dy = scene.block.dx, scene.block.dy
+    dx, row_edges = scene.block.dx, scene.block.row_edges
     left, right = _ends(scene.impactor)
     edge = (_column_x(scene.block)[1:] + _column_x(scene.block)[:-1]) / 2
     outside = np.maximum(left - edge, edge - right)
@@ -300,7 +304,7 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
     times = last.break_time_a[top, -1]
     return TopCracks(
         count=int(np.count_nonzero(top)),
-        depth=rows * dy,
+        depth=float(row_edges[-1] - row_edges[-1 - rows]),
         first_time=float(times.min()) if times.size else None,
     )
 
@@ -336,7 +340,8 @@ def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
 
 def _above_base(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
     """The number of the part of each mass point, the base's rows left out."""
-    return parts(snapshot, block, bottom_rows=int(SPLIT_FRACTION * block.rows + 1e-9))
+    base = SPLIT_FRACTION * block.height * (1.0 + 1e-9)
+    return parts(snapshot, block, bottom_rows=np.count_nonzero(block.row_edges[1:] <= base))
 
 
 def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int:

@@ -193,6 +193,15 @@ class Block(Part):
         return 0.0 if self.mass_points == "faces" else 0.5 * self.dy
 
     @property
+    def row_edges(self) -> NDArray[np.float64]:
+        """Heights (rows + 1,) at which rows of cells begin and end [m], none outside the block.
+
+        With mass points on the faces the first and the last row are half as high as the others.
+        """
+        edges = self.foot - self.dy / 2 + np.arange(self.rows + 1) * self.dy
+        return np.clip(edges, 0.0, self.height)
+
+    @property
     def node_mass(self) -> float:
         """Mass of a mass point whose cell is whole, of the block's density [kg]: rho dX dY Z."""
         return self.density * self.dx * self.dy * self.depth

@@ -17,8 +17,9 @@ from taichi_foam.analysis.fragments import (
 )
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene, Wedge
 
-SMALL = Block(width=0.08, height=0.03, columns=8, rows=6)  # cells of 10 x 5 mm
-PAPER = Block()  # 40 x 20 cells of 5 mm
+SMALL = Block(width=0.08, height=0.03, columns=8, rows=6, mass_points="cells")  # of 10 x 5 mm
+PAPER = Block(rows=20, mass_points="cells")  # 40 x 20 cells of 5 mm
+FACES = Block()  # 21 rows, the first and the last on the faces
 AXIS = 19  # the A bonds that cross x = 0 on the paper's block
 WEDGE = Scene(name="wedge", block=PAPER, impactor=Wedge())
 FLAT = Scene(name="flat", block=PAPER, impactor=FlatBlock())
@@ -57,7 +58,7 @@ def test_crumbs_below_five_percent_do_not_count(make_snapshot) -> None:
 
 
 def test_exactly_five_percent_counts(make_snapshot) -> None:
-    block = Block(columns=10, rows=2)  # one node is 5 %
+    block = Block(columns=10, rows=2)  # one node of 20 is 5 %
     assert pieces(make_snapshot(block, a=[(0, 1)], b=[(0, 0)]), block) == 2
 
 
@@ -157,6 +158,15 @@ def test_every_broken_connection_is_drawn_once(make_snapshot) -> None:
     assert set(middles) == expected
 
 
+def test_with_mass_points_on_the_faces_cracks_end_at_them(make_snapshot) -> None:
+    """A cut through the block is as long as it is high, its cells half as high at both ends."""
+    (line,) = cracks(make_snapshot(FACES, a=column(AXIS, range(21))), FACES)
+    expected = [0.0, *np.arange(0.0025, 0.1, 0.005), 0.1]
+    assert np.sort(line[:, 1]) == pytest.approx(expected)
+    (level,) = cracks(make_snapshot(FACES, b=[(0, 0), (1, 0)]), FACES)
+    assert level[:, 1] == pytest.approx(0.0025)  # between the row on the bottom and the next
+
+
 # --- the crack below the impactor -------------------------------------------------------------
 
 
@@ -177,15 +187,29 @@ def test_an_intact_block_and_a_scene_without_impactor_have_none(make_snapshot) -
     assert crack_below_impactor(split, alone) is None
 
 
+@pytest.mark.parametrize(("first", "height"), [(1, 0.0025), (0, 0.0)])
+def test_crack_from_face_to_face(make_snapshot, first: int, height: float) -> None:
+    """Its first bond lies on the top; the gripped row on the bottom is half a cell high."""
+    scene = WEDGE.model_copy(update={"block": FACES})
+    snapshot = make_snapshot(FACES, a=column(AXIS, range(first, 21)), times=downwards)
+    crack = crack_below_impactor(snapshot, scene)
+    assert crack is not None
+    assert crack.start_height == pytest.approx(FACES.height)
+    assert crack.lowest_height == pytest.approx(height, abs=1e-12)
+    assert crack.path[-1] == pytest.approx((0.0, 0.005 * first), abs=1e-12)
+
+
+@pytest.mark.parametrize("block", [PAPER, FACES], ids=["cells", "faces"])
 @pytest.mark.parametrize(("cells", "counts"), [(2, False), (3, True)])
-def test_it_needs_three_cells(make_snapshot, cells: int, counts: bool) -> None:
+def test_it_needs_three_cells(make_snapshot, block: Block, cells: int, counts: bool) -> None:
     rows = range(12, 12 + cells)
-    crack = crack_below_impactor(make_snapshot(PAPER, a=column(AXIS, rows), times=downwards), WEDGE)
+    snapshot = make_snapshot(block, a=column(AXIS, rows), times=downwards)
+    crack = crack_below_impactor(snapshot, WEDGE.model_copy(update={"block": block}))
     assert (crack is not None) == counts
 
 
 def test_a_finer_lattice_needs_the_same_length(make_snapshot) -> None:
-    fine = Block(columns=80, rows=40)
+    fine = Block(columns=80, rows=40, mass_points="cells")
     scene = Scene(name="fine", block=fine, impactor=Wedge())
     for cells, counts in ((5, False), (6, True)):  # 12.5 and 15 mm
         rows = range(20, 20 + cells)

@@ -13,11 +13,13 @@ from taichi_foam.analysis.fragments import crack_below_impactor
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene, Wedge
 
-BLOCK = Block()  # 40 x 20 cells of 5 mm
+BLOCK = Block(rows=20, mass_points="cells")  # 40 x 20 cells of 5 mm
+FACES = Block()  # 21 rows, the first and the last on the faces
 DX = DY = 0.005
 AXIS = 19  # the A bonds that cross x = 0
 PATH = slice(15, 25)  # columns in the path of an impactor 50 mm wide
 FLAT = Scene(name="flat", block=BLOCK, impactor=FlatBlock())
+FLAT_ON_FACES = FLAT.model_copy(update={"block": FACES})
 CYLINDER = Scene(name="cylinder", block=BLOCK, impactor=Cylinder())
 WEDGE = Scene(name="wedge", block=BLOCK, impactor=Wedge())
 ALONE = WEDGE.model_copy(update={"impactor": None})
@@ -53,6 +55,26 @@ def test_crushed_rectangle(make_snapshot) -> None:
     assert region.width == pytest.approx(0.05)
     assert region.height == pytest.approx(0.04)
     assert region.fill == pytest.approx(1.0)
+
+
+def test_a_block_crushed_all_through_is_as_high_as_it_was(make_snapshot) -> None:
+    """Mass points on the faces: what is counted from row to row ends at the faces."""
+    snapshot = make_snapshot(FACES)
+    snapshot.e_min_b[:] = -0.6
+    region = pattern.crushed_region(snapshot, FLAT_ON_FACES)
+    assert region.height == pytest.approx(FACES.height)
+    assert region.width == pytest.approx(FACES.width)
+    assert region.fill == pytest.approx(1.0)
+    snapshot.e_min_b[:, 10:] = 0.0  # cells of rows 0 to 10, ten and a half high
+    assert pattern.crushed_region(snapshot, FLAT_ON_FACES).height == pytest.approx(10.5 * DY)
+
+
+def test_what_a_row_on_a_face_lacks_does_not_fill_the_box(make_snapshot) -> None:
+    """Ten columns of rows 17 to 20, three and a half cells, and ten more of the last, a half."""
+    snapshot = make_snapshot(FACES)
+    snapshot.e_min_a[10:19, 17:] = snapshot.e_min_a[19:29, 20] = CRUSHED
+    region = pattern.crushed_region(snapshot, FLAT_ON_FACES)
+    assert region.fill == pytest.approx((10 * 3.5 + 10 * 0.5) / (20 * 3.5))
 
 
 def test_a_crushed_triangle_fills_half_its_box(make_snapshot) -> None:
@@ -206,6 +228,15 @@ def test_reach_counts_lasting_deformation_in_the_middle_only(make_snapshot) -> N
     assert pattern.reach_ahead(snapshot, WEDGE) == pytest.approx(0.025)
 
 
+def test_foam_on_the_bottom_face_reaches_to_it(make_snapshot) -> None:
+    """Not half a cell further down."""
+    snapshot = make_snapshot(FACES, impactor_y=0.03)
+    snapshot.e_min_a[19, 0] = LASTING
+    assert pattern.reach_ahead(snapshot, FLAT_ON_FACES) == pytest.approx(0.03)
+    snapshot.e_min_a[19, :2] = 0.0, LASTING  # the row above, from 2.5 mm up
+    assert pattern.reach_ahead(snapshot, FLAT_ON_FACES) == pytest.approx(0.0275)
+
+
 # --- cracks -----------------------------------------------------------------------------------
 
 
@@ -227,6 +258,25 @@ def test_a_layer_torn_off_is_a_part_but_no_half(make_snapshot) -> None:
     snapshot = make_snapshot(BLOCK, b=[(i, 9) for i in range(40)])
     assert pattern.second_part(snapshot, BLOCK) == pytest.approx(0.4)
     assert pattern.second_half(snapshot, BLOCK) == 0.0
+
+
+@pytest.mark.parametrize(("lowest", "through"), [(1, True), (2, True), (3, False)])
+def test_it_splits_between_faces_too(make_snapshot, lowest, through) -> None:
+    """Lowest ends 2.5, 7.5 and 12.5 mm above the bottom; two rows of 21 are left out."""
+    a = [(AXIS, j) for j in range(lowest, 21)]
+    snapshot = make_snapshot(FACES, a=a, times=downwards)
+    crack = crack_below_impactor(snapshot, WEDGE.model_copy(update={"block": FACES}))
+    assert pattern.crack_reach(crack, FACES) == pytest.approx(1 - 0.05 * (lowest - 0.5))
+    assert pattern.splits(crack, FACES) == through
+    half = 20 * 19 / (40 * 21) if through else 0.0
+    assert pattern.second_half(snapshot, FACES) == pytest.approx(half)
+
+
+def test_what_is_left_out_ends_within_a_tenth_of_the_height(make_snapshot) -> None:
+    """Six rows, the first of them half a cell and so a tenth: what is above it is parted."""
+    block = Block(columns=8, rows=6)
+    cut = make_snapshot(block, a=[(3, j) for j in range(1, 6)])
+    assert pattern.second_half(cut, block) == pytest.approx(20 / 48)
 
 
 def test_no_crack_does_not_split() -> None:
@@ -297,6 +347,14 @@ def test_a_crack_of_the_top_may_run_through(make_snapshot) -> None:
     a = [(27, j) for j in range(20)]
     snapshot = pulled(make_snapshot(BLOCK, a=a), 27, 0.1 * DX)
     assert pattern.top_cracks([snapshot], WEDGE).depth == pytest.approx(BLOCK.height)
+
+
+def test_the_row_on_the_top_is_half_a_cell_deep(make_snapshot) -> None:
+    for rows, depth in ((1, 0.0025), (3, 0.0125), (21, FACES.height)):
+        a = [(27, 20 - k) for k in range(rows)]
+        snapshot = pulled(make_snapshot(FACES, a=a), 27, 0.1 * DX)
+        found = pattern.top_cracks([snapshot], WEDGE.model_copy(update={"block": FACES}))
+        assert found.depth == pytest.approx(depth)
 
 
 # --- nothing to measure, and mirror images ----------------------------------------------------
