@@ -121,7 +121,7 @@ def given_data(scene: Any) -> dict[str, Any]:
     Of the paper's foam nothing was given. What a foam file assumes stays, with its entry.
     """
     data = scene.model_dump(exclude_none=True)
-    for key in {"columns", "rows"} - scene.block.model_fields_set:
+    for key in scene.block.computed:
         del data["block"][key]
     unsaid = {key for head in heads_of_foams(scene) for key in _not_given(scene, data, head)}
     if scene.assumed is not None:

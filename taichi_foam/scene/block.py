@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -23,6 +23,9 @@ MOST_HOLES = 1000
 
 CELLS_IN_HEIGHT, CELLS_IN_WIDTH = 20, 10
 """Square cells are so small that there are as many at least, unless somebody says otherwise."""
+
+SQUARE = "for square cells"
+"""What stands for the default of numbers of cells."""
 
 _Coordinate = Annotated[float, Field(ge=-5, le=5)]
 _Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
@@ -85,9 +88,9 @@ class Block(Part):
     cell: Annotated[float, Field(gt=0, le=5)] | None = quantity(
         None,
         "m",
-        "edge of the lattice's cells: as near as whole numbers of them fill width and height",
+        "edge of the lattice's cells, as near as whole numbers of them fill width and height; "
+        f"none: of {CELLS_IN_HEIGHT} in the height and {CELLS_IN_WIDTH} in the width the smaller",
         allowed="none, or above 0 and at most 5 m",
-        unless="of 20 in the height and 10 in the width the smaller",
     )
     columns: int = quantity(
         40,
@@ -96,16 +99,16 @@ class Block(Part):
         at_least=2,
         at_most=MAX_NODES // 2,
         fix="take larger cells (block.cell); the paper has 40 by 20",
-        unless="what makes cells square",
+        unless=SQUARE,
     )
     rows: int = quantity(
-        20,
+        21,
         "count",
         "number of mass points upwards",
         at_least=2,
         at_most=MAX_NODES // 2,
         fix="take larger cells (block.cell); the paper has 40 by 20",
-        unless="what makes cells square",
+        unless=SQUARE,
     )
     mass_points: Literal["cells", "faces"] = choice(
         "faces",
@@ -176,6 +179,14 @@ class Block(Part):
         if found:
             raise ValueError("\n".join(found))
         return self
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        return (each for each in super().__repr_args__() if each[0] not in self.computed)
+
+    @property
+    def computed(self) -> frozenset[str]:
+        """Numbers of cells that nobody gave."""
+        return frozenset({"columns", "rows"} - self.model_fields_set)
 
     @property
     def dx(self) -> float:

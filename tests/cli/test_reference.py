@@ -17,6 +17,7 @@ from taichi_foam.laws.bond.tabulated import FROM_CURVE
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene.block import SQUARE
 from taichi_foam.scene.files import scene_from_text
 from taichi_foam.scene.keys import REQUIRED, keys, listed
 from taichi_foam.scene.values import settings
@@ -53,6 +54,8 @@ def test_every_field_is_there_once_with_its_default(part: str, tag: str, kind: t
             assert key.default == (CHOSEN[part].default or REQUIRED)
         elif field.is_required():
             assert key.default in (REQUIRED, FROM_CURVE)
+        elif (part, name) in {("block", "columns"), ("block", "rows")}:  # computed
+            assert key.default == SQUARE
         else:
             # what the table says is what one would write
             told = settings([f"{key.key}={key.default}"])[key.key]
