@@ -16,13 +16,16 @@ from taichi_foam.analysis.presence import apart, there
 from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import loose_share, warnings_of
 from taichi_foam.scene import Block, Curve, FlatBlock, Foam, Layer, Scene, TabulatedFoam
+from taichi_foam.scene.filling import filling
 
-SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10}
+SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10, "mass_points": "cells"}
+ON_FACES = {"width": 0.1, "height": 0.05, "cell": 0.005, "mass_points": "faces"}
 # an L: all columns up to 20 mm, the six on the left up to 50 mm
 CORNER = Block(
     **SIZE,
     outline=[(-0.05, 0), (0.05, 0), (0.05, 0.02), (-0.02, 0.02), (-0.02, 0.05), (-0.05, 0.05)],
 )
+CORNER_ON_FACES = Block(**ON_FACES, outline=CORNER.outline)
 SLOPED = Block(
     **SIZE,
     outline=[(-0.05, 0), (0.05, 0), (0.031, 0.0483), (-0.031, 0.0483)],
@@ -58,15 +61,34 @@ def test_bonds_that_never_were_join_nothing_and_are_not_broken(make_snapshot) ->
     assert not snapshot.broken_b.any()
 
 
-@pytest.mark.parametrize("block", [CORNER, SLOPED])
+@pytest.mark.parametrize(
+    "block",
+    [
+        Block(**ON_FACES),
+        # its corners in the middles of cells, both ways
+        Block(**ON_FACES, outline=[(-0.0425, 0), (0.0425, 0), (0.0425, 0.04), (-0.0425, 0.04)]),
+    ],
+    ids=["whole", "aside"],
+)
+def test_every_cell_is_drawn_as_large_as_it_is(make_snapshot, block: Block) -> None:
+    """Half of a cell along a face that runs through its middle, a quarter at a corner of two."""
+    shapes, _ = cells.shapes_of(make_snapshot(block), block)
+    held = there(block)
+    drawn = shapely.area(shapely.polygons(shapes[held]))
+    expected = filling(block).share[held] * block.dx * block.dy
+    assert drawn == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("block", [CORNER, SLOPED, CORNER_ON_FACES])
 def test_cells_fill_the_outline(make_snapshot, block: Block) -> None:
     """As they are drawn, but for what is cut off at the outline's corners."""
     shapes, sides = cells.shapes_of(make_snapshot(block), block)
     foam = shapely.Polygon(block.corners, block.holes)
     drawn = shapely.union_all(shapely.polygons(shapes[there(block)]))
     assert shapely.area(shapely.symmetric_difference(drawn, foam)) < 0.01 * foam.area
-    if block is CORNER:
+    if block is not SLOPED:
         assert drawn.area == pytest.approx(foam.area, rel=1e-9)
+    if block is CORNER:
         assert sides[0, -1] == cells.LEFT | cells.TOP
         assert sides[5, 5] == cells.RIGHT
         assert sides[8, 3] == cells.TOP

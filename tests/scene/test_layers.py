@@ -19,7 +19,7 @@ from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.layers import foams_of, foams_of_bonds, layer_of_rows, loose_rows
 
-SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10}
+SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10, "mass_points": "cells"}
 DROP = {"impactor": {"shape": "flat", "velocity": 3.0, "width": 0.05}}
 STIFF = {"youngs_modulus": 5e6}
 CURVE = "strain [%],stress [MPa]\n0,0\n5,0.1\n60,0.16\n80,0.8\n"
@@ -53,7 +53,7 @@ def test_a_row_is_of_the_layer_that_holds_its_middle() -> None:
 
 
 def test_mass_points_on_the_faces_belong_to_the_layers_there() -> None:
-    block = Block(**SIZE, mass_points="faces", layers=(
+    block = Block(**SIZE | {"mass_points": "faces"}, layers=(
         Layer(bottom=0.0, top=0.02), Layer(bottom=0.03, top=0.05, density=50.0)))  # fmt: skip
     np.testing.assert_array_equal(layer_of_rows(block), [0, 0, 0, 0, -1, -1, 1, 1, 1, 1])
     mass = (0.02 * 50 + 0.03 * block.density) * block.width * block.depth

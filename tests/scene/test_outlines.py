@@ -19,7 +19,7 @@ from taichi_foam.scene.filling import Filling, filling, thin_parts
 ARRAYS = ("mass", "face_a", "face_b", "reach", "share", "on_base", "owner")
 DROP = {"impactor": {"shape": "flat", "velocity": 3.0, "width": 0.05}}
 PAD = [[-0.05, 0.0], [0.05, 0.0], [0.03, 0.05], [-0.03, 0.05]]
-SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10}
+SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10, "mass_points": "cells"}
 
 
 def circle(x: float, y: float, radius: float, corners: int = 24) -> list[tuple[float, float]]:
@@ -58,7 +58,7 @@ def test_a_rectangle_that_is_drawn_is_the_plain_block(
 
 
 def test_what_a_plain_block_is() -> None:
-    block = Block(width=0.2, height=0.06, columns=40, rows=10)
+    block = Block(width=0.2, height=0.06, columns=40, rows=10, mass_points="cells")
     filled = filling(block)
     assert (filled.mass == block.node_mass).all()
     assert (filled.face_a == 1).all()
@@ -129,7 +129,9 @@ def test_a_level_cut_through_cells(cut: float) -> None:
     dy, rows = 0.005, 10
     top = (rows - 1 + cut) * dy
     outline = [(-0.05, 0.0), (0.05, 0.0), (0.05, top), (-0.05, top)]
-    block = Block(width=0.1, height=0.1, columns=20, rows=20, outline=outline)
+    block = Block(
+        width=0.1, height=0.1, columns=20, rows=20, mass_points="cells", outline=outline
+    )
     filled = filling(block)
     line = filled.mass[5][filled.there[5]] / block.node_mass
     if cut == 0:
@@ -148,8 +150,9 @@ def test_a_level_cut_through_cells(cut: float) -> None:
 def test_a_slope_by_hand() -> None:
     """A triangle of two by two cells: the slanted ones are half full, their faces half or whole."""
     block = Block(
-        width=0.02, height=0.02, columns=2, rows=2, outline=[(-0.01, 0), (0.01, 0), (-0.01, 0.02)]
-    )
+        width=0.02, height=0.02, columns=2, rows=2, mass_points="cells",
+        outline=[(-0.01, 0), (0.01, 0), (-0.01, 0.02)],
+    )  # fmt: skip
     filled = filling(block)
     np.testing.assert_allclose(filled.mass / block.node_mass, [[1.0, 0.5], [0.5, 0.0]])
     np.testing.assert_allclose(filled.face_a, [[1.0, 0.0]])
