@@ -10,17 +10,15 @@ Measured (Table 3): duration 53 ms, displacement 90 mm, plateau 65 m/s2.
 Run time: some seconds on one core.
 """
 
-from taichi_foam.scene import Block, Cylinder, Foam, Scene
+from taichi_foam.scene import Cylinder, Foam, Scene
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
     yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
 )
-BLOCK = Block(mass_points="faces")  # as high as it is
 
 scene = Scene(
     name="Cylinder at 3.32 m/s",
-    block=BLOCK,
     foam=FOAM,
     impactor=Cylinder(radius=0.025, velocity=3.32, friction=0.14),
 )

@@ -15,7 +15,7 @@ from taichi_foam.scene import Block, Foam, Output, Scene, Wedge
 
 scene = Scene(
     name="Wedge at 2.86 m/s, 20,000 cells",
-    block=Block(cell=0.001, mass_points="faces"),
+    block=Block(cell=0.001),
     foam=Foam(
         yield_strain=-0.042,
         fracture_energy=70.0,

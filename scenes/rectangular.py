@@ -11,17 +11,15 @@ answer, until the flanks tear, makes up 72 m/s2 after 1.8 ms.
 Run time: some seconds on one core.
 """
 
-from taichi_foam.scene import Block, FlatBlock, Foam, Scene
+from taichi_foam.scene import FlatBlock, Foam, Scene
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
     yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
 )
-BLOCK = Block(mass_points="faces")  # as high as it is
 
 scene = Scene(
     name="Flat block at 3.03 m/s",
-    block=BLOCK,
     foam=FOAM,
     impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.14),
 )

@@ -24,7 +24,7 @@ GAMMA = 0.05
 
 scene = Scene(
     name="Released shear patch",
-    block=Block(width=0.6, height=0.1, columns=120, rows=20),
+    block=Block(width=0.6, height=0.1, cell=0.005),
     base=Base(kind="gripped"),
     start=Start(deformation_gradient=((1.0, GAMMA), (0.0, 1.0))),
     numerics=Numerics(damping_time=0.0, end=5e-4),
@@ -36,7 +36,7 @@ wave_speed = math.sqrt(foam.shear_modulus / block.density)
 side_wave_arrival = block.width / 2 / math.sqrt(foam.youngs_modulus / block.density)
 
 # The bottom row of mass points is gripped; the foam that can shear reaches from it to the top.
-layer = block.height - block.dy / 2
+layer = block.height - block.foot
 
 
 def exact_displacement(height: float, time: float) -> float:
@@ -45,7 +45,7 @@ def exact_displacement(height: float, time: float) -> float:
     D'Alembert's sum of two halves of the starting shape, continued past the gripped base as an
     odd and past the free top as an even function. Valid until `side_wave_arrival`.
     """
-    s = height - block.dy / 2
+    s = height - block.foot
     return (_continued(s - wave_speed * time) + _continued(s + wave_speed * time)) / 2
 
 

@@ -16,7 +16,7 @@ import math
 
 from taichi_foam.scene import Base, Block, FlatBlock, Numerics, Output, Scene
 
-block = Block(width=0.05, height=1.0, columns=10, rows=200)
+block = Block(width=0.05, height=1.0, cell=0.005)
 plate = FlatBlock(width=0.06, height=0.02, mass=0.5, velocity=1.0, friction=0.0)
 scene = Scene(
     name="Wave in a bar",
@@ -29,7 +29,7 @@ scene = Scene(
 
 wave_speed = math.sqrt(scene.foam.youngs_modulus / block.density)
 impedance = block.density * wave_speed * block.width * block.depth
-reflection_time = 2 * (block.height - block.dy) / wave_speed
+reflection_time = 2 * block.height / wave_speed
 
 
 def exact_velocity(time: float) -> float:

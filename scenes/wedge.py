@@ -11,17 +11,15 @@ gives 48.3 ms.
 Run time: some seconds on one core.
 """
 
-from taichi_foam.scene import Block, Foam, Scene, Wedge
+from taichi_foam.scene import Foam, Scene, Wedge
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
     yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
 )
-BLOCK = Block(mass_points="faces")  # as high as it is
 
 scene = Scene(
     name="Wedge at 2.86 m/s",
-    block=BLOCK,
     foam=FOAM,
     impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.14),
 )

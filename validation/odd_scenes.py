@@ -189,6 +189,7 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
         "block": {
             "width": width, "height": height, "depth": thickness, "density": density,
             "columns": fixed.pop("block.columns"), "rows": fixed.pop("block.rows"),
+            "mass_points": "cells",
         },
         "foam": {
             "youngs_modulus": stiffness,

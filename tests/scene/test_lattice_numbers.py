@@ -48,8 +48,11 @@ def test_an_edge_is_one_number_for_both():
 
 
 def test_the_papers_lattice_is_the_default():
-    assert (Block().columns, Block().rows) == (40, 20)
-    assert Block(mass_points="faces").rows == 21
+    """The paper's 40 by 20 cells, mass points on the faces of the block above and below."""
+    assert (Block().columns, Block().rows) == (40, 21)
+    assert Block(mass_points="cells").rows == 20
+    assert repr(Block()) == "Block()"
+    assert repr(Block(cell=0.01)) == "Block(cell=0.01)"
 
 
 def test_what_contradicts_an_edge_is_refused():
@@ -59,13 +62,13 @@ def test_what_contradicts_an_edge_is_refused():
 
 def test_numbers_follow_what_they_follow_from():
     edge = scene(cell=0.01)
-    assert edge.with_values(block__height=0.05).block.rows == 5
-    changed = edge.with_values(block__rows=20).block
-    assert (changed.cell, changed.columns, changed.rows) == (None, 40, 20)
+    assert edge.with_values(block__height=0.05).block.rows == 6
+    changed = edge.with_values(block__rows=21).block
+    assert (changed.cell, changed.columns, changed.rows) == (None, 40, 21)
     counted = scene(columns=40, rows=20).with_values(block__cell=0.004).block
-    assert (counted.columns, counted.rows) == (50, 25)
-    assert scene().with_values(block__mass_points="faces").block.rows == 21
-    assert scene(rows=20).with_values(block__mass_points="faces").block.rows == 20
+    assert (counted.columns, counted.rows) == (50, 26)
+    assert scene().with_values(block__mass_points="cells").block.rows == 20
+    assert scene(rows=21).with_values(block__mass_points="cells").block.rows == 21
 
 
 def test_a_written_scene_is_read_as_it_was():

@@ -95,7 +95,7 @@ def test_masses_are_those_of_layers_wherever_they_lie(
     bottom: float, thick: float, density: float, rows: int
 ) -> None:
     """A row through which a face of a layer runs has of both what it holds of them."""
-    layer = Layer(bottom=bottom, top=bottom + max(thick, 1.21 / rows), density=density)
+    layer = Layer(bottom=bottom, top=bottom + max(thick, 1.21 / (rows - 1)), density=density)
     block = Block(width=1, height=1.2, columns=3, rows=rows, layers=(layer,))
     other = block.height - (layer.top - layer.bottom)
     total = (density * (layer.top - layer.bottom) + block.density * other) * block.depth

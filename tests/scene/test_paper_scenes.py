@@ -32,6 +32,7 @@ TABLE_6 = {
 
 
 def test_defaults_are_table_1_and_table_6():
+    """Of the lattice the cells; the rows are one more, since they lie on the block's faces."""
     foam, block = Foam(), Block()
     assert block.density == TABLE_1["density_kg_m3"]
     assert foam.youngs_modulus == TABLE_1["youngs_modulus_Pa"]
@@ -40,7 +41,9 @@ def test_defaults_are_table_1_and_table_6():
         assert getattr(foam, key) == TABLE_1[key]
     assert block.dx == pytest.approx(TABLE_6["cell_width_m"])
     assert block.dy == pytest.approx(TABLE_6["cell_height_m"])
-    assert (block.columns, block.rows) == (TABLE_6["columns"], TABLE_6["rows"])
+    assert (block.columns, block.rows) == (TABLE_6["columns"], TABLE_6["rows"] + 1)
+    literal = tests.paper_scene("paper/wedge-2.86", "paper-literal").block
+    assert (literal.columns, literal.rows) == (TABLE_6["columns"], TABLE_6["rows"])
     assert Numerics().damping_time * block.depth == pytest.approx(TABLE_6["damping_beta_m_s"])
 
 

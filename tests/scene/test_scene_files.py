@@ -361,7 +361,7 @@ PAPER = {
 
 def test_calibrated_is_the_default_but_for_the_specimen_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    plain = ["block.rows=20", "block.mass_points=cells", "base.stops_impactor=true"]
+    plain = ["base.stops_impactor=true"]
     plain += [f"foam.{key}={value}" for key, value in PAPER.items()]
     assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])
 

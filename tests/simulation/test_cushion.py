@@ -71,7 +71,8 @@ def drop(
     fine, taken = energy(curve)
     lost = static * (height + fine * GAUGE)
     strain = float(fine[np.argmax(GAUGE * taken >= lost)])
-    size = {"width": WIDTH, "height": ROWS * CELL, "columns": 8, "rows": ROWS} | (block or {})
+    size = {"width": WIDTH, "height": ROWS * CELL, "columns": 8, "rows": ROWS}
+    size |= block or {"mass_points": "cells"}
     scene = Scene(
         name="cushion",
         block=Block(**size, depth=THICK, density=20.0),
@@ -131,7 +132,7 @@ def test_crush_beyond_the_test_is_said() -> None:
     figures, _, _ = drop((np.append(strain, 0.9), np.append(stress, 2e6)), 3e3, 1.3 * height)
     assert not figures["warnings"]
     scene = Scene(
-        block=Block(width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS),
+        block=Block(width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS, mass_points="cells"),
         foam=TabulatedFoam(curve=curve, tensile_strain=0.5, shear_strain=2.0),
         impactor=FlatBlock(
             width=2 * WIDTH, mass=0.3, velocity=math.sqrt(2.6 * STANDARD_GRAVITY * height)

@@ -125,6 +125,7 @@ def scene(strip: Strip) -> Scene:
             depth=WIDTH,
             columns=2 * strip.columns,
             rows=rows,
+            mass_points="cells",
         ),
         foam=foam,
         impactor=Cylinder(radius=strip.radius, mass=CYLINDER, velocity=strip.speed, friction=0.0),

@@ -129,7 +129,10 @@ def scene(shock: Shock) -> Scene:
     rows = round(shock.length / cell)
     return Scene(
         name=f"Shock, {shock.velocity:g} m/s",
-        block=Block(width=2 * cell, height=shock.length, columns=2, rows=rows, density=DENSITY),
+        block=Block(
+            width=2 * cell, height=shock.length, columns=2, rows=rows, mass_points="cells",
+            density=DENSITY,
+        ),
         foam=shock.foam,
         impactor=FlatBlock(
             width=4 * cell, height=0.02, mass=PLATE, velocity=shock.velocity, friction=0.0

@@ -36,7 +36,10 @@ def scene(cell: float, damping_time: float) -> Scene:
     rows = round(LENGTH / cell)
     return Scene(
         name="Tap",
-        block=Block(width=2 * cell, height=LENGTH, columns=2, rows=rows, density=DENSITY),
+        block=Block(
+            width=2 * cell, height=LENGTH, columns=2, rows=rows, mass_points="cells",
+            density=DENSITY,
+        ),
         foam=FOAM,
         impactor=FlatBlock(width=4 * cell, height=0.02, mass=1e3, velocity=TAP, friction=0.0),
         base=Base(kind="held"),
