@@ -117,7 +117,7 @@ class Numerics(Part):
     contact_stiffness: float = quantity(
         40.0,
         "-",
-        "penalty stiffness of a contact over K times the thickness",
+        "penalty stiffness of a contact over K times the depth",
         above=0,
         at_most=10_000,
     )

@@ -25,8 +25,8 @@ Arrays = dict[str, np.ndarray]
 
 
 def block(**values: object) -> Block:
-    given = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS}
-    return Block(mass_points="cells", **{**given, **values})
+    given = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS, "mass_points": "cells"}
+    return Block(**{**given, **values})
 
 
 BLOCKS = {
