@@ -94,6 +94,9 @@ def _differences(
             keys = [key for key in keys if key in common or not key.startswith(f"{part}.")]
     if not any(one.get("foam.strength_scatter") for one in flat):
         said |= {"foam.strength_seed"}
+    # what nobody gave follows from what somebody did
+    follow = frozenset.intersection(*(scene.block.computed for scene in scenes))
+    said |= {f"block.{field}" for field in follow}
     keys = [key for key in keys if key not in {*said, "foam.source"}]
     parts: list[list[str]] = [[] for _ in scenes]
     sets = [_choice_set(one) for one in flat]

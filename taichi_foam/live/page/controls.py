@@ -20,6 +20,8 @@ Value = int | float | None
 #: Scenes from the page have at most so many mass points, or as many as the scene served.
 MOST_NODES = 100_000
 
+_COUNTS = frozenset({"block.columns", "block.rows"})
+
 #: What a scene without an impactor has for a shape.
 NO_SHAPE = "none"
 
@@ -130,6 +132,8 @@ class Controls:
                 changed[key] = value
         if not changed:
             return self.given
+        if changed.keys() & _COUNTS:  # the page shows both, so that neither follows the other
+            changed |= {key: values.get(key, self.defaults[key]) for key in _COUNTS}
         scene = self.given.with_values(changed)
         nodes, most = _nodes(scene), max(MOST_NODES, _nodes(self.given))
         if nodes > most:

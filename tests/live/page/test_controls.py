@@ -113,6 +113,13 @@ def test_another_shape_keeps_what_both_have(controls: Controls) -> None:
     assert controls.changes(cylinder) == {"impactor.shape": "cylinder"}
 
 
+def test_one_number_of_mass_points_leaves_the_other(controls: Controls) -> None:
+    """The page shows both: what is typed is what drops."""
+    scene = controls.scene_of("wedge", {"block.rows": 11})
+    assert (scene.block.columns, scene.block.rows) == (WEDGE.block.columns, 11)
+    assert controls.changes(scene) == {"block.rows": "rows 11"}
+
+
 def test_a_scene_without_an_impactor_may_get_one() -> None:
     controls = Controls(load_scene("gallery/shear-patch"))
     assert controls.shapes[0] == controls.shape == "none"
