@@ -211,7 +211,7 @@ def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
     """How far below the impactor's lowest point foam is deformed for good [m].
 
     To the lowest side of the deformed cells that lie now in the middle half of the impactor's width
-    (half a cell below their mass points, or the block's bottom); 0 where none of them is lower than it.
+    (half a cell below their mass points, or the block's bottom); 0 where none of them is lower.
     """
     if scene.impactor is None:
         return None
@@ -341,7 +341,7 @@ def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
 def _above_base(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
     """The number of the part of each mass point, the base's rows left out."""
     base = SPLIT_FRACTION * block.height * (1.0 + 1e-9)
-    return parts(snapshot, block, bottom_rows=np.count_nonzero(block.row_edges[1:] <= base))
+    return parts(snapshot, block, bottom_rows=int(np.sum(block.row_edges[1:] <= base)))
 
 
 def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int:

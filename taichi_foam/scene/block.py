@@ -209,7 +209,7 @@ class Block(Part):
 
         With mass points on the faces the first and the last row are half as high as the others.
         """
-        edges = self.foot - self.dy / 2 + np.arange(self.rows + 1) * self.dy
+        edges = self.foot - self.dy / 2 + np.arange(self.rows + 1.0) * self.dy
         return np.clip(edges, 0.0, self.height)
 
     @property

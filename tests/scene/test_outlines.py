@@ -129,9 +129,7 @@ def test_a_level_cut_through_cells(cut: float) -> None:
     dy, rows = 0.005, 10
     top = (rows - 1 + cut) * dy
     outline = [(-0.05, 0.0), (0.05, 0.0), (0.05, top), (-0.05, top)]
-    block = Block(
-        width=0.1, height=0.1, columns=20, rows=20, mass_points="cells", outline=outline
-    )
+    block = Block(width=0.1, height=0.1, columns=20, rows=20, mass_points="cells", outline=outline)
     filled = filling(block)
     line = filled.mass[5][filled.there[5]] / block.node_mass
     if cut == 0:

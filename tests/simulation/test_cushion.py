@@ -132,7 +132,9 @@ def test_crush_beyond_the_test_is_said() -> None:
     figures, _, _ = drop((np.append(strain, 0.9), np.append(stress, 2e6)), 3e3, 1.3 * height)
     assert not figures["warnings"]
     scene = Scene(
-        block=Block(width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS, mass_points="cells"),
+        block=Block(
+            width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS, mass_points="cells"
+        ),
         foam=TabulatedFoam(curve=curve, tensile_strain=0.5, shear_strain=2.0),
         impactor=FlatBlock(
             width=2 * WIDTH, mass=0.3, velocity=math.sqrt(2.6 * STANDARD_GRAVITY * height)

@@ -130,7 +130,11 @@ def scene(shock: Shock) -> Scene:
     return Scene(
         name=f"Shock, {shock.velocity:g} m/s",
         block=Block(
-            width=2 * cell, height=shock.length, columns=2, rows=rows, mass_points="cells",
+            width=2 * cell,
+            height=shock.length,
+            columns=2,
+            rows=rows,
+            mass_points="cells",
             density=DENSITY,
         ),
         foam=shock.foam,

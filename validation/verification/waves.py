@@ -37,7 +37,11 @@ def scene(cell: float, damping_time: float) -> Scene:
     return Scene(
         name="Tap",
         block=Block(
-            width=2 * cell, height=LENGTH, columns=2, rows=rows, mass_points="cells",
+            width=2 * cell,
+            height=LENGTH,
+            columns=2,
+            rows=rows,
+            mass_points="cells",
             density=DENSITY,
         ),
         foam=FOAM,
