@@ -18,6 +18,7 @@ from taichi_foam.engine.stresses import cell_stresses
 from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
+from taichi_foam.scene.filling import filling
 from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.units import si_scale
 
@@ -196,15 +197,17 @@ def _energy_key(scene: Scene) -> Key:
 def _energy(snapshot: Snapshot, scene: Scene) -> Array:
     """Energy that crushing has taken [J/m3]: the plateau's stress over the permanent strain.
 
-    What a rate adds is left out. A node's cell holds half of each of its bonds.
+    What a rate adds is left out. A node's foam holds half of each of its bonds.
     """
-    energies = by_foam(
+    a, b = by_foam(
         scene,
         lambda foam, worst: foam.landmarks.plateau_stress * foam.permanent_strain(worst),
         (snapshot.e_min_a,),
         (snapshot.e_min_b,),
     )
-    return -0.5 * over_bonds(np.add, *energies)
+    filled = filling(scene.block)
+    total = -0.5 * over_bonds(np.add, filled.face_a * a, filled.face_b * b)
+    return total / np.where(filled.there, filled.area, 1.0)
 
 
 MODES: dict[str, Mode] = {

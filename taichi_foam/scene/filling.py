@@ -61,6 +61,14 @@ class Filling:
         return self.mass > 0.0
 
     @property
+    def area(self) -> Array:
+        """(I, J) of the foam that each mass point has, over that of a whole cell."""
+        found = np.zeros(self.share.shape)
+        held = self.owner[..., 0] >= 0
+        np.add.at(found, tuple(self.owner[held].T), self.share[held])
+        return found
+
+    @property
     def is_full(self) -> bool:
         """Whether foam fills every cell of a lattice that stands on the base."""
         level = self.on_base[:, 0].all() and not self.on_base[:, 1:].any()

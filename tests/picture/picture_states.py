@@ -9,17 +9,15 @@ from taichi_foam.scene import Block, FlatBlock, Scene
 
 
 def scene_of(columns: int = 40, rows: int = 20, **parts: object) -> Scene:
-    """The paper's block under the flat impactor, at any number of cells."""
+    """The paper's block under the flat impactor, at any number of cells, with rows in them."""
     parts.setdefault("impactor", FlatBlock())
-    return Scene(name="made-up state", block=Block(columns=columns, rows=rows), **parts)
+    block = Block(columns=columns, rows=rows, mass_points="cells")
+    return Scene(name="made-up state", block=block, **parts)
 
 
 def reference(scene: Scene) -> np.ndarray:
     """Undeformed node positions (columns, rows, 2) [m]."""
-    block = scene.block
-    x = (np.arange(block.columns) - (block.columns - 1) / 2) * block.dx
-    y = (np.arange(block.rows) + 0.5) * block.dy
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    return scene.block.positions
 
 
 def snapshot_of(

@@ -179,8 +179,8 @@ def test_runs_of_different_steps_are_shown_at_one_instant() -> None:
 
 
 def test_all_fields_have_one_scale_though_the_blocks_differ() -> None:
-    small = Scene(name="small", block=Block(width=0.1, height=0.05, columns=20, rows=10),
-                  impactor=FlatBlock(width=0.03))  # fmt: skip
+    small = Scene(name="small", impactor=FlatBlock(width=0.03), block=Block(
+        width=0.1, height=0.05, columns=20, rows=10, mass_points="cells"))  # fmt: skip
     lineup = Lineup.of([dent(), result_of(small, [intact(small)])])
     image = comparison.frame(lineup, 0.0, SIZE)
     wide = [np.ptp(np.flatnonzero(_foam(field).any(axis=0))) for field in fields_of(image, lineup)]

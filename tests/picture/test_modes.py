@@ -12,7 +12,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.picture import colours, raster
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.scene import Foam, Numerics, Output, Start
+from taichi_foam.scene import Block, Foam, Numerics, Output, Start
 
 FOAM = Foam()
 
@@ -127,6 +127,14 @@ def test_the_crush_energy_adds_up_to_what_crushing_the_block_takes() -> None:
     total = shown("energy", snapshot, scene).sum() * cell
     volume = block.width * (block.height - block.dy) * block.depth  # between mass points
     assert total == pytest.approx(FOAM.plateau_stress * 0.45 * volume)
+
+
+def test_the_crush_energy_of_rows_on_the_faces_is_that_of_the_others() -> None:
+    """Half a cell has the half of one bond; all of the block's height has been crushed."""
+    scene = scene_of().model_copy(update={"block": Block(width=0.1, height=0.1, cell=0.005)})
+    e_min_b = np.full((20, 20), -0.5)
+    snapshot = snapshot_of(scene, reference(scene), e_min_a=np.zeros((19, 21)), e_min_b=e_min_b)
+    np.testing.assert_allclose(shown("energy", snapshot, scene), FOAM.plateau_stress * 0.45)
 
 
 @pytest.mark.parametrize("mode", MODES)
