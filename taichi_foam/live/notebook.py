@@ -75,17 +75,17 @@ def _side_by_side(*parts: str) -> str:
 
 def _given(scene: Scene) -> list[tuple[str, ...]]:
     """Key, value and meaning of what has not its default value, and of all of the impactor."""
-    from taichi_foam.parts import described
+    from taichi_foam.parts import Part, described
     from taichi_foam.scene import Numerics, Scene
 
     plain = Scene(numerics=Numerics(end=1.0))
     found = []
-    parts = ("block", "foam", "impactor", "base", "support", "model", "numerics", "start", "output")
-    for name in parts:
+    for name in type(scene).model_fields:
         part, default = getattr(scene, name), getattr(plain, name)
-        for key, field in type(part).model_fields.items() if part is not None else ():
+        for key, field in type(part).model_fields.items() if isinstance(part, Part) else ():
             value = getattr(part, key)
-            if name == "impactor" or value != getattr(default, key):
+            # another law or shape has keys that the default's lacks
+            if name == "impactor" or value != getattr(default, key, field.default):
                 shown = f"{value:g}" if isinstance(value, float) else str(value)
                 found.append((f"{name}.{key}", shown, described(field)))
     return found
