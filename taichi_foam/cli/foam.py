@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,12 +14,14 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
+from taichi_foam.scene import Scene
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.library import SCALED, FoamFile, foam_of, packaged
@@ -32,6 +34,7 @@ from taichi_foam.scene.measured import (
     read_test,
 )
 from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.paths import NOTHING, at
 from taichi_foam.units import plain, si_scale
 
 if TYPE_CHECKING:
@@ -83,14 +86,24 @@ def list_command() -> None:
 @app.command("show")
 def show_command(
     name: Annotated[
-        str, typer.Argument(metavar="NAME|FILE.toml", help="Name in the library, or a foam file.")
+        str,
+        typer.Argument(
+            metavar="NAME|FILE.toml",
+            help="Name in the library, or a foam file.",
+            autocompletion=lambda incomplete: [n for n in packaged() if n.startswith(incomplete)],
+        ),
     ],
 ) -> None:
     """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
         file = foam_of(name, asked="foam ")
-        for part in (*_known(file), *_constants(file), *_landmarks(file.foam), *_assumed(file)):
+        for part in (
+            *_known(file),
+            *_constants(file),
+            *_landmarks(file.foam),
+            *_assumed(file, file.assumed),
+        ):
             console.print(part)
 
 
@@ -176,11 +189,40 @@ def import_command(
 
         fit = crushable_fit(read.curve)
         _write(file, read, fit, *targets)
-        for part in (*_what_was_read(path, read), *_derived(file.foam, fit), *_assumed(file)):
+        for part in (
+            *_what_was_read(path, read),
+            *_derived(file.foam, fit),
+            *_assumed(file, file.assumed),
+        ):
             console.print(part)
         _say_noise(errors, file.foam, fit)
         _line(console, f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
         _line(console, f'in a scene: foam = "{targets[0].name}", if the scene is in that folder')
+
+
+@app.command("assumed")
+def assumed_command(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN_DIR|SCENE", help="Folder of a run, or a scene: built-in name or file."
+        ),
+    ],
+) -> None:
+    """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        folder = Path(source)
+        if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
+            raise UserError(
+                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give a run's, "
+                "or a scene"
+            )
+        scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
+        if not scene.assumed:
+            console.print("nothing is assumed of the foam")
+        for part in _assumed(scene, scene.assumed or ()):
+            console.print(part)
 
 
 def _targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
@@ -419,29 +461,29 @@ def _landmarks(foam: BondFoam) -> Iterator[RenderableType]:
     yield Text()
 
 
-def _assumed(file: FoamFile) -> Iterator[RenderableType]:
-    """What of a foam nobody has measured, each with what stands for it."""
-    if not file.assumed:
+def _assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
+    """What of a foam nobody has measured, each with what stands for it in `whole`."""
+    if not entries:
         return
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("assumed", no_wrap=True)
     table.add_column("", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     table.add_column("why")
-    for each in file.assumed:
-        value, unit = _value(file.foam, each)
+    for each in entries:
+        value, unit = _value(whole, each.key)
         table.add_row(Text(each.key), value, unit, Text(each.why))
     yield table
     yield Text()
 
 
-def _value(foam: BondFoam, entry: Assumed) -> tuple[str, str]:
-    """Value and unit of what is assumed; nothing where it is no constant of the foam."""
-    part, _, key = entry.key.partition(".")
-    field = type(foam).model_fields.get(key)
-    if part != "foam" or field is None:
+def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
+    """Value and unit of what is assumed; nothing of what a foam file has no key for."""
+    value = at(whole, key)
+    if value is NOTHING:
         return "", ""
-    return written(getattr(foam, key)), unit_of(field)
+    part, _, last = key.rpartition(".")
+    return written(value), unit_of(type(at(whole, part)).model_fields[last])
 
 
 def _pressure(stress: float) -> str:

@@ -99,7 +99,7 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
 
     known = measured_figures(tests.test_of(scene))
     rows = []
-    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, *COMPARED):
+    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN, *COMPARED):
         value, measured = summary[quantity.key], known.get(quantity.key)
         if value is None and measured is None:
             continue
@@ -109,9 +109,16 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
         rows.append(tuple(row))
     table = _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
     said = [summary["statement"] or "", *(f"warning: {text}" for text in summary["warnings"])]
-    if summary["assumed"]:
-        said.append(f"assumed of the foam, as nobody gave it: {'; '.join(summary['assumed'])}")
-    return table + "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
+    told = "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
+    return table + told + _folded(summary["assumed"])
+
+
+def _folded(assumed: list[str]) -> str:
+    """What nobody gave of the foam: a line that opens."""
+    if not assumed:
+        return ""
+    lines = "<br>".join(map(html.escape, assumed))
+    return f"<details><summary>assumed of the foam: {len(assumed)}</summary>{lines}</details>"
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -265,8 +265,7 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
         f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
-        if each.key.partition(".")[0] not in ("foam", *_PARTS)
-        or not _is_value(at(scene, each.key))
+        if each.key.partition(".")[0] not in ("foam", *_PARTS) or not _is_value(at(scene, each.key))
     ]
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import assert_refused, tree
+from command_line import COARSE_OPTIONS, assert_refused, tree
 from matplotlib.figure import Figure
 
 from taichi_foam.catalogue import load_scene
@@ -260,3 +261,36 @@ def test_a_full_disk_leaves_what_there_was(
     done = invoke("foam", "import", "pu.csv", "--density", "30", "--overwrite")
     assert_refused(done, "figure pu.png: it could not be written")
     assert tree(tmp_path) == before
+
+
+def test_what_a_scene_assumes_is_one_line_after_its_run_and_a_command(
+    invoke: Callable, tmp_path: Path
+) -> None:
+    done = invoke(
+        "run", "paper/wedge-2.86", "--out", "of pu", "--no-film", "--set", "foam=rigid-pu-40",
+        "--set", "numerics.end=0.001", *COARSE_OPTIONS,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assumed = json.loads((tmp_path / "of pu" / "summary.json").read_text())["assumed"]
+    said = (
+        f"{len(assumed)} values of the foam are assumed: `taichi-foam foam assumed 'of pu'` shows"
+    )
+    assert [line for line in done.stdout.splitlines() if "assumed" in line] == [f"{said} them"]
+    shown = invoke("foam", "assumed", "of pu")
+    assert (shown.exit_code, shown.stderr) == (0, "")
+    words = " ".join(shown.stdout.split())
+    assert len(assumed) >= 12
+    for text in assumed:
+        key, _, rest = text.partition(" = ")
+        assert f"{key} {rest.partition(': ')[0]} " in words
+    assert "foam.densification_strain -0.8 that of the paper's foam, -0.80: the scaling" in words
+
+
+def test_what_scenes_assume_without_a_run(invoke: Callable, tmp_path: Path) -> None:
+    own = " ".join(invoke("foam", "assumed", "gallery/own-foam").stdout.split())
+    assert "foam.shear_modulus 1.2675e6 Pa 3/8 of Young's modulus" in own
+    assert "numerics.damping_time 1.7544e-5 s that of the paper's foam" in own
+    papers = invoke("foam", "assumed", "paper/wedge-2.86")
+    assert papers.stdout == "nothing is assumed of the foam\n"
+    assert_refused(invoke("foam", "assumed", str(tmp_path)), "has no scene.toml", "Fix: ")
+    assert_refused(invoke("foam", "assumed", "nowhere.toml"), "nowhere.toml: no such file")
