@@ -102,7 +102,7 @@ def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] |
         return None
     given = _given(foam)
     known = {_key(each) for each in earlier or ()}
-    of_others = {key for key in known if str(key).startswith(_OTHERS)}
+    of_others = {key for key in known if key and key.startswith(_OTHERS)}
     if head:
         said = any(key.startswith(f"{head}foam.") for key in of_others)
     else:  # a list without entries says that all of it was given
