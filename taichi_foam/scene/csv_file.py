@@ -150,17 +150,22 @@ def _cells(path: Path, number: int, line: str, between: str | None) -> list[str]
     return cells
 
 
-def _first(rows: Sequence[Row]) -> int | None:
+def _first(rows: list[Row]) -> int | None:
     """Which row is the first of numbers: the first that has them where most rows do.
 
     Rows right above it that have a number there are some of them, and their text is a mistake.
     """
-    places = [frozenset(n for n, cell in enumerate(cells) if is_number(cell)) for _, cells in rows]
-    counts = Counter(place for place in places if len(place) > 1)
+    ends = rows[:_LOOKED_AT] + rows[-_LOOKED_AT:]
+    counts = Counter(places for _, cells in ends if len(places := _places(cells)) > 1)
     if not counts:
         return None
     usual, _ = counts.most_common(1)[0]
-    first = next(n for n, place in enumerate(places) if place >= usual)
-    while first > 0 and places[first - 1] & usual:
+    first = next(n for n, (_, cells) in enumerate(rows) if _places(cells) >= usual)
+    while first > 0 and _places(rows[first - 1][1]) & usual:
         first -= 1
     return first
+
+
+def _places(cells: Sequence[str]) -> frozenset[int]:
+    """Which cells hold numbers."""
+    return frozenset(n for n, cell in enumerate(cells) if is_number(cell))

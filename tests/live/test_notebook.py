@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from taichi_foam.catalogue import list_scenes, load_scene
-from taichi_foam.live.notebook import scene_html
+from taichi_foam.live.notebook import result_html, scene_html
 
 nbclient = pytest.importorskip("nbclient", reason="needs nbclient and ipykernel (pip: dev)")
 nbformat = pytest.importorskip("nbformat")
@@ -128,3 +128,12 @@ def test_every_scene_of_the_gallery_shows_itself(name: str) -> None:
     assert Image.open(io.BytesIO(embedded("image/png", html))).size == (640, 360)
     assert ("foam.curve" in html) == (scene.foam.law == "tabulated")
     assert len(html) < 100_000
+
+
+def test_what_is_assumed_is_a_line_that_opens(make_result) -> None:
+    scene = load_scene("gallery/own-foam")
+    html = result_html(make_result(scene))
+    line, opened = html.split("<summary>")[1].split("</summary>")
+    assert line == f"assumed of the foam: {len(scene.assumed)}"
+    assert all(each.key in opened for each in scene.assumed)
+    assert "<summary>" not in result_html(make_result(load_scene("paper/wedge-2.86")))
