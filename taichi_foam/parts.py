@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import reprlib
 import sys
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from taichi_foam.units import plain
 
@@ -35,8 +37,15 @@ FIX_BY_UNIT = {
 _WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 
 
+MOST_SHOWN = 12
+"""A list of more values is told by their number and range."""
+
+
 class Part(BaseModel):
     """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
+
+    place: ClassVar[str | None] = None
+    """The key under which a scene has it, "" of a scene itself; None: under none of its own."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
@@ -46,7 +55,41 @@ class Part(BaseModel):
         """What differs from the defaults, which is what one would write."""
         for name, value in super().__repr_args__():
             if name is None or value != type(self).model_fields[name].default:
-                yield name, value
+                yield name, _Told(value) if _is_long(value) else value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to change a value, and say how one gets another scene."""
+        if self.place is None or name.startswith("_"):
+            super().__setattr__(name, value)
+            return
+        key, given = f"{self.place}.{name}".lstrip("."), reprlib.repr(value)
+        changed = f"{{{key!r}: {given}}}" if "[" in key else f"{key.replace('.', '__')}={given}"
+        text = f"{key}: scenes do not change; scene.with_values({changed}) gives a changed one"
+        problem = PydanticCustomError("value_error", "{error}", {"error": text})
+        details = InitErrorDetails(type=problem, loc=(name,), input=value)
+        raise ValidationError.from_exception_data(type(self).__name__, [details], hide_input=True)
+
+    def __dir__(self) -> list[str]:
+        """Its own names, without pydantic's."""
+        own = {name for name in super().__dir__() if not name.startswith("_")}
+        return sorted(own - {*dir(BaseModel)} | {*dir(object)})
+
+
+class _Told:
+    """What stands for a long list in a representation."""
+
+    def __init__(self, values: tuple[Any, ...]) -> None:
+        self._values = values
+
+    def __repr__(self) -> str:
+        count = f"{len(self._values):,}"
+        if not all(isinstance(each, int | float) for each in self._values):
+            return f"<{count} values>"
+        return f"<{count} numbers, {min(self._values):g} to {max(self._values):g}>"
+
+
+def _is_long(value: Any) -> bool:
+    return isinstance(value, tuple) and len(value) > MOST_SHOWN
 
 
 def quantity(

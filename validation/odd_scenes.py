@@ -6,6 +6,9 @@ m/s. Each scene has to end with finite figures, and with an energy residual of a
 warning; or with a message that says what went wrong and what to do. Nothing that is lost may come
 back, but by the readings of the paper that make energy: shear by faces, contact that jumps.
 
+Each scene's data are also spoiled a few times, by values of other types in any place: what they
+say of the foam's origin (`assumed`) among them. They are a scene still, or refused in words.
+
 Kernels are compiled for options and lattice counts: scenes come in groups that share both.
 """
 
@@ -28,6 +31,7 @@ from taichi_foam.engine.model import FOLLOWED
 from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.scene.values import by_key
 from taichi_foam.simulation.stepwise import Drop
 
 GROUP = 50
@@ -38,6 +42,9 @@ PERIODS = 400.0
 
 PATIENCE = 20.0
 """Wall time after which a scene is cut short [s]: it still has to have finite figures."""
+
+SPOILED = 10
+"""How often each scene's data are spoiled."""
 
 CLEAN, WARNED, FAILED, CUT, BAD = "clean", "warned", "failed, with a message", "cut short", "BAD"
 
@@ -77,6 +84,47 @@ def judge(scene: Scene) -> Verdict:
             return _judged(drop.result(), was_cut=not drop.ended)
     except Exception:  # whatever it is, it is what this study looks for
         return Verdict(BAD, traceback.format_exc())
+
+
+def read_spoiled(scene: Scene, rng: np.random.Generator) -> list[Verdict]:
+    """What is bad about how spoiled data of a scene are read."""
+    bad = []
+    for _ in range(SPOILED):
+        data = _spoiled(scene.model_dump(exclude_none=True), rng)
+        try:
+            Scene.checked(data, scene.name).with_values({"foam": "rigid-pu-40"})
+        except UserError:
+            continue
+        except Exception:
+            bad.append(Verdict(BAD, f"{data!r}\n{traceback.format_exc()}"))
+    return bad
+
+
+def _spoiled(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Data of a scene with odd values in one to three places, half of them in `assumed`."""
+    keys, entries = list(by_key(data)), data.get("assumed", ())
+
+    def odd(depth: int = 0) -> Any:
+        plain = [3, -1e300, True, "", "foam", "foam.curve", "block", str(rng.choice(keys))]
+        kind = rng.integers(4 if depth < 3 else 1)
+        if kind == 1:
+            return [odd(depth + 1) for _ in range(rng.integers(3))]
+        if kind == 2:
+            return {str(rng.choice(keys)): odd(depth + 1)}
+        if kind == 3:
+            return {"key": odd(depth + 1), "why": odd(depth + 1)}
+        return plain[rng.integers(len(plain))]
+
+    for _ in range(rng.integers(1, 4)):
+        part, _, last = str(rng.choice(keys)).rpartition(".")
+        if rng.random() < 0.5:
+            more = [{"key": odd(), "why": "spoiled"}, *entries]
+            data["assumed"] = more if rng.random() < 0.8 else odd()
+        elif not isinstance(data.get(part), dict):
+            data[part or last] = odd()
+        else:
+            data[part][last] = odd()
+    return data
 
 
 def _judged(result: Result, was_cut: bool) -> Verdict:
@@ -242,6 +290,9 @@ def study(count: int, seed: int) -> Counter[str]:
     warned: Counter[str] = Counter()
     begun = time.perf_counter()
     for number, scene in enumerate(scenes(count, seed), 1):
+        for verdict in read_spoiled(scene, np.random.default_rng([seed, number])):
+            found[BAD] += 1
+            print(f"{scene.name}, spoiled: {verdict.text}", flush=True)
         verdict = judge(scene)
         found[verdict.word] += 1
         if verdict.word == BAD:

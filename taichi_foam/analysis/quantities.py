@@ -44,6 +44,7 @@ RAW_CREST_G = Quantity("peak_deceleration_g", "the raw one in g", "raw peak in g
 RAW_CREST_TIME = Quantity(
     "peak_deceleration_time_s", "its time after contact, raw", "time of the raw peak", "ms", 1e3, 2
 )
+STRAIN = Quantity("max_strain", "largest strain of the block", "strain", "%", 1e2, 1)
 RESULTANT_G = Quantity(
     "peak_resultant_g", "peak of the resultant, raw, in g", "resultant", "g", 1.0, 1
 )
@@ -69,7 +70,6 @@ REBOUND = Quantity("rebound_velocity_m_s", "rebound velocity", "rebound", "m/s",
 CHANGE = Quantity("velocity_change_m_s", "velocity change", "velocity change", "m/s", 1.0, 2)
 RESTITUTION = Quantity("restitution", "coefficient of restitution", "restitution", "", 1.0, 3)
 FALL = Quantity("equivalent_drop_height_m", "equivalent drop height", "drop height", "cm", 1e2, 1)
-STRAIN = Quantity("max_strain", "largest strain of the block", "strain", "%", 1e2, 1)
 REST = Quantity("rest_height_m", "height of the block at the end", "rest height", "cm", 1e2, 2)
 WIDTH = Quantity("crushed_width_m", "width of the crushed region", "crushed width", "cm", 1e2, 1)
 HEIGHT = Quantity(

@@ -26,6 +26,7 @@ from taichi_foam.cli.options import (
     NoFilm,
     Out,
     Overwrite,
+    SceneName,
     Set,
     Threads,
 )
@@ -49,7 +50,6 @@ _WORTH_SAYING = 1e9
 _LONGEST_CHANGES = 60
 
 _app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -111,7 +111,7 @@ def _root(
 
 @_app.command("run")
 def run_command(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name or file.")],
+    scene: SceneName,
     out: Out = None,
     set_: Set = None,
     choices: Choices = None,
@@ -355,7 +355,7 @@ def _compute_and_save(
         raise RunError(
             f"the run could not be measured ({told}); its data are in {folder}"
         ) from error
-    say_assumed(console, result)
+    say_assumed(console, result, folder)
     say_where(console, folder)
     if failure is None:
         say_warnings(errors, result)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,24 +14,30 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
+from taichi_foam.scene import Scene
 from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.csv_file import LENGTH_UNITS
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.library import SCALED, FoamFile, foam_of, packaged
 from taichi_foam.scene.measured import (
     FINEST,
+    FORCE_UNITS,
     STRAIN_UNITS,
     STRESS_UNITS,
     Columns,
     CompressionTest,
     read_test,
 )
+from taichi_foam.scene.measured import Column as FileColumn
 from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.paths import NOTHING, at
 from taichi_foam.units import plain, si_scale
 
 if TYPE_CHECKING:
@@ -48,6 +54,9 @@ _OPTIONS = {"title": "name"}
 
 _FEWEST = 20
 """Parts of its strain, at least, that a test is thinned to."""
+
+_BRANCHES = 5
+"""So many branches are named at most."""
 
 _NOISY = 1.3
 """So many times the modulus of the fit, that of the curve is one of its noise."""
@@ -83,14 +92,24 @@ def list_command() -> None:
 @app.command("show")
 def show_command(
     name: Annotated[
-        str, typer.Argument(metavar="NAME|FILE.toml", help="Name in the library, or a foam file.")
+        str,
+        typer.Argument(
+            metavar="NAME|FILE.toml",
+            help="Name in the library, or a foam file.",
+            autocompletion=lambda incomplete: [n for n in packaged() if n.startswith(incomplete)],
+        ),
     ],
 ) -> None:
     """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
         file = foam_of(name, asked="foam ")
-        for part in (*_known(file), *_constants(file), *_landmarks(file.foam), *_assumed(file)):
+        for part in (
+            *_known(file),
+            *_constants(file),
+            *_landmarks(file.foam),
+            *_assumed(file, file.assumed),
+        ):
             console.print(part)
 
 
@@ -117,24 +136,45 @@ def import_command(
     direction: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Direction of the test: rise, across, ...")
     ] = None,
+    area: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M2", help="Area of the specimen: stress is a column of force over it."
+        ),
+    ] = None,
+    height: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M", help="Height of the specimen: strain is a column of displacement over it."
+        ),
+    ] = None,
     strain: Annotated[
         str | None,
-        typer.Option(metavar="COLUMN", help="Column of strain: part of its name, or its number."),
+        typer.Option(
+            metavar="COLUMN",
+            help="Column of strain, or of displacement: part of its name, or its number.",
+        ),
     ] = None,
     stress: Annotated[
         str | None,
-        typer.Option(metavar="COLUMN", help="Column of stress: part of its name, or its number."),
+        typer.Option(
+            metavar="COLUMN", help="Column of stress, or of force: part of its name, or its number."
+        ),
     ] = None,
     strain_unit: Annotated[
         str | None,
         typer.Option(
-            metavar="UNIT", help=f"{', '.join(STRAIN_UNITS)}; default: the header's, else -."
+            metavar="UNIT",
+            help=f"{', '.join(STRAIN_UNITS)}; with --height {', '.join(LENGTH_UNITS)}; default: "
+            "the header's, else SI.",
         ),
     ] = None,
     stress_unit: Annotated[
         str | None,
         typer.Option(
-            metavar="UNIT", help=f"{', '.join(STRESS_UNITS)}; default: the header's, else Pa."
+            metavar="UNIT",
+            help=f"{', '.join(STRESS_UNITS)}; with --area {', '.join(FORCE_UNITS)}; default: the "
+            "header's, else SI.",
         ),
     ] = None,
     points: Annotated[
@@ -160,7 +200,10 @@ def import_command(
         targets = _targets(path, out, overwrite)
         if not _FEWEST <= points <= FINEST:
             raise UserError(f"--points = {points}: must be at least {_FEWEST}, at most {FINEST}")
-        columns = Columns(_column(strain), _column(stress), strain_unit, stress_unit)
+        columns = Columns(
+            _column(strain), _column(stress), strain_unit, stress_unit,
+            area=_number(area), height=_number(height),  # type: ignore[arg-type]  # told by it
+        )  # fmt: skip
         read = read_test(path, columns, points)
         known = {
             "title": path.stem if name is None else name,
@@ -176,11 +219,40 @@ def import_command(
 
         fit = crushable_fit(read.curve)
         _write(file, read, fit, *targets)
-        for part in (*_what_was_read(path, read), *_derived(file.foam, fit), *_assumed(file)):
+        for part in (
+            *_what_was_read(path, read),
+            *_derived(file.foam, fit),
+            *_assumed(file, file.assumed),
+        ):
             console.print(part)
         _say_noise(errors, file.foam, fit)
         _line(console, f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
         _line(console, f'in a scene: foam = "{targets[0].name}", if the scene is in that folder')
+
+
+@app.command("assumed")
+def assumed_command(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN_DIR|SCENE", help="Folder of a run, or a scene: built-in name or file."
+        ),
+    ],
+) -> None:
+    """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
+    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
+    with exit_codes(errors):
+        folder = Path(source)
+        if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
+            raise UserError(
+                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give a run's, "
+                "or a scene"
+            )
+        scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
+        if not scene.assumed:
+            console.print("nothing is assumed of the foam")
+        for part in _assumed(scene, scene.assumed or ()):
+            console.print(part)
 
 
 def _targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
@@ -237,7 +309,13 @@ def _file(known: dict[str, Any], read: CompressionTest) -> FoamFile:
     """The foam file of a test. Raises UserError: options or a curve that cannot be."""
     curve = read.curve
     measured = [f"stress to {curve.tested:.3g} of strain, {read.strain.size:,} points"]
-    if len(curve.strain) < read.strain.size:
+    measured += [
+        _column_in_words(key, column)
+        for key, column in zip(("strain", "stress"), read.columns, strict=True)
+        if column.over is not None
+    ]
+    measured += _left_out(read)
+    if len(curve.strain) < read.loading.sum():
         measured.append(f"thinned to {len(curve.strain):,} points, means of those around them")
     if curve.smoothing > 0.0:
         part = 100.0 * curve.smoothing / curve.plateau_stress
@@ -275,7 +353,7 @@ def _write(
 
     assert isinstance(file.foam, TabulatedFoam)
     text = _HEADER.format(name=_one_line(target.name)) + file.to_toml()
-    figure = compression_test(read.strain, read.stress, file.foam, fit, file.title)
+    figure = compression_test(read.strain, read.stress, read.loading, file.foam, fit, file.title)
     with whole_file(target) as foam_file, whole_file(picture) as drawing:
         foam_file.write_text(text, encoding="utf-8")
         try:
@@ -285,20 +363,49 @@ def _write(
 
 
 def _what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]:
-    """Points, units and range of a test."""
-    units = {"strain": "as fractions", "stress": "in Pa"}
-    words = [
-        f"{key} in {unit}" if unit is not None else f"{key} {units[key]}, as no unit is given"
-        for key, unit in read.units.items()
-    ]
+    """Points, encoding, columns with their units, and what of it the curve leaves out."""
     curve = read.curve
-    yield Text(f"{path}: {read.strain.size:,} points, to a strain of {curve.tested:.3g}")
-    yield Text(f"{'; '.join(words)}; largest stress {_pressure(float(read.stress.max()))}")
-    if len(curve.strain) < read.strain.size:
+    encoding = "" if read.encoding == "UTF-8" else f", read as {read.encoding}"
+    yield Text(f"{path}{encoding}: {read.strain.size:,} points, to a strain of {curve.tested:.3g}")
+    if read.skipped:
+        lines = "1 line" if read.skipped == 1 else f"{read.skipped:,} lines"
+        yield Text(f"{lines} of text above the header skipped")
+    for key, column in zip(("strain", "stress"), read.columns, strict=True):
+        yield Text(_column_in_words(key, column))
+    yield Text(f"largest stress {_pressure(float(read.stress.max()))}")
+    for text in _left_out(read):
+        yield Text(text)
+    if len(curve.strain) < read.loading.sum():
         yield Text(f"thinned to {len(curve.strain):,} points")
     if curve.smoothing > 0.0:
         yield Text(f"smoothed by at most {_pressure(curve.smoothing)}, so that no stress falls")
     yield Text()
+
+
+def _column_in_words(key: str, column: FileColumn) -> str:
+    """Where strain or stress are from: column, unit, and what it was divided by."""
+    kind, over = column.kind, column.over
+    what = key if over is None else f"{key}: {kind.name}"
+    unit = f"in {column.unit}" if column.unit is not None else f"in {kind.si}, as no unit is given"
+    head = "" if column.head is None else f", {shown(column.head)}"
+    size = "" if over is None else f", over {plain(over)} {'m' if key == 'strain' else 'm2'}"
+    return f"{what} {unit} (column {column.number}{head}){size}"
+
+
+def _left_out(read: CompressionTest) -> Iterator[str]:
+    """What the loading envelope leaves out of a test: branches, and strains met before."""
+    ways = [f"from {each.start:.3g} to {each.lowest:.3g}" for each in read.branches]
+    if ways:
+        points = sum(each.points for each in read.branches)
+        which = "1 unloading branch" if len(ways) == 1 else f"{len(ways)} unloading branches"
+        more = ", ..." if len(ways) > _BRANCHES else ""
+        yield (
+            f"left out of the curve: {which} ({points:,} points, with reloading), strain "
+            f"{', '.join(ways[:_BRANCHES])}{more}"
+        )
+    rest = int((~read.loading).sum()) - sum(each.points for each in read.branches)
+    if rest:
+        yield f"left out of the curve: {rest:,} points whose strain was reached before"
 
 
 def _derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
@@ -419,29 +526,29 @@ def _landmarks(foam: BondFoam) -> Iterator[RenderableType]:
     yield Text()
 
 
-def _assumed(file: FoamFile) -> Iterator[RenderableType]:
-    """What of a foam nobody has measured, each with what stands for it."""
-    if not file.assumed:
+def _assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
+    """What of a foam nobody has measured, each with what stands for it in `whole`."""
+    if not entries:
         return
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("assumed", no_wrap=True)
     table.add_column("", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     table.add_column("why")
-    for each in file.assumed:
-        value, unit = _value(file.foam, each)
+    for each in entries:
+        value, unit = _value(whole, each.key)
         table.add_row(Text(each.key), value, unit, Text(each.why))
     yield table
     yield Text()
 
 
-def _value(foam: BondFoam, entry: Assumed) -> tuple[str, str]:
-    """Value and unit of what is assumed; nothing where it is no constant of the foam."""
-    part, _, key = entry.key.partition(".")
-    field = type(foam).model_fields.get(key)
-    if part != "foam" or field is None:
+def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
+    """Value and unit of what is assumed; nothing of what a foam file has no key for."""
+    value = at(whole, key)
+    if value is NOTHING:
         return "", ""
-    return written(getattr(foam, key)), unit_of(field)
+    part, _, last = key.rpartition(".")
+    return written(value), unit_of(type(at(whole, part)).model_fields[last])
 
 
 def _pressure(stress: float) -> str:

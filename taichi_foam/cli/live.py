@@ -109,7 +109,7 @@ def run_live(
     if kept:
         last = Result.load(kept[-1])
         console.print(tables.key_figures(last.scene, last.summary))
-        say_assumed(console, last)
+        say_assumed(console, last, kept[-1])
         for path in kept:
             say_where(console, str(path))
         if not controller.failures:

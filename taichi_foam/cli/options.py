@@ -6,6 +6,7 @@ from typing import Annotated, get_args
 
 import typer
 
+from taichi_foam.catalogue import list_scenes
 from taichi_foam.scene import CHOICE_SETS
 from taichi_foam.scene.options import Output
 
@@ -15,7 +16,16 @@ def _words(key: str) -> str:
     return "|".join(get_args(Output.model_fields[key].annotation))
 
 
+def _scenes_begun(word: str) -> list[tuple[str, str]]:
+    """Built-in scenes that a word may become, each with what it is; files the shell completes."""
+    return [(name, about) for name, about in list_scenes().items() if name.startswith(word)]
+
+
 # of what computes
+SceneName = Annotated[
+    str,
+    typer.Argument(metavar="SCENE", help="Built-in name or file.", autocompletion=_scenes_begun),
+]
 Out = Annotated[str | None, typer.Option(help="Folder for the result; default runs/NAME.")]
 Set = Annotated[
     list[str] | None,

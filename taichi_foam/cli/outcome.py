@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -92,12 +94,16 @@ def say_warnings(errors: Console, result: Result) -> None:
         errors.print(f"warning: {text}", soft_wrap=True, markup=False)
 
 
-def say_assumed(console: Console, result: Result) -> None:
-    """Say what of a foam of one's own nobody gave, each with what stands for it."""
-    if result.summary["assumed"]:
-        console.print("assumed of the foam, as nobody gave it:", soft_wrap=True)
-    for text in result.summary["assumed"]:
-        console.print(f"  {text}", soft_wrap=True, markup=False)
+def say_assumed(console: Console, result: Result, folder: str | Path) -> None:
+    """Say how many values of a foam of one's own nobody gave, and what shows those of a folder."""
+    if count := len(result.summary["assumed"]):
+        values = "1 value of the foam is" if count == 1 else f"{count} values of the foam are"
+        console.print(
+            f"{values} assumed: `taichi-foam foam assumed {shlex.quote(str(folder))}` shows "
+            f"{'it' if count == 1 else 'them'}",
+            soft_wrap=True,
+            markup=False,
+        )
 
 
 def _with_options(error: UserError) -> str:

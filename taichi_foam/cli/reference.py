@@ -76,9 +76,14 @@ shear_modulus = 1.0e6
 
 `curve = "test.csv"` is a compression test beside the scene, with the law `tabulated`. Units stand
 in the header (`strain [%],stress [MPa]`) or in keys,
-`curve = {{ file = "test.csv", strain_unit = "%", stress_unit = "MPa" }}`; in Python
+`curve = {{ file = "test.csv", strain_unit = "%", stress_unit = "MPa" }}`. Displacement and force
+become strain and stress by the specimen's area [m2] and height [m]:
+`curve = {{ file = "test.csv", area = 2.5e-3, height = 0.05 }}`. Text above the header is skipped,
+UTF-8 and Latin-1 are read. The curve is the loading envelope: unloading is left out.
+`taichi-foam foam import` says all that it reads. In Python it is
 `TabulatedFoam(curve=Curve(strain=..., stress=...))`, both from `taichi_foam.scene`. Of a foam of
-which some constants were given, the others are derived or assumed, and a run says so (`assumed`).
+which some constants were given, the others are derived or assumed, and a run says so (`assumed`;
+`taichi-foam foam assumed RUN_DIR` lists them).
 
 ## Pads
 

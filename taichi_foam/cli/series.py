@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -63,7 +64,7 @@ def run_series(
         from taichi_foam.cli import tables
 
         console.print(tables.drops(results))
-        say_assumed(console, results[0])
+        say_assumed(console, results[0], Path(folder) / simulate.drop_name(1))
         say_where(console, folder)
         for result in results:
             for text in result.warnings if failure is None else ():

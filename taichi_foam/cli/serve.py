@@ -10,13 +10,13 @@ import typer
 from rich.console import Console
 
 from taichi_foam.catalogue import load_scene
-from taichi_foam.cli.options import Arch, Choices, Dt, Set, Threads
+from taichi_foam.cli.options import Arch, Choices, Dt, SceneName, Set, Threads
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
 from taichi_foam.errors import installed
 
 
 def serve_command(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name or file.")],
+    scene: SceneName,
     host: Annotated[
         str, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines in, too.")
     ] = "127.0.0.1",

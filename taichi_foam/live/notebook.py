@@ -75,17 +75,17 @@ def _side_by_side(*parts: str) -> str:
 
 def _given(scene: Scene) -> list[tuple[str, ...]]:
     """Key, value and meaning of what has not its default value, and of all of the impactor."""
-    from taichi_foam.parts import described
+    from taichi_foam.parts import Part, described
     from taichi_foam.scene import Numerics, Scene
 
     plain = Scene(numerics=Numerics(end=1.0))
     found = []
-    parts = ("block", "foam", "impactor", "base", "support", "model", "numerics", "start", "output")
-    for name in parts:
+    for name in type(scene).model_fields:
         part, default = getattr(scene, name), getattr(plain, name)
-        for key, field in type(part).model_fields.items() if part is not None else ():
+        for key, field in type(part).model_fields.items() if isinstance(part, Part) else ():
             value = getattr(part, key)
-            if name == "impactor" or value != getattr(default, key):
+            # another law or shape has keys that the default's lacks
+            if name == "impactor" or value != getattr(default, key, field.default):
                 shown = f"{value:g}" if isinstance(value, float) else str(value)
                 found.append((f"{name}.{key}", shown, described(field)))
     return found
@@ -99,7 +99,7 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
 
     known = measured_figures(tests.test_of(scene))
     rows = []
-    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, *COMPARED):
+    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN, *COMPARED):
         value, measured = summary[quantity.key], known.get(quantity.key)
         if value is None and measured is None:
             continue
@@ -109,9 +109,16 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
         rows.append(tuple(row))
     table = _table(("", "simulated", "measured") if known else ("", "simulated"), rows)
     said = [summary["statement"] or "", *(f"warning: {text}" for text in summary["warnings"])]
-    if summary["assumed"]:
-        said.append(f"assumed of the foam, as nobody gave it: {'; '.join(summary['assumed'])}")
-    return table + "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
+    told = "".join(f"<p>{html.escape(text)}</p>" for text in said if text)
+    return table + told + _folded(summary["assumed"])
+
+
+def _folded(assumed: list[str]) -> str:
+    """What nobody gave of the foam: a line that opens."""
+    if not assumed:
+        return ""
+    lines = "<br>".join(map(html.escape, assumed))
+    return f"<details><summary>assumed of the foam: {len(assumed)}</summary>{lines}</details>"
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

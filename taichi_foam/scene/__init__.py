@@ -47,3 +47,7 @@ __all__ = [
     "TabulatedFoam",
     "Wedge",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

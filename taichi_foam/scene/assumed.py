@@ -55,8 +55,16 @@ _OTHERS = ("across.", "block.layers[")
 class Assumed(Part):
     """A key that nobody gave, and what stands for its value."""
 
-    key: str = Field(description="dotted key of the scene", max_length=100)
-    why: str = Field(description="where its value is from", max_length=1000)
+    key: str = Field(
+        description="dotted key of the scene",
+        max_length=100,
+        json_schema_extra={"allowed": "text of at most 100 characters"},
+    )
+    why: str = Field(
+        description="where its value is from",
+        max_length=1000,
+        json_schema_extra={"allowed": "text of at most 1,000 characters"},
+    )
 
 
 def completed(data: Any) -> Any:
@@ -94,7 +102,7 @@ def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] |
         return None
     given = _given(foam)
     known = {_key(each) for each in earlier or ()}
-    of_others = {key for key in known if str(key).startswith(_OTHERS)}
+    of_others = {key for key in known if key and key.startswith(_OTHERS)}
     if head:
         said = any(key.startswith(f"{head}foam.") for key in of_others)
     else:  # a list without entries says that all of it was given
@@ -257,8 +265,14 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
         f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
-        if each.key.partition(".")[0] not in ("foam", *_PARTS) or at(scene, each.key) is NOTHING
+        if each.key.partition(".")[0] not in ("foam", *_PARTS) or not _is_value(at(scene, each.key))
     ]
+
+
+def _is_value(found: Any) -> bool:
+    """Whether what stands under a key is a value, and no part or list of parts."""
+    first = found[0] if isinstance(found, tuple) and found else found
+    return found is not NOTHING and not isinstance(first, Part)
 
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
@@ -286,9 +300,10 @@ def _entries(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list | tuple) else ()
 
 
-def _key(entry: Any) -> Any:
-    """The key of an entry, or of its raw data."""
-    return entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
+def _key(entry: Any) -> str | None:
+    """The key of an entry, or of its raw data; None where that is no text."""
+    key = entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
+    return key if isinstance(key, str) else None
 
 
 def _own(kind: type[BondFoam]) -> set[str]:

@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.measured import IN_BRACKETS, is_number, number_in, read_rows
+from taichi_foam.scene.csv_file import IN_BRACKETS, LENGTH_UNITS, number_in, read_rows
 from taichi_foam.scene.messages import shown
-
-LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
-"""What a number is multiplied by to be in metres."""
 
 
 def read_corners(path: Path) -> list[tuple[float, float]]:
@@ -20,13 +17,10 @@ def read_corners(path: Path) -> list[tuple[float, float]]:
     Raises UserError with file, line and value: unreadable, no number, an unknown unit.
     """
     rows = read_rows(path, "x and y")
-    factor = 1.0
-    if not all(is_number(cell) for cell in rows[0][1] if cell):
-        (_, heads), *rows = rows
-        factor = _factor(path, heads)
+    factor = 1.0 if rows.heads is None else _factor(path, rows.heads)
     found = [
         (factor * number_in(path, line, cells, 0), factor * number_in(path, line, cells, 1))
-        for line, cells in rows
+        for line, cells in rows.body
     ]
     return found[:-1] if len(found) > 1 and found[0] == found[-1] else found
 

@@ -82,8 +82,9 @@ def listed(scene: type[Part]) -> dict[str, type[Part]]:
 
 def listed_in(field: FieldInfo) -> type[Part] | None:
     """The class of the parts that a field has a list of; None: it is no such list."""
-    kinds = get_args(field.annotation) if get_origin(field.annotation) is tuple else ()
-    first = kinds[0] if kinds else None
+    kind = field.annotation  # a list, or a list or none
+    lists = (one for one in (kind, *get_args(kind)) if get_origin(one) is tuple)
+    first = next((get_args(one)[0] for one in lists), None)
     return first if isinstance(first, type) and issubclass(first, Part) else None
 
 

@@ -1,12 +1,13 @@
-"""Compression tests in CSV files: columns of strain and stress, in the header's units."""
+"""Compression tests in CSV files: strain and stress, or displacement and force of a specimen.
+
+Units are the header's. The curve is the loading envelope; unloading and reloading are told apart.
+"""
 
 from __future__ import annotations
 
-import csv
-import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,17 @@ from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
+from taichi_foam.parts import is_number as is_finite
+from taichi_foam.scene.csv_file import (
+    IN_BRACKETS,
+    LENGTH_UNITS,
+    Row,
+    Rows,
+    number_in,
+    read_rows,
+)
 from taichi_foam.scene.messages import shown
+from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -25,32 +36,109 @@ STRESS_UNITS = {
     "pa": 1.0, "n/m2": 1.0, "n/m^2": 1.0, "kpa": 1e3, "mpa": 1e6, "n/mm2": 1e6, "n/mm^2": 1e6,
     "gpa": 1e9, "bar": 1e5, "psi": 6894.757293168361,
 }  # fmt: skip
-"""What a number is multiplied by to be a fraction, or to be in Pa."""
-
-MOST_BYTES = 20_000_000
-
-COLUMN_KEYS = ("strain", "stress", "strain_unit", "stress_unit")
-"""What a scene may say of a file, see `Columns`."""
+FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
+"""What a number is multiplied by to be a fraction, in Pa, or in N."""
 
 FINEST = 500
 """A test of more points is read as means of so many equal parts of its strain."""
 
-_WORDS = {"strain": ("strain", "epsilon", "eps", "ε"), "stress": ("stress", "sigma", "σ")}
-IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
-_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?$")
+UNLOADING = 0.005
+"""Strain by which a test has to go back for that to be a branch; less is its noise."""
+
+UNLOADED = 0.75
+"""Share of its stress, at most, that foam keeps while it unloads by a branch."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a column can hold: by which words its header is known, in which units it may be."""
+
+    name: str
+    words: tuple[str, ...]
+    units: Mapping[str, float]
+    si: str
+
+
+STRAIN = Kind("strain", ("strain", "epsilon", "eps", "ε", "stauchung"), STRAIN_UNITS, "fractions")
+STRESS = Kind("stress", ("stress", "sigma", "σ", "spannung"), STRESS_UNITS, "Pa")
+DISPLACEMENT = Kind(
+    "displacement",
+    ("displacement", "extension", "crosshead", "stroke", "travel", "weg"),
+    LENGTH_UNITS,
+    "m",
+)
+FORCE = Kind("force", ("force", "load", "kraft"), FORCE_UNITS, "N")
+
+
+@dataclass(frozen=True)
+class Side:
+    """What a curve has over one axis: a column of it, or one that is to be divided by a size."""
+
+    plain: Kind
+    divided: Kind
+    size: str
+    unit: str
+    least: float
+    most: float
+    example: str
+
+
+_STRAINS = Side(STRAIN, DISPLACEMENT, "height", "m", 1e-4, 5.0, "lengths are in m (50 mm is 0.05)")
+_STRESSES = Side(
+    STRESS, FORCE, "area", "m2", 1e-6, 25.0, "areas are in m2 (50 mm x 50 mm is 2.5e-3)"
+)
 
 
 @dataclass(frozen=True)
 class Columns:
     """Which columns of a file hold the test, by name or by number from 1, and their units.
 
-    None: as the header says; without a header the first two, as fractions and in Pa.
+    With the `height` [m] of the specimen the column of strain is one of displacement, with its
+    `area` [m2] that of stress one of force. None: as the header says; without a header the first
+    two, in SI units.
     """
 
     strain: str | int | None = None
     stress: str | int | None = None
     strain_unit: str | None = None
     stress_unit: str | None = None
+    area: float | None = None
+    height: float | None = None
+
+
+COLUMN_KEYS = tuple(field.name for field in fields(Columns))
+"""What a scene may say of a file."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where strains or stresses of a test are from.
+
+    kind    what the column holds
+    number  of the column, from 1
+    head    its header; None: it has none
+    unit    as header or `Columns` say it; None: neither does, it is SI
+    over    what it was divided by [m or m2]; None: by nothing
+    """
+
+    kind: Kind
+    number: int
+    head: str | None
+    unit: str | None
+    over: float | None
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Unloading, and reloading up to where it began.
+
+    start, lowest  strains between which it goes
+    points         how many a test has of it
+    """
+
+    start: float
+    lowest: float
+    points: int
 
 
 @dataclass(frozen=True)
@@ -58,13 +146,21 @@ class CompressionTest:
     """A test as its file has it, and the curve that is made of it.
 
     strain, stress  every point, compression positive, as fractions and in Pa (n,)
-    units           as the file or `Columns` say them, by strain and stress; None: neither does
+    loading         which points the curve is made of: each strain above all before (n,)
+    branches        unloading and reloading, which the curve leaves out
+    columns         where strain and stress are from
+    encoding        that the file is read by
+    skipped         lines of free text above the header
     curve           what a foam takes: thinned where there are many points, and never falling
     """
 
     strain: Array
     stress: Array
-    units: Mapping[str, str | None]
+    loading: NDArray[np.bool_]
+    branches: tuple[Branch, ...]
+    columns: tuple[Column, Column]
+    encoding: str
+    skipped: int
     curve: Curve
 
 
@@ -85,7 +181,8 @@ def curve_of(curve: Any, key: str, folder: Path) -> Any:
     if not isinstance(curve["file"], str | Path):
         raise ValueError(f"{key}.file = {shown(curve['file'])}: must be the name of a file")
     options = {name: curve[name] for name in COLUMN_KEYS if name in curve}
-    for name, value in options.items():
+    for name in options.keys() - {"area", "height"}:
+        value = options[name]
         if not isinstance(value, str) and not (type(value) is int and "unit" not in name):
             raise ValueError(f"{key}.{name} = {shown(value)}: must be text")
     try:
@@ -100,100 +197,97 @@ def read_curve(path: Path, columns: Columns | None = None) -> Curve:
 
 
 def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) -> CompressionTest:
-    """A compression test in a CSV file (comma, semicolon, tab or spaces between).
+    """A compression test in a CSV file, with free text above its columns or none.
 
-    Lines that begin with `#` are left out. A test of more than `finest` points is read as means of
-    so many equal parts of its strain. Raises UserError with file, line and value: unreadable, text
-    or NaN where a number should be, unknown units, and whatever a `Curve` refuses.
+    Nominal strain is displacement over height, nominal stress force over area. The curve is the
+    loading envelope, the points whose strain is above all before. One of more than `finest` points
+    is read as means of so many equal parts of its strain. Raises UserError with file, line and
+    value: unreadable, text or NaN where a number should be, unknown units, sizes that are missing
+    or cannot be, strains that go back without unloading, and whatever a `Curve` refuses.
     """
     columns = columns or Columns()
-    rows = read_rows(path)
-    heads = None if all(is_number(cell) for cell in rows[0][1] if cell) else rows[0][1]
-    body = rows if heads is None else rows[1:]
-    if heads is not None and len(body) > 1 and not any(is_number(c) for c in body[0][1] if c):
-        heads, body = [" ".join(pair) for pair in zip(heads, body[0][1], strict=False)], body[1:]
-    if not body:
-        raise UserError(f"{path}: no numbers; needs lines of strain and stress below the header")
-    at = {key: _column(path, heads, key, getattr(columns, key)) for key in _WORDS}
-    if at["strain"] == at["stress"]:
+    rows = read_rows(path, "strain and stress")
+    heads, lines_of_header = _header(rows)
+    found = (
+        _column(path, heads, _STRAINS, columns.strain, columns.strain_unit, columns.height),
+        _column(path, heads, _STRESSES, columns.stress, columns.stress_unit, columns.area),
+    )
+    if found[0].number == found[1].number:
         raise UserError(
-            f"{path}: strain and stress are both column {at['strain'] + 1}; name two columns"
+            f"{path}: strain and stress are both column {found[0].number}; name two columns"
         )
-    units = {"strain": STRAIN_UNITS, "stress": STRESS_UNITS}
-    values, said = {}, {}
-    for key, known in units.items():
-        given = getattr(columns, f"{key}_unit")
-        unit = given if given is not None else _unit(heads, at[key])
-        if unit is not None and unit.lower().replace("²", "2") not in known:
-            where = f"{key}_unit" if given is not None else f"the header of column {at[key] + 1}"
-            raise UserError(
-                f"{path}: {where}: unit {shown(unit)}; must be one of {', '.join(known)}"
-            )
-        said[key] = unit
-        factor = 1.0 if unit is None else known[unit.lower().replace("²", "2")]
-        values[key] = factor * np.array([number_in(path, line, row, at[key]) for line, row in body])
-    _check_order(path, body, values["strain"])
-    strain, stress = _thinned(values["strain"], values["stress"], finest)
+    strain, stress = (_upright(_values(path, rows.body, column)) for column in found)
+    loading = _loading(strain)
+    branches = _branches(path, rows.body, strain, stress, loading)
+    thinned = _thinned(strain[loading], stress[loading], finest)
     try:
-        curve = Curve(strain=tuple(strain.tolist()), stress=tuple(stress.tolist()))
+        curve = Curve(strain=tuple(thinned[0].tolist()), stress=tuple(thinned[1].tolist()))
     except ValidationError as error:
         told = str(error.errors()[0].get("ctx", {}).get("error", error))
         raise UserError(f"{path}: {told.removeprefix('foam.curve').lstrip(':. ')}") from None
-    upright = {key: -all_ if -all_.min() > all_.max() else all_ for key, all_ in values.items()}
-    return CompressionTest(upright["strain"], upright["stress"], said, curve)
+    skipped = len(rows.above) - lines_of_header
+    return CompressionTest(strain, stress, loading, branches, found, rows.encoding, skipped, curve)
 
 
-def read_rows(path: Path, needs: str = "strain and stress") -> list[tuple[int, list[str]]]:
-    """Number and cells of each line that says something. Raises UserError: it cannot be read."""
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin it out")
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        if not isinstance(error, UnicodeDecodeError):
-            raise UserError(f"{shown(str(path))}: no file can have this name") from None
-        raise UserError(
-            f"{path}: not UTF-8 text (byte {error.start}); save it as CSV in UTF-8"
-        ) from None
-    lines = [
-        (number, line.strip())
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+def _header(rows: Rows) -> tuple[list[str] | None, int]:
+    """The header, and of how many lines it is; a line of units may stand below the names."""
+    lines = [cells for _, cells in rows.above if sum(map(bool, cells)) >= 2]
     if not lines:
-        raise UserError(f"{path}: empty; needs lines of {needs}")
-    between = _separator([line for _, line in lines[:20]])
-    if between is None:
-        return [(number, line.split()) for number, line in lines]
-    return [(number, _cells(path, number, line, between)) for number, line in lines]
+        return None, 0
+    if len(lines) > 1 and len(lines[-2]) == len(lines[-1]) and all(map(_is_unit, lines[-1])):
+        return [" ".join(pair) for pair in zip(*lines[-2:], strict=True)], 2
+    return lines[-1], 1
 
 
-def _cells(path: Path, number: int, line: str, between: str) -> list[str]:
-    """The cells of a line. A quote that is not closed ends with it."""
-    try:
-        (cells,) = csv.reader([line], delimiter=between, skipinitialspace=True)
-    except csv.Error as error:
-        raise UserError(f"{path}, line {number}: not CSV ({error}); remove the line") from None
-    return [cell.strip() for cell in cells]
+def _is_unit(cell: str) -> bool:
+    """Whether a cell of a header says a unit, or nothing."""
+    bracketed = IN_BRACKETS.fullmatch(cell)
+    kinds = (STRAIN, STRESS, DISPLACEMENT, FORCE)
+    known = {"", "s", "ms", "min", *(unit for kind in kinds for unit in kind.units)}
+    return bracketed is not None or _plain(cell) in known
 
 
-def _separator(lines: Sequence[str]) -> str | None:
-    """What stands between the cells; None: spaces. A comma may be that of decimals."""
-    for mark in (";", "\t"):
-        if all(mark in line for line in lines):
-            return mark
-    return "," if all("," in line for line in lines) else None
+def _plain(unit: str) -> str:
+    return unit.strip().lower().replace("²", "2")
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, finite or not."""
-    return _NUMBER.match(cell) is not None or cell.lower().lstrip("+-") in ("nan", "inf")
+def _column(
+    path: Path,
+    heads: Sequence[str] | None,
+    side: Side,
+    given: str | int | None,
+    unit: str | None,
+    size: float | None,
+) -> Column:
+    """The column of strain or displacement, or of stress or force. Raises UserError."""
+    key, kind = side.plain.name, side.plain if size is None else side.divided
+    if size is not None and not (is_finite(size) and side.least <= size <= side.most):
+        raise UserError(
+            f"{path}: {side.size} = {shown(size)}: must be a number from {side.least:g} to "
+            f"{side.most:g} {side.unit}; {side.example}"
+        )
+    divided = [] if heads is None else _known_by(heads, side.divided)
+    if heads and divided and given is None and size is None and not _known_by(heads, kind):
+        raise UserError(
+            f"{path}: column {divided[0] + 1} ({shown(heads[divided[0]])}) is one of "
+            f"{side.divided.name}; {key} needs the specimen's {side.size} [{side.unit}] too: "
+            f"give --{side.size}, or in a scene foam.curve.{side.size}"
+        )
+    at = _place(path, heads, key, kind, given)
+    head = None if heads is None else heads[at]
+    said = unit if unit is not None else _unit(head, kind)
+    if said is not None and _plain(said) not in kind.units:
+        where = f"{key}_unit" if unit is not None else f"the header of column {at + 1}"
+        raise UserError(
+            f"{path}: {where}: unit {shown(said)}; must be one of {', '.join(kind.units)}"
+        )
+    return Column(kind, at + 1, head, said, size)
 
 
-def _column(path: Path, heads: Sequence[str] | None, key: str, given: str | int | None) -> int:
-    """The place of the column of strain or stress, from 0."""
+def _place(
+    path: Path, heads: Sequence[str] | None, key: str, kind: Kind, given: str | int | None
+) -> int:
+    """The place of a column, from 0. Raises UserError: there is none, or there are several."""
     if isinstance(given, int):
         if not 1 <= given <= (len(heads) if heads else 1000):
             raise UserError(f"{path}: {key} = {given}: no such column; columns count from 1")
@@ -203,63 +297,82 @@ def _column(path: Path, heads: Sequence[str] | None, key: str, given: str | int 
             raise UserError(
                 f"{path}: {key} = {shown(given)}: the file has no header; give the column's number"
             )
-        return list(_WORDS).index(key)
+        return 0 if key == STRAIN.name else 1
     if given is not None:
         plain = [IN_BRACKETS.sub("", head).strip().lower() for head in heads]
         found = [n for n, head in enumerate(plain) if given.lower() == head]
         found = found or [n for n, head in enumerate(heads) if given.lower() in head.lower()]
     else:
-        words = _WORDS[key]
-        found = [n for n, head in enumerate(heads) if any(w in head.lower() for w in words)]
+        found = _known_by(heads, kind)
     if len(found) != 1:
         listed = ", ".join(shown(head) for head in heads)
         many = "no column" if not found else f"{len(found)} columns"
         raise UserError(
-            f"{path}: {many} of {key} in the header ({listed}); name one, or give its number from 1"
+            f"{path}: {many} of {kind.name} in the header ({listed}); name one with {key}, or give "
+            "its number from 1"
         )
     return found[0]
 
 
-def _unit(heads: Sequence[str] | None, at: int) -> str | None:
+def _known_by(heads: Sequence[str], kind: Kind) -> list[int]:
+    """The columns whose header has a word of a kind."""
+    return [n for n, head in enumerate(heads) if any(word in head.lower() for word in kind.words)]
+
+
+def _unit(head: str | None, kind: Kind) -> str | None:
     """The unit in a header's brackets, or its last word; None where it says none."""
-    if heads is None:
+    if head is None:
         return None
-    bracketed = IN_BRACKETS.search(heads[at])
-    if bracketed:
+    if bracketed := IN_BRACKETS.search(head):
         return bracketed[1]
-    *_, last = re.split(r"[\s_,/]+", heads[at].strip().lower()) or [""]
-    return last if last in STRAIN_UNITS or last in STRESS_UNITS else None
+    words = (re.split(between, head.strip())[-1] for between in (r"[\s_,]+", r"[\s_,/]+"))
+    return next((word for word in words if _plain(word) in kind.units), None)
 
 
-def number_in(path: Path, line: int, cells: Sequence[str], at: int) -> float:
-    """The number in a cell. Raises UserError: text, or not finite."""
-    cell = cells[at] if at < len(cells) else ""
-    try:
-        value = float(cell.replace(",", "."))
-    except ValueError:
+def _values(path: Path, body: Sequence[Row], column: Column) -> Array:
+    """Strains as fractions, or stresses in Pa, of a column."""
+    numbers = np.array([number_in(path, line, row, column.number - 1) for line, row in body])
+    factor = 1.0 if column.unit is None else column.kind.units[_plain(column.unit)]
+    return factor * numbers if column.over is None else factor * numbers / column.over
+
+
+def _upright(values: Array) -> Array:
+    """Values with compression positive; noise may have the other sign."""
+    return -values if -values.min() > values.max() else values
+
+
+def _loading(strain: Array) -> NDArray[np.bool_]:
+    """Which points have a strain above all before."""
+    before = np.maximum.accumulate(strain)[:-1]
+    return np.append(True, strain[1:] > before)
+
+
+def _branches(
+    path: Path, body: Sequence[Row], strain: Array, stress: Array, loading: NDArray[np.bool_]
+) -> tuple[Branch, ...]:
+    """Where a test unloads and is loaded again. Raises UserError: strains go back otherwise."""
+    starts = [int(n) for n in np.flatnonzero(loading)]
+    ends = [*starts[1:], strain.size]
+    found = []
+    for start, end in zip(starts, ends, strict=True):
+        inside = slice(start + 1, end)
+        if end - start < 2 or strain[start] - strain[inside].min() < UNLOADING:
+            continue
+        if stress[inside].min() > UNLOADED * stress[start]:
+            wrong = start + 1 + int(np.argmax(strain[inside] < strain[start]))
+            raise UserError(
+                f"{path}, line {body[wrong][0]}: a smaller strain than on a line before "
+                f"({strain[start]:g}), and the stress does not fall as it does when foam unloads; "
+                "strains must rise from line to line but for unloading; sort the lines, or "
+                "correct the strain"
+            )
+        found.append(Branch(float(strain[start]), float(strain[inside].min()), end - start - 1))
+    if len(starts) < 2 <= strain.size:
         raise UserError(
-            f"{path}, line {line}: {shown(cell)} in column {at + 1}: must be a number; remove the "
-            "line, or begin it with #"
-        ) from None
-    if not math.isfinite(value):
-        raise UserError(
-            f"{path}, line {line}: {cell} in column {at + 1}: must be finite; remove the line"
+            f"{path}, line {body[0][0]}: the largest strain is on the first line; strains must "
+            "rise from line to line; sort the lines"
         )
-    return value
-
-
-def _check_order(path: Path, body: Sequence[tuple[int, list[str]]], strain: Array) -> None:
-    """That strains rise, or fall all the way where compression is negative."""
-    falls = strain.size > 1 and strain[-1] < strain[0]
-    steps = np.diff(-strain if falls else strain)
-    if (steps > 0.0).all():
-        return
-    wrong = int(np.argmax(steps <= 0.0)) + 1
-    word = "the same strain as" if steps[wrong - 1] == 0.0 else "a smaller strain than"
-    raise UserError(
-        f"{path}, line {body[wrong][0]}: {word} on the line before ({abs(strain[wrong]):g}); "
-        "strains must rise from line to line; sort them, and cut the unloading off"
-    )
+    return tuple(found)
 
 
 def _thinned(strain: Array, stress: Array, finest: int) -> tuple[Array, Array]:

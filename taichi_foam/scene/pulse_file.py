@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.measured import IN_BRACKETS, is_number, number_in, read_rows
+from taichi_foam.scene.csv_file import IN_BRACKETS, number_in, read_rows
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.pulse import Pulse
 from taichi_foam.units import STANDARD_GRAVITY
@@ -26,12 +26,10 @@ def read_pulse(path: Path) -> Pulse:
     are s and m/s2. Raises UserError with file, line and value.
     """
     rows = read_rows(path, "time and acceleration")
-    factors = [1.0, 1.0]
-    if not all(is_number(cell) for cell in rows[0][1] if cell):
-        (_, heads), *rows = rows
-        factors = [_factor(path, heads, column) for column in range(2)]
+    heads = rows.heads or []
+    factors = [_factor(path, heads, column) for column in range(2)]
     values = [
-        tuple(factors[column] * number_in(path, line, cells, column) for line, cells in rows)
+        tuple(factors[column] * number_in(path, line, cells, column) for line, cells in rows.body)
         for column in range(2)
     ]
     try:

@@ -18,6 +18,7 @@ from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, driven, fall, filling, sources, support
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Across, Block, Layer
+from taichi_foam.scene.keys import all_parts
 from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
@@ -211,8 +212,17 @@ def _rebuild() -> None:
     """Let scenes know a law or a shape that came later."""
     for part in (Across, Layer, Block, Scene):
         part.model_rebuild(force=True)
+    _tell_places()
 
 
+def _tell_places() -> None:
+    """Let every part know where a scene has it."""
+    Scene.place = ""
+    for key, part in all_parts(Scene):
+        part.place = key.replace("[]", "[0]")
+
+
+_tell_places()
 for registry in (FOAMS, SHAPES):
     registry.watchers.append(_rebuild)
 

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from taichi_foam.analysis import quantities
 from taichi_foam.analysis.measures import summary
-from taichi_foam.analysis.quantities import DISPLACEMENT, RESIDUAL, Quantity
+from taichi_foam.analysis.quantities import (
+    DISPLACEMENT,
+    RAW_CREST_G,
+    RESIDUAL,
+    STRAIN,
+    Quantity,
+)
 from taichi_foam.cli import tables
 from taichi_foam.live.page.figures import FIGURES, QUANTITIES
 
@@ -32,3 +38,11 @@ def test_terminal_and_page_say_the_same(make_result) -> None:
     labels = list(tables.key_figures(result.scene, result.summary).columns[0].cells)
     assert RESIDUAL.label in labels
     assert labels == [quantity.label for quantity in ALL if quantity.label in labels]
+
+
+def test_the_largest_strain_stands_beside_the_peaks(make_result) -> None:
+    result = make_result(strain_J=1.0)
+    figures = {**result.summary, STRAIN.key: 0.4, RAW_CREST_G.key: 50.0}
+    labels = list(tables.key_figures(result.scene, figures).columns[0].cells)
+    assert labels.index(STRAIN.label) == labels.index(RAW_CREST_G.label) + 1
+    assert QUANTITIES.index(STRAIN) == QUANTITIES.index(RAW_CREST_G) + 1

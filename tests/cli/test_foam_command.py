@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import assert_refused, tree
+from command_line import COARSE_OPTIONS, assert_refused, tree
 from matplotlib.figure import Figure
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.engine.stresses import normal_stresses
+from taichi_foam.laws.bond import Curve
+from taichi_foam.laws.bond.fit import crushable_fit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.picture.foam_figure import compression_test
 from taichi_foam.scene.library import packaged, read_foam
 from taichi_foam.scene.measured import read_curve
 
@@ -95,7 +99,8 @@ def test_import_writes_a_foam_and_a_picture(
     assert file.foam.curve == read_curve(test_file)
     words = " ".join(done.stdout.split())
     for fragment in (
-        "45 points, to a strain of 0.88", "strain in %; stress in MPa",
+        "45 points, to a strain of 0.88", "strain in % (column 1, 'Strain (%)')",
+        "stress in MPa (column 2, 'Stress [MPa]')",
         "Young's modulus K 3.75 MPa", "Eq. 26 fitted", "median error",
         "foam.shear_modulus 1.4062e6 Pa 3/8 of Young's modulus", "pu.toml, pu.png",
         'foam = "pu.toml"',
@@ -141,13 +146,60 @@ def test_noise_is_smoothed_and_said(invoke: Callable, tmp_path: Path) -> None:
     assert len(read_foam(tmp_path / "noisy.toml").foam.curve.strain) <= 61
 
 
+def test_all_that_is_read_is_said(invoke: Callable, tmp_path: Path) -> None:
+    """A machine's file: Latin-1, free text, decimal commas, force and displacement, unloading."""
+    area, height = 2.5e-3, 0.05
+    rows = list(zip(STRAIN.tolist(), STRESS.tolist(), strict=True))
+    back = [(0.35, 60e3), (0.3, 0.0), (0.35, 50e3)]
+    rows = [*rows[:21], *back, *rows[20:], (0.8, 0.0)]
+    body = [f"{1e3 * height * e:.6f};{area * s:.6f}".replace(".", ",") for e, s in rows]
+    text = ["Prüfer;Müller", "Temperatur;23 °C", "", "Weg [mm];Kraft [N]", *body]
+    (tmp_path / "pu.csv").write_bytes("\r\n".join(text).encode("latin-1"))
+    done = invoke(
+        "foam", "import", "pu.csv", "--density", "30", "--area", "2.5e-3", "--height", "0.05"
+    )
+    assert (done.exit_code, done.stderr) == (0, "")
+    words = " ".join(done.stdout.split())
+    for fragment in (
+        "pu.csv, read as Latin-1: 50 points, to a strain of 0.88",
+        "2 lines of text above the header skipped",
+        "strain: displacement in mm (column 1, 'Weg [mm]'), over 0.05 m",
+        "stress: force in N (column 2, 'Kraft [N]'), over 0.0025 m2",
+        "left out of the curve: 2 unloading branches (5 points, with reloading), strain from 0.4 "
+        "to 0.3, from 0.88 to 0.8",
+    ):
+        assert fragment in words, fragment
+    file = read_foam(tmp_path / "pu.toml")
+    assert file.measured[1].startswith("strain: displacement in mm")
+    assert file.measured[3].startswith("left out of the curve: 2 unloading branches")
+    np.testing.assert_allclose(file.foam.curve.strain, STRAIN, rtol=1e-9)
+    np.testing.assert_allclose(file.foam.curve.stress, STRESS, rtol=1e-5, atol=1e-3)
+
+
+def test_the_picture_shows_the_plateau() -> None:
+    """A test to a hundred plateaus: the plateau has its place on both axes of stress."""
+    strain = np.append(STRAIN, [0.9, 0.92])
+    stress = np.append(STRESS, [50 * 150e3, 100 * 150e3])
+    foam = TabulatedFoam(curve=Curve(strain=tuple(strain.tolist()), stress=tuple(stress.tolist())))
+    loading = np.ones(strain.size, dtype=bool)
+    figure = compression_test(strain, stress, loading, foam, crushable_fit(foam.curve), "PU")
+    left, middle, _ = figure.axes
+    plateau = foam.landmarks.plateau_stress
+    for axis, scale in ((left, 1e3), (middle, 1e6)):
+        low, high = axis.transData.transform([(0.0, s) for s in axis.get_ylim()])[:, 1]
+        place = axis.transData.transform((0.0, plateau / scale))[1]
+        assert 0.25 <= (place - low) / (high - low) <= 0.6
+    assert middle.get_ylim()[1] * 1e6 > stress.max()
+
+
 def test_columns_by_number_and_name(invoke: Callable, tmp_path: Path) -> None:
     lines = [f"0,{s!r},{e!r}" for e, s in zip(STRAIN.tolist(), STRESS.tolist(), strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["time,load,squash", *lines]), encoding="utf-8")
     given = ["--density", "30"]
     by_number = invoke("foam", "import", "a.csv", *given, "--strain", "3", "--stress", "2")
     assert by_number.exit_code == 0, by_number.output
-    assert "strain as fractions, as no unit is given; stress in Pa, as no unit" in by_number.stdout
+    assert "strain in fractions, as no unit is given (column 3, 'squash')" in by_number.stdout
+    assert "stress in Pa, as no unit is given (column 2, 'load')" in by_number.stdout
     first = read_foam(tmp_path / "a.toml")
     by_name = invoke(
         "foam", "import", "a.csv", *given, "--strain", "squash", "--stress", "load", "--overwrite"
@@ -163,14 +215,15 @@ def changed(place: int, strain: float) -> np.ndarray:
 BAD_TESTS = {
     "text": ("strain,stress\n0,0\n0.1,broken\n0.2,2e5\n", ("line 3: 'broken' in column 2",)),
     "nan": ("strain,stress\n0,0\n0.1,nan\n0.2,2e5\n", ("line 3: nan in column 2: must be finite",)),
-    "unsorted": ((changed(9, 0.5), STRESS), ("line 12: a smaller strain than", "sort them")),
-    "repeated": ((changed(9, STRAIN[8]), STRESS), ("line 11: the same strain as",)),
+    "unsorted": ((changed(9, 0.5), STRESS), ("line 12: a smaller strain than", "sort the lines")),
     "percent without a unit": ((100 * STRAIN, STRESS), ("must be below 1", "80 % is 0.80")),
     "MPa without a unit": ((STRAIN, 1e-6 * STRESS), ("stresses are in pascals",)),
     "empty": ("", ("empty; needs lines",)),
     "header only": ("strain,stress\n", ("no numbers",)),
     "unknown unit": ("strain,stress (ksi)\n0,0\n0.5,1\n", ("unit 'ksi'",)),
-    "not UTF-8": (b"strain,stress (N/mm\xb2)\n0,0\n0.5,1\n", ("not UTF-8",)),
+    "no text": (b"PK\x03\x04\x00strain,stress", ("not a text file; save the table as CSV",)),
+    "no height": ("mm,load [N]\n0,0\n10,90\n", ("no column of strain in the header",)),
+    "no area": ("strain,load [N]\n0,0\n0.5,90\n", ("'load [N]'", "give --area")),
 }
 
 
@@ -260,3 +313,36 @@ def test_a_full_disk_leaves_what_there_was(
     done = invoke("foam", "import", "pu.csv", "--density", "30", "--overwrite")
     assert_refused(done, "figure pu.png: it could not be written")
     assert tree(tmp_path) == before
+
+
+def test_what_a_scene_assumes_is_one_line_after_its_run_and_a_command(
+    invoke: Callable, tmp_path: Path
+) -> None:
+    done = invoke(
+        "run", "paper/wedge-2.86", "--out", "of pu", "--no-film", "--set", "foam=rigid-pu-40",
+        "--set", "numerics.end=0.001", *COARSE_OPTIONS,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assumed = json.loads((tmp_path / "of pu" / "summary.json").read_text())["assumed"]
+    said = (
+        f"{len(assumed)} values of the foam are assumed: `taichi-foam foam assumed 'of pu'` shows"
+    )
+    assert [line for line in done.stdout.splitlines() if "assumed" in line] == [f"{said} them"]
+    shown = invoke("foam", "assumed", "of pu")
+    assert (shown.exit_code, shown.stderr) == (0, "")
+    words = " ".join(shown.stdout.split())
+    assert len(assumed) >= 12
+    for text in assumed:
+        key, _, rest = text.partition(" = ")
+        assert f"{key} {rest.partition(': ')[0]} " in words
+    assert "foam.densification_strain -0.8 that of the paper's foam, -0.80: the scaling" in words
+
+
+def test_what_scenes_assume_without_a_run(invoke: Callable, tmp_path: Path) -> None:
+    own = " ".join(invoke("foam", "assumed", "gallery/own-foam").stdout.split())
+    assert "foam.shear_modulus 1.2675e6 Pa 3/8 of Young's modulus" in own
+    assert "numerics.damping_time 1.7544e-5 s that of the paper's foam" in own
+    papers = invoke("foam", "assumed", "paper/wedge-2.86")
+    assert papers.stdout == "nothing is assumed of the foam\n"
+    assert_refused(invoke("foam", "assumed", str(tmp_path)), "has no scene.toml", "Fix: ")
+    assert_refused(invoke("foam", "assumed", "nowhere.toml"), "nowhere.toml: no such file")

@@ -53,6 +53,29 @@ def test_version(invoke: Callable) -> None:
     assert invoke("--version").stdout == f"taichi-foam {version()}\n"
 
 
+def completed(words: str, cwd: Path) -> list[str]:
+    """What the shell's completion offers for the last of these words."""
+    asked = {
+        "_TAICHI_FOAM_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(words.count(" ")),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "taichi_foam"],
+        cwd=cwd, env=ENVIRONMENT | asked, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    return done.stdout.split()
+
+
+def test_the_shell_completes_commands_scenes_and_foams(invoke: Callable, tmp_path: Path) -> None:
+    assert "--install-completion" in invoke("--help").stdout
+    assert completed("taichi-foam re", tmp_path) == ["resume", "render", "reproduce"]
+    wedges = [name for name in tests.NAMES if name.startswith("paper/wedge")]
+    assert completed("taichi-foam run paper/w", tmp_path) == wedges
+    assert completed("taichi-foam serve gallery/own", tmp_path) == ["gallery/own-foam"]
+    assert completed("taichi-foam foam show shim", tmp_path) == ["shim2000-pu"]
+
+
 def test_scenes_lists_every_built_in_scene_on_a_line(invoke: Callable) -> None:
     lines = invoke("scenes").stdout.splitlines()
     names = [line.split()[0] for line in lines]

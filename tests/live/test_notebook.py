@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from taichi_foam.catalogue import list_scenes, load_scene
+from taichi_foam.live.notebook import result_html, scene_html
+
 nbclient = pytest.importorskip("nbclient", reason="needs nbclient and ipykernel (pip: dev)")
 nbformat = pytest.importorskip("nbformat")
 
@@ -116,3 +119,21 @@ def test_nothing_but_results_is_printed(cells: list) -> None:
     assert [o["text"] for o in streams if o.name != "stdout"] == []
     # a line may come in several parts
     assert [len(text_of(outputs).splitlines()) for outputs in cells] == [0, 1, 1]
+
+
+@pytest.mark.parametrize("name", [name for name in list_scenes() if name.startswith("gallery/")])
+def test_every_scene_of_the_gallery_shows_itself(name: str) -> None:
+    scene = load_scene(name)
+    html = scene_html(scene)
+    assert Image.open(io.BytesIO(embedded("image/png", html))).size == (640, 360)
+    assert ("foam.curve" in html) == (scene.foam.law == "tabulated")
+    assert len(html) < 100_000
+
+
+def test_what_is_assumed_is_a_line_that_opens(make_result) -> None:
+    scene = load_scene("gallery/own-foam")
+    html = result_html(make_result(scene))
+    line, opened = html.split("<summary>")[1].split("</summary>")
+    assert line == f"assumed of the foam: {len(scene.assumed)}"
+    assert all(each.key in opened for each in scene.assumed)
+    assert "<summary>" not in result_html(make_result(load_scene("paper/wedge-2.86")))

@@ -131,6 +131,11 @@ def test_choice_sets_leave_out_what_another_law_lacks(choices: str) -> None:
         ({"key": "foam.law"}, "must be none, or a list"),
         ([{"key": "foo.bar", "why": "x"}], "'foo.bar': must be the key of a value"),
         ([{"key": "foam.will", "why": "x"}], "'foam.will': must be the key of a value"),
+        ([{"key": "block", "why": "x"}], "'block': must be the key of a value"),
+        ([{"key": [1], "why": "x"}], "assumed[0].key = [1]: must be text"),
+        ([{"key": {"a": 1}, "why": "x"}], "assumed[0].key = {'a': 1}: must be text"),
+        ([{"key": "foam.law"}], "assumed[0].why: missing; must be text"),
+        (["foam.law"], "assumed[0] = 'foam.law': must be a table with keys such as key, why"),
     ],
 )
 def test_entries_that_cannot_be_are_refused(entries: object, told: str) -> None:

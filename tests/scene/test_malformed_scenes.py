@@ -36,6 +36,7 @@ PAD = {
 SCENES = [
     *(load_scene(name) for name in (paper.NAMES[0], "paper/cylinder-3.32", "paper/wedge-2.86")),
     load_scene("paper/wedge-2.86").with_values({f"block.{key}": PAD[key] for key in PAD}),
+    load_scene("paper/wedge-2.86").with_values({"foam": "rigid-pu-40"}),
 ]
 DATA = [scene.model_dump(exclude_none=True) for scene in SCENES]
 TEXTS = [scene_to_toml(scene) for scene in SCENES]
@@ -60,6 +61,7 @@ values = st.recursive(
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(words, inner, max_size=4)),
     max_leaves=8,
 )
+entries = st.lists(st.fixed_dictionaries({"key": values}, optional={"why": values}), max_size=3)
 pieces = st.one_of(
     st.text(alphabet=string.printable, max_size=30),
     st.text(max_size=10),
@@ -99,6 +101,8 @@ def test_odd_values_in_a_file(folder: Path, data: st.DataObject) -> None:
     """Some values of a good scene are others, of any type; some keys are new."""
     found = dict(by_key(data.draw(st.sampled_from(DATA))))
     found |= data.draw(st.dictionaries(st.sampled_from(KEYS), values, min_size=1, max_size=5))
+    if data.draw(st.booleans()):
+        found["assumed"] = data.draw(entries)
     tree: dict = {}
     for key, value in found.items():
         *heads, last = key.split(".")

@@ -6,12 +6,15 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from taichi_foam import scene
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import described, unit_of
-from taichi_foam.scene import Cylinder, FlatBlock, Foam, Scene, Wedge
+from taichi_foam.scene import Curve, Cylinder, FlatBlock, Foam, Scene, TabulatedFoam, Wedge
+from taichi_foam.scene.messages import explain
 from taichi_foam.scene.values import settings
 
 SCENE = Scene(name="mine", impactor=Wedge(velocity=2.86))
@@ -112,3 +115,40 @@ def test_a_scene_shows_what_it_differs_in() -> None:
     assert repr(SCENE) == "Scene(name='mine', impactor=Wedge(velocity=2.86))"
     assert repr(Scene(numerics={"end": 1.0}).block) == "Block()"
     assert eval(repr(SCENE)) == SCENE
+
+
+def test_a_long_list_is_told_by_its_range() -> None:
+    curve = Curve(strain=[n / 1000 for n in range(1, 801)], stress=[1e3 * n for n in range(1, 801)])
+    assert repr(curve) == "Curve(strain=<801 numbers, 0 to 0.8>, stress=<801 numbers, 0 to 800000>)"
+    assert len(repr(Scene(foam=TabulatedFoam(curve=curve), numerics={"end": 0.01}))) < 2_000
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value", "instead"),
+    [
+        ("block", "height", 0.06, "scene.with_values(block__height=0.06)"),
+        ("impactor", "mass", 3.0, "scene.with_values(impactor__mass=3.0)"),
+        ("foam", "softening", False, "scene.with_values(foam__softening=False)"),
+        (None, "name", "other", "scene.with_values(name='other')"),
+    ],
+)
+def test_an_assignment_says_how_to_get_a_changed_scene(
+    part: str | None, name: str, value: object, instead: str
+) -> None:
+    owner = SCENE if part is None else getattr(SCENE, part)
+    before = getattr(owner, name)
+    with pytest.raises(ValidationError, match="scenes do not change") as caught:
+        setattr(owner, name, value)
+    assert instead in str(caught.value)
+    assert getattr(owner, name) == before
+    key = name if part is None else f"{part}.{name}"
+    assert explain(caught.value, Scene).startswith(f"{key}: scenes do not change; {instead}")
+    changed = eval(instead, {"scene": SCENE})
+    assert getattr(changed if part is None else getattr(changed, part), name) == value
+
+
+def test_completion_shows_public_names_only() -> None:
+    shown = {name for name in dir(SCENE) if not name.startswith("_")}
+    assert set(Scene.model_fields) | {"with_values", "turns"} <= shown
+    assert not {name for name in shown if name.startswith(("model_", "dict", "copy"))}
+    assert dir(scene) == sorted(scene.__all__)

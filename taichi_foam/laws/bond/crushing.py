@@ -28,7 +28,7 @@ CELL = 0.005
 UNLESS_GIVEN = {
     "fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
     "shear_fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
-    "crush_band": "none: dashpots take strain rates over a cell",
+    "crush_band": "dashpots take strain rates over a cell, of whatever size",
 }
 """See `BondFoam.unless_given`."""
 

@@ -74,8 +74,9 @@ class TabulatedFoam(CrushingFoam):
 
     curve: Curve = Field(
         description="stress over strain of its compression test: a CSV file, with `strain_unit` "
-        "and `stress_unit` where its header has none and `strain` and `stress` for its columns; "
-        "or lists",
+        "and `stress_unit` where its header has none, `strain` and `stress` for its columns, and "
+        "the specimen's `area` [m2] and `height` [m] where these are force and displacement; or "
+        "lists",
         json_schema_extra={
             "allowed": 'a file name, { file = "...", strain_unit = "%", ... }, or '
             "{ strain = [...], stress = [...] } in Pa",

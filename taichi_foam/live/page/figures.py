@@ -6,7 +6,7 @@ from taichi_foam.analysis import quantities as q
 from taichi_foam.records import history
 
 QUANTITIES = (
-    q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G,
+    q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN,
     q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME, q.ENERGY_ABSORBED, q.PEAK,
     q.RESULTANT_G, q.ANGLE, q.SPIN, q.SIDEWAYS,
     q.REBOUND, q.CHANGE, q.RESTITUTION, q.FALL, q.WIDTH, q.HEIGHT, q.PIECES, q.BROKEN, q.RESIDUAL,

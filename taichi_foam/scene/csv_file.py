@@ -1,0 +1,171 @@
+"""Columns of numbers in text files: encoding, what stands between cells, where the numbers begin.
+
+Such a file is what a testing machine or a spreadsheet writes: free text, a header, then rows of
+numbers, with commas, semicolons, tabs or spaces between them.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from taichi_foam.errors import UserError
+from taichi_foam.scene.messages import shown
+
+MOST_BYTES = 20_000_000
+
+LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
+"""What a number is multiplied by to be in metres."""
+
+IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
+"""A unit in a header."""
+
+_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?$")
+_LINE_END = re.compile(r"\r\n?|\n")
+_MARKS = (";", "\t", ",", None)
+"""What may stand between cells, the likeliest first; None: spaces."""
+
+_LOOKED_AT = 200
+"""Lines at either end of a file by which it is told what stands between its cells."""
+
+Row = tuple[int, list[str]]
+"""Number of a line, from 1, and its cells."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The lines of a file that say something, in cells.
+
+    encoding  that the file is read by
+    above     text before the first row of numbers
+    body      that row and all after it
+    """
+
+    encoding: str
+    above: list[Row]
+    body: list[Row]
+
+    @property
+    def heads(self) -> list[str] | None:
+        """The header: the nearest row above the numbers that has two cells; None: there is none."""
+        rows = (cells for _, cells in reversed(self.above) if sum(map(bool, cells)) >= 2)
+        return next(rows, None)
+
+
+def read_rows(path: Path, needs: str) -> Rows:
+    """The rows of a text file; lines that begin with `#`, and empty ones, are left out.
+
+    Raises UserError: it cannot be read, or has no row of two numbers; `needs` says of what.
+    """
+    text, encoding = _text(path)
+    lines = [
+        (number, line.strip())
+        for number, line in enumerate(_LINE_END.split(text), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise UserError(f"{path}: empty; needs lines of {needs}")
+    between = _separator([line for _, line in lines[:_LOOKED_AT] + lines[-_LOOKED_AT:]])
+    rows = [(number, _cells(path, number, line, between)) for number, line in lines]
+    first = _first(rows)
+    if first is None:
+        raise UserError(f"{path}: no numbers; needs lines of {needs} below the header")
+    return Rows(encoding, rows[:first], rows[first:])
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, finite or not."""
+    return _NUMBER.match(cell) is not None or cell.lower().lstrip("+-") in ("nan", "inf")
+
+
+def number_in(path: Path, line: int, cells: Sequence[str], at: int) -> float:
+    """The number in a cell. Raises UserError: text, or not finite."""
+    cell = cells[at] if at < len(cells) else ""
+    try:
+        value = float(cell.replace(",", "."))
+    except ValueError:
+        raise UserError(
+            f"{path}, line {line}: {shown(cell)} in column {at + 1}: must be a number; remove the "
+            "line, or begin it with #"
+        ) from None
+    if not math.isfinite(value):
+        raise UserError(
+            f"{path}, line {line}: {cell} in column {at + 1}: must be finite; remove the line"
+        )
+    return value
+
+
+def _text(path: Path) -> tuple[str, str]:
+    """The text of a file and its encoding: UTF-8, UTF-16 if it is marked so, else Latin-1."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin it out")
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise UserError(f"{shown(str(path))}: no file can have this name") from None
+    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if b"\0" in data and not marked:
+        raise UserError(f"{path}: not a text file; save the table as CSV")
+    codec, name = ("utf-16", "UTF-16") if marked else ("utf-8-sig", "UTF-8")
+    try:
+        return data.decode(codec), name
+    except UnicodeDecodeError:
+        return data.decode("latin-1"), "Latin-1"
+
+
+def _separator(lines: Sequence[str]) -> str | None:
+    """What stands between the cells: with what most lines are numbers, whole or in part."""
+
+    def numbers(mark: str | None) -> tuple[int, int]:
+        rows = [cells for line in lines if (cells := _split(line, mark)) and len(cells) > 1]
+        found = [[is_number(cell) for cell in cells if cell] for cells in rows]
+        return sum(len(row) > 1 and all(row) for row in found), sum(sum(row) > 1 for row in found)
+
+    return max(_MARKS, key=numbers)
+
+
+def _split(line: str, between: str | None) -> list[str] | None:
+    """The cells of a line; None where it is no CSV. A quote that is not closed ends with it."""
+    if between is None:
+        return line.split()
+    try:
+        (cells,) = csv.reader([line], delimiter=between, skipinitialspace=True)
+    except csv.Error:
+        return None
+    return [cell.strip() for cell in cells]
+
+
+def _cells(path: Path, number: int, line: str, between: str | None) -> list[str]:
+    cells = _split(line, between)
+    if cells is None:
+        raise UserError(f"{path}, line {number}: not CSV (a cell is too long); remove the line")
+    return cells
+
+
+def _first(rows: list[Row]) -> int | None:
+    """Which row is the first of numbers: the first that has them where most rows do.
+
+    Rows right above it that have a number there are some of them, and their text is a mistake.
+    """
+    ends = rows[:_LOOKED_AT] + rows[-_LOOKED_AT:]
+    counts = Counter(places for _, cells in ends if len(places := _places(cells)) > 1)
+    if not counts:
+        return None
+    usual, _ = counts.most_common(1)[0]
+    first = next(n for n, (_, cells) in enumerate(rows) if _places(cells) >= usual)
+    while first > 0 and _places(rows[first - 1][1]) & usual:
+        first -= 1
+    return first
+
+
+def _places(cells: Sequence[str]) -> frozenset[int]:
+    """Which cells hold numbers."""
+    return frozenset(n for n, cell in enumerate(cells) if is_number(cell))
