@@ -224,8 +224,7 @@ def _say_estimate(
     assert found.core_seconds is not None
     count = cores(workers, threads)
     shown = Table(box=None, show_header=False, pad_edge=False)
-    chunks = f"{found.chunks:,} chunk{'' if found.chunks == 1 else 's'}"
-    shown.add_row("drops", f"{found.drops:,}, in {chunks}")
+    shown.add_row("drops", f"{found.drops:,}")
     took = time_text(found.core_seconds / count)
     shown.add_row(
         "time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine"

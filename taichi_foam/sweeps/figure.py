@@ -96,13 +96,13 @@ def shown(
 
 def _drops(sweep: Sweep, measure: str) -> _Drops:
     store = sweep.store
-    paths = [store.chunk_file(chunk) for chunk in store.finished()]
-    if not paths:
+    shards = store.shards()
+    if not shards:
         raise UserError(f"{store.folder}: nothing is complete yet")
     keys = store.design.keys
-    found = table.read(paths, [*keys, measure, table.MEMBER])
+    found = table.read(shards, [*keys, measure, table.MEMBER])
     if measure not in found.column_names:
-        names = table.measures(paths, keys)
+        names = table.measures(shards, keys)
         near = difflib.get_close_matches(measure, names, n=1, cutoff=0.5)
         guess = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UserError(f"{measure}: no column of the table; {guess}")

@@ -19,7 +19,7 @@ from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import estimate, table
+from taichi_foam.sweeps import dealing, estimate, table
 from taichi_foam.sweeps.chunk import Engine, Solve
 from taichi_foam.sweeps.compute import compute
 from taichi_foam.sweeps.plan import Plan
@@ -66,14 +66,13 @@ class Sweep:
     @property
     def standing(self) -> Standing:
         """How far it is."""
-        store, finished = self.store, self.store.finished()
-        lost = self._lost(finished)
-        failures = table.read([store.chunk_file(chunk) for chunk in finished], ["failure"])
+        store = self.store
+        failures = table.read(store.shards(), ["failure"])
         return Standing(
             drops=len(store.design),
             done=len(failures),
             failed=len(failures) - failures["failure"].null_count if len(failures) else 0,
-            lost=sum(len(store.design.numbers(chunk)) for chunk in lost),
+            lost=sum(map(len, store.lost())),
             at_work=store.is_at_work,
         )
 
@@ -82,13 +81,13 @@ class Sweep:
 
         Raises OSError: they cannot be written.
         """
-        store, finished = self.store, self.store.finished()
+        store = self.store
         more = [
             table.row_without_scene(store.design, number, f"lost: {reason}")
-            for chunk, reason in self._lost(finished).items()
-            for number in store.design.numbers(chunk)
+            for chunk, reason in store.lost().items()
+            for number in chunk
         ]
-        return table.collect([store.chunk_file(chunk) for chunk in finished], more, store.folder)
+        return table.collect(store.shards(), more, store.folder)
 
     def to_pandas(self) -> Any:
         """The table as a frame; a row a drop.
@@ -110,9 +109,9 @@ class Sweep:
         with installed("a history as a frame", "pandas"):
             import pandas
         self._check_number(number)
-        assert self.store.plan.chunk is not None
-        path = self.store.history_file(number // self.store.plan.chunk)
-        if not path.is_file():
+        chunk = next((each for each in self.store.finished() if number in each), None)
+        path = None if chunk is None else self.store.history_file(chunk)
+        if path is None or not path.is_file():
             raise UserError(
                 f"{self.folder}: there is no history of member {number}; it is not computed yet, "
                 "or the plan does not keep them (keep.histories). Fix: compute it again in full."
@@ -147,10 +146,6 @@ class Sweep:
             raise UserError(
                 f"member {number}: there is none; they are 0 to {len(self.store.design) - 1}"
             )
-
-    def _lost(self, finished: list[int]) -> dict[int, str]:
-        done = set(finished)
-        return {chunk: why for chunk, why in self.store.lost().items() if chunk not in done}
 
 
 def sweep(
@@ -194,8 +189,8 @@ def sweep(
     with claimed(folder, checked, arch) as store:
         found = Sweep(store)
         for chunk in store.drop_damaged():
-            bars.say(f"chunk {chunk} cannot be read, and is computed again")
-        pending = sum(len(store.design.numbers(chunk)) for chunk in store.pending())
+            bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read, and are computed again")
+        pending = sum(map(len, store.missing()))
         try:
             _compute(store, solve, pending, bars, workers, scheduler)
         except KeyboardInterrupt:
@@ -205,6 +200,7 @@ def sweep(
         except (RunError, UserError):
             _collect_if_possible(found)
             raise
+        store.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
             found.collect()
     return found
@@ -258,7 +254,22 @@ def _compute(
         return
     what = f"{pending:,} of {len(store.design):,} drops"
     with bars.counting("computing", what, pending, "drops") as advance:
-        compute(store, solve, advance, workers=workers, scheduler=scheduler)
+        compute(
+            store, solve, advance,
+            side_by_side=_side_by_side(store, solve), workers=workers, scheduler=scheduler,
+        )  # fmt: skip
+
+
+def _side_by_side(store: Store, solve: Solve) -> int:
+    """How many drops a worker computes at a time, at no more time than one: of a CPU its threads.
+
+    A GPU has room for more than a chunk holds.
+    """
+    if not isinstance(solve, Engine):
+        return 1
+    if store.made_with["arch"] != "cpu":
+        return dealing.MOST
+    return solve.threads or int(runtime.settings()["threads"])
 
 
 def _collect_if_possible(found: Sweep) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -86,18 +85,6 @@ class Design:
         """Of all values on the axes: another SciPy may draw other points."""
         text = json.dumps([[keys, list(points)] for keys, points in self._levels])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-    @property
-    def chunks(self) -> int:
-        """How many chunks there are."""
-        assert self.plan.chunk is not None
-        return math.ceil(len(self) / self.plan.chunk)
-
-    def numbers(self, chunk: int) -> range:
-        """The members of a chunk."""
-        assert self.plan.chunk is not None
-        first = chunk * self.plan.chunk
-        return range(first, min(first + self.plan.chunk, len(self)))
 
     def axes(self, number: int) -> tuple[dict[str, Any], int]:
         """The values of a member on the axes, in the plan's order, and which repeat it is."""

@@ -171,14 +171,6 @@ def test_a_plan_is_a_file_whose_scene_lies_beside_it(tmp_path: Path) -> None:
     assert Plan.load(Plan.checked(plan.data(), "again")) == plan
 
 
-def test_chunks_hold_half_a_minute_of_work() -> None:
-    sizes = {}
-    for rows in (10, 20, 40, 400):
-        values = {"block.rows": rows, "block.columns": 2 * rows}
-        sizes[rows] = Plan.load(plan_of(chunk=None, set=values)).chunk
-    assert sizes == {10: 256, 20: 32, 40: 4, 400: 1}
-
-
 @pytest.mark.parametrize(
     ("text", "axis"),
     [
