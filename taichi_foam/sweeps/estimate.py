@@ -96,14 +96,6 @@ def size_text(count: float) -> str:
     return f"{count / scale:.3g} {prefix}B"
 
 
-def time_text(seconds: float) -> str:
-    """A time for people: 40 s, 12 min, 3.5 h, 2.1 days."""
-    for limit, unit, per in ((90, "s", 1), (5400, "min", 60), (172_800, "h", 3600)):
-        if seconds < limit:
-            return f"{seconds / per:.2g} {unit}"
-    return f"{seconds / 86_400:.2g} days"
-
-
 def cores(workers: int | None, threads: int | None) -> int:
     """How many cores of this machine compute."""
     here = os.cpu_count() or 1

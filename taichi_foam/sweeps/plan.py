@@ -172,6 +172,18 @@ class Plan(Part):
         return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
 
     @property
+    def notes(self) -> list[str]:
+        """What is known of it before it is computed, and may not have been meant."""
+        scatter = next((axis for axis in self.axes if axis.key == "foam.strength_scatter"), None)
+        if scatter is None or self.repeats.count == 1 or self.repeats.vary != "seed":
+            return []
+        if scatter.low == 0 or 0 in (scatter.values or ()):
+            return [
+                "repeats.vary = 'seed': where foam.strength_scatter = 0 all repeats are the same"
+            ]
+        return []
+
+    @property
     def hash(self) -> str:
         """Of everything in it that a row hangs on; 16 hexadecimal digits."""
         text = json.dumps(_without_chunk(self.data()), sort_keys=True)

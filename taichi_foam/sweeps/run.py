@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.errors import RunError, UserError, installed, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
@@ -28,6 +28,10 @@ from taichi_foam.sweeps.store import Store, claimed
 
 MOST_CHECKED = 10_000
 """Drops whose scenes are built before any is computed; of more, as many spread evenly."""
+
+
+_TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
+"""Measures of which one at least differs as soon as two drops differ in anything."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,24 @@ class Sweep:
     def open(cls, folder: str | Path) -> Sweep:
         """The sweep in a folder. Raises UserError: there is none, or it is damaged."""
         return cls(Store.open(folder))
+
+    @property
+    def notes(self) -> list[str]:
+        """What there is to say of its repeats, in words: seeds that have changed nothing."""
+        repeats = self.store.plan.repeats
+        if repeats.count == 1 or repeats.vary != "seed":
+            return []
+        found = table.read(self.store.shards(), [table.MEMBER, *_TELLING])
+        same = table.same_in_groups(found, repeats.count)
+        if not any(same):
+            return []
+        where = "of all combinations" if all(same) else f"of {sum(same):,} of {len(same):,}"
+        where = where if len(same) > 1 else "of the drop"
+        return [
+            f"repeats.vary = 'seed': the seeds have changed nothing in the repeats {where}: "
+            "scattered strengths matter only where foam breaks or comes near to it. "
+            "Fix: vary the velocity"
+        ]
 
     @property
     def folder(self) -> Path:
@@ -169,7 +191,7 @@ def sweep(
         scheduler: address of a Dask scheduler, instead of `workers`; its workers share the folder.
         arch: what to compute on, as for `init`; default "cpu".
         threads: CPU threads of each worker; default 1, in this process as for `init`.
-        bars: where progress shows; None: nowhere.
+        bars: where progress shows, and notes; None: nowhere. A `RunWarning` says notes, too.
         solve: what computes scenes, instead of `simulate_many`.
 
     Raises:
@@ -180,6 +202,7 @@ def sweep(
     """
     bars = bars or Bars()
     folder, checked = prepare(plan, out, workers, scheduler)
+    _say(bars, checked.notes)
     is_here = workers is None and scheduler is None
     arch = arch or "cpu"
     if solve is None:
@@ -203,6 +226,7 @@ def sweep(
         store.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
             found.collect()
+    _say(bars, found.notes)
     return found
 
 
@@ -240,6 +264,12 @@ def tried(
     runtime.start(arch, threads)
     with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
         return estimate.trial(Design(plan), Engine(arch, threads), advance)
+
+
+def _say(bars: Bars, notes: list[str]) -> None:
+    for text in notes:
+        bars.say(f"note: {text}")
+        warn_of_run(text)
 
 
 def _compute(

@@ -127,6 +127,28 @@ def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
     return [name for name in names if name not in (*axes, *_HEAD)]
 
 
+def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
+    """Of each row of `count` consecutive members: whether all that are there have the same figures.
+
+    Groups of which fewer than two members are there, or that have no figures, are left out.
+    """
+    import numpy as np
+    import pyarrow as pa
+
+    groups = np.asarray(rows[MEMBER]) // count
+    starts = np.flatnonzero(np.diff(groups, prepend=-1))
+    several = np.diff(starts, append=len(groups)) > 1
+    same, known = several.copy(), np.zeros(len(starts), bool)
+    for name in rows.column_names:
+        if name == MEMBER or not len(starts):
+            continue
+        values = rows[name].cast(pa.float64()).to_numpy()
+        low, high = (each.reduceat(values, starts) for each in (np.fmin, np.fmax))
+        known |= np.isfinite(low)
+        same &= (low == high) | ~np.isfinite(low)
+    return same[known & several].tolist()
+
+
 def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
     """Write results.parquet and results.csv of shards and of `more` rows; returns how many rows.
 
