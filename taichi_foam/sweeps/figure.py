@@ -103,8 +103,6 @@ def shown(
         else:
             _draw_curves(axis, drops, x, by)
             axis.set_ylabel(_label_of_measure(measure, drops.shares))
-            if drops.shares:
-                axis.set_ylim(-3.0, 103.0)
         axis.set_xlabel(_label_of_axis(x, drops.scene))
         axis.set_title(sweep.store.plan.name or "")
     return figure
@@ -191,6 +189,8 @@ def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
         there = np.flatnonzero(np.isfinite(median))
         if name and there.size:
             ends.append((centres[there[-1]], float(median[there[-1]]), name, colour))
+    if drops.shares:
+        axis.set_ylim(-3.0, 103.0)
     _scale(axis, "x", x, places, drops)
     _name_curves(axis, ends, by, drops.scene)
 
@@ -202,10 +202,13 @@ def _name_curves(
     if not ends or by is None:
         return
     low, high = axis.get_ylim()
-    heights = spread([end[1] for end in ends], 0.055 * (high - low))
+    heights = np.array(spread([end[1] for end in ends], 0.055 * (high - low)))
+    margin = 0.02 * (high - low)  # as many as there can be have room between the ends of the axis
+    heights -= max(0.0, heights.max() + margin - high)
+    heights += max(0.0, low + margin - heights.min())
     for height, (x, _, name, colour) in zip(heights, ends, strict=True):
         beside(axis, x, height, name, colour, (9, 0), "center")
-    axis.set_ylim(min(low, min(heights)), max(high, max(heights)))
+    axis.set_ylim(low, high)
     right = axis.get_xlim()
     if axis.get_xscale() == "log":
         axis.set_xlim(right[0], right[1] * (right[1] / right[0]) ** 0.12)
@@ -322,7 +325,10 @@ def _groups(drops: _Drops, by: str | None) -> dict[str, list[int]]:
     for place, value in enumerate(values):
         found.setdefault(_hashable(value), []).append(place)
     order = sorted(found) if numbers else list(found)
-    return {f"{v:g}" if _is_number(v) else str(v): found[v] for v in order}
+    names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
+    if len(set(names.values())) < len(names):  # closer together than four digits tell
+        names = {v: str(v) for v in order}
+    return {names[v]: found[v] for v in order}
 
 
 def _places(values: Sequence[Any]) -> dict[Any, float]:
