@@ -79,8 +79,9 @@ def compute(
         KeyboardInterrupt: Ctrl-C; likewise.
     """
     inbox: Inbox = queue.SimpleQueue()
-    dealer = Dealer(store.design, store.missing(), side_by_side, workers or 1)
     with _client(store, inbox, workers, scheduler) as client:
+        there = max(1, _workers_of(client, store))
+        dealer = Dealer(store.design, store.missing(), side_by_side, there)
         if workers is None and scheduler is None:
             with _by_name(solve, on_drops) as named:
                 task = partial(compute_chunk, solve=named)
@@ -136,11 +137,7 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        try:
-            workers: Any = self._client.nthreads()
-        except OSError:  # whatever it was, nobody answers
-            raise RunError(_words_of_loss(self._store)) from None
-        room = max(1, sum(workers.values())) - len(self._flying)
+        room = max(1, _workers_of(self._client, self._store)) - len(self._flying)
         for chunk in itertools.islice(iter(self._dealer.next, None), max(0, room)):
             future = self._client.submit(
                 self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
@@ -197,6 +194,15 @@ class _Computing:
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
             raise RunError(_words_of_loss(self._store))
+
+
+def _workers_of(client: Client, store: Store) -> int:
+    """How many chunks can be computed at a time now. Raises RunError: the scheduler is gone."""
+    try:
+        workers: Any = client.nthreads()
+    except OSError:  # whatever it was, nobody answers
+        raise RunError(_words_of_loss(store)) from None
+    return sum(workers.values())
 
 
 def _words_of_lost(store: Store, count: int) -> str:

@@ -61,9 +61,11 @@ def test_a_whole_result_is_kept_of_chosen_members(unbroken: Sweep) -> None:
 
 
 def test_two_workers_write_what_one_process_writes(unbroken: Sweep, tmp_path: Path) -> None:
-    found = tf.sweep(REAL, tmp_path / "s", workers=2)
+    found = tf.sweep({**REAL, "chunk": 1}, tmp_path / "s", workers=2)
     assert found.standing == unbroken.standing
-    assert sweeps.compare(unbroken.folder, tmp_path / "s") == []
+    assert len(sweeps.chunk_files(tmp_path / "s")) == 8
+    # the plan says that the chunks are smaller, and nothing else differs
+    assert sweeps.compare(unbroken.folder, tmp_path / "s") == ["sweep.json"]
 
 
 @contextlib.contextmanager
