@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console
 
@@ -130,7 +131,7 @@ def scheduling(drops: int, workers: int, chunk: int | None, folder: Path) -> Non
     begun = time.perf_counter()
     tf.sweep(plan, folder, workers=workers, solve=Waiting())
     again = time.perf_counter() - begun
-    chunks = done.store.design.chunks
+    chunks = len(done.store.finished())
     files = sum(1 for path in folder.rglob("*") if path.is_file())
     print(
         f"{drops:,} drops that only wait, {MEDIAN_S * 1e3:g} ms in the median, in {chunks:,} "
@@ -177,8 +178,8 @@ def real(drops: int, rows: int, folder: Path) -> None:
     took, cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
     assert done.standing.done == len(scenes)
     print(
-        f"{len(scenes):,} drops of {2 * rows} x {rows} mass points, in chunks of "
-        f"{design.plan.chunk}, in this process:\n"
+        f"{len(scenes):,} drops of {2 * rows} x {rows} mass points, in "
+        f"{len(done.store.finished())} chunks, in this process:\n"
         f"  simulate_many {alone:.1f} s, the sweep {took:.1f} s: {took / alone:.3f} times\n"
         f"  processor time {alone_cpu:.1f} s and {cpu:.1f} s: {cpu / alone_cpu:.3f} times\n"
         f"  memory: {growth(seen)}"
@@ -372,10 +373,11 @@ _TIMED = ("results.csv", "summary.json", "manifest.json")
 
 
 def compare(one: Path, other: Path) -> list[str]:
-    """In what two sweeps differ on disk, wall times apart."""
-    names = {str(path.relative_to(one)) for path in one.rglob("*")}
-    others = {str(path.relative_to(other)) for path in other.rglob("*")}
+    """In what two sweeps differ on disk, wall times and where their chunks end apart."""
+    names, others = _names(one), _names(other)
     found = [f"only in one: {name}" for name in sorted(names ^ others)]
+    if not _histories(one).equals(_histories(other)):
+        found.append("histories")
     for name in sorted(names & others):
         first, second = one / name, other / name
         if name.endswith(".parquet"):
@@ -387,6 +389,18 @@ def compare(one: Path, other: Path) -> list[str]:
         if not same:
             found.append(name)
     return found
+
+
+def _names(folder: Path) -> set[str]:
+    """All that a sweep has on disk but its chunks, whose rows are in results.parquet, too."""
+    names = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+    return {name for name in names if not name.startswith(("chunks/", "histories/"))}
+
+
+def _histories(folder: Path) -> pa.Table:
+    """Those of all members in one table."""
+    paths = sorted((folder / "histories").glob("*.parquet"))
+    return pa.concat_tables(map(pq.read_table, paths)) if paths else pa.table({})
 
 
 def _stable(path: Path) -> Any:

@@ -27,3 +27,11 @@ def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str
     power = 3 * math.floor(math.log10(rounded) / 3 + 1e-9)
     power = min(max(power, least), max(_PREFIXES))
     return 10.0**power, _PREFIXES[power]
+
+
+def duration_text(seconds: float) -> str:
+    """A time for people: 40 s, 12 min, 3.5 h, 2.1 days."""
+    for limit, unit, per in ((90, "s", 1), (5400, "min", 60), (172_800, "h", 3600)):
+        if seconds < limit:
+            return f"{seconds / per:.2g} {unit}"
+    return f"{seconds / 86_400:.2g} days"

@@ -35,19 +35,31 @@ class Quantity:
 CREST = Quantity(
     "peak_deceleration_cfc180_m_s2", "peak deceleration (CFC 180)", "peak", "m/s²", 1.0, 1
 )
-CREST_G = Quantity("peak_deceleration_cfc180_g", "the same in g", "peak in g", "g", 1.0, 1)
+CREST_G = Quantity(
+    "peak_deceleration_cfc180_g", "peak deceleration (CFC 180)", "peak in g", "g", 1.0, 1
+)
 CREST_TIME = Quantity(
-    "peak_deceleration_cfc180_time_s", "its time after contact", "time of the peak", "ms", 1e3, 2
+    "peak_deceleration_cfc180_time_s",
+    "time of peak deceleration (CFC 180)",
+    "time of the peak",
+    "ms",
+    1e3,
+    2,
 )
 RAW_CREST = Quantity("peak_deceleration_m_s2", "peak deceleration, raw", "raw peak", "m/s²", 1.0, 1)
-RAW_CREST_G = Quantity("peak_deceleration_g", "the raw one in g", "raw peak in g", "g", 1.0, 1)
+RAW_CREST_G = Quantity(
+    "peak_deceleration_g", "peak deceleration, raw", "raw peak in g", "g", 1.0, 1
+)
 RAW_CREST_TIME = Quantity(
-    "peak_deceleration_time_s", "its time after contact, raw", "time of the raw peak", "ms", 1e3, 2
+    "peak_deceleration_time_s",
+    "time of peak deceleration, raw",
+    "time of the raw peak",
+    "ms",
+    1e3,
+    2,
 )
 STRAIN = Quantity("max_strain", "largest strain of the block", "strain", "%", 1e2, 1)
-RESULTANT_G = Quantity(
-    "peak_resultant_g", "peak of the resultant, raw, in g", "resultant", "g", 1.0, 1
-)
+RESULTANT_G = Quantity("peak_resultant_g", "peak of the resultant, raw", "resultant", "g", 1.0, 1)
 ANGLE = Quantity("final_angle_rad", "turned at the end by", "angle", "°", 57.29577951308232, 1)
 SPIN = Quantity("final_spin_rad_s", "spin at the end", "spin", "rad/s", 1.0, 2)
 SIDEWAYS = Quantity(
@@ -81,7 +93,7 @@ PIECES = Quantity("pieces", "pieces", "pieces")
 BROKEN = Quantity("broken_bonds", "broken bonds", "broken bonds")
 CRACK = Quantity("crack_lowest_height_m", "crack below impactor, down to", "crack", "cm", 1e2, 1)
 CRACK_START = Quantity(
-    "crack_start_height_m", "start of that crack, height", "crack start", "cm", 1e2, 1
+    "crack_start_height_m", "height of the crack's start", "crack start", "cm", 1e2, 1
 )
-CRACK_TIME = Quantity("crack_start_time_s", "start of that crack, time", "crack time", "ms", 1e3, 1)
+CRACK_TIME = Quantity("crack_start_time_s", "time of the crack's start", "crack time", "ms", 1e3, 1)
 RESIDUAL = Quantity("energy_residual", "energy unaccounted for", "unaccounted for", "%", 1e2, 4)

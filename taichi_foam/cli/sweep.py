@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from typer.core import TyperGroup
 
-from taichi_foam.cli.options import Arch, Choices, Set, Threads
+from taichi_foam.cli.options import Arch, Choices, OverwriteFiles, Set, Threads
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError, installed
 from taichi_foam.results.files import file_name
@@ -109,6 +109,8 @@ def run_command(
         folder = out or f"sweeps/{file_name(plan.name or 'sweep')}"
         run.prepare(plan, folder, workers, scheduler)
         if dry_run:
+            for text in plan.notes:
+                errors.print(f"note: {text}", soft_wrap=True, markup=False)
             _say_estimate(console, run.tried(plan, arch, threads, bars), workers, threads)
             return
         found = run.sweep(
@@ -158,8 +160,10 @@ def show_command(
     ] = None,
     map_: Annotated[bool, typer.Option("--map", help="Both axes as a map instead.")] = False,
     out: Annotated[
-        str | None, typer.Option(help="PNG, SVG or PDF; default DIR/MEASURE.png.")
+        str | None,
+        typer.Option(help="PNG, SVG or PDF; default DIR/MEASURE.png, with --x, --by, --map in it."),
     ] = None,
+    overwrite: OverwriteFiles = False,
 ) -> None:
     """Draw a measure over one or two axes: medians, and bands from 5 to 95 % of the repeats."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
@@ -168,7 +172,13 @@ def show_command(
         from taichi_foam.picture import style
         from taichi_foam.sweeps import figure
 
-        path = Path(out) if out else found.folder / f"{measure}.png"
+        path = Path(out) if out else found.folder / _figure_name(measure, x, by, map_)
+        if path.exists() and not overwrite:
+            raise UserError(
+                f"{path}: is there already. Fix: choose another file with --out, or pass "
+                "overwrite=True to replace it.",
+                argument="overwrite=True",
+            )
         style.save(figure.shown(found, measure, x=x, by=by, as_map=map_), path)
         console.print(f"{path}", soft_wrap=True, markup=False)
 
@@ -196,6 +206,18 @@ def again_command(
         console.print(f"in {target}", soft_wrap=True, markup=False)
 
 
+def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> str:
+    """Another name for each kind of figure: max_displacement_m-map.png is no curve."""
+    parts = [measure]
+    if as_map:
+        parts.append("map")
+    if x:
+        parts.append(f"over-{x}")
+    if by:
+        parts.append(f"by-{by}")
+    return f"{'-'.join(parts)}.png"
+
+
 def _opened(folder: str) -> Sweep:
     with installed("a sweep", "taichi-foam[sweep]"):
         import pyarrow  # noqa: F401
@@ -219,14 +241,14 @@ def _check_plan_alone(
 def _say_estimate(
     console: Console, found: Estimate, workers: int | None, threads: int | None
 ) -> None:
-    from taichi_foam.sweeps.estimate import cores, size_text, time_text
+    from taichi_foam.sweeps.estimate import cores, size_text
+    from taichi_foam.units import duration_text
 
     assert found.core_seconds is not None
     count = cores(workers, threads)
     shown = Table(box=None, show_header=False, pad_edge=False)
-    chunks = f"{found.chunks:,} chunk{'' if found.chunks == 1 else 's'}"
-    shown.add_row("drops", f"{found.drops:,}, in {chunks}")
-    took = time_text(found.core_seconds / count)
+    shown.add_row("drops", f"{found.drops:,}")
+    took = duration_text(found.core_seconds / count)
     shown.add_row(
         "time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine"
     )

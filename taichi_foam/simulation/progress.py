@@ -1,11 +1,12 @@
 """Progress on a terminal: bars with the rate and the time left, and a line for each stage done.
 
-Without a terminal (a log, a pipe) there are only the lines.
+Without a terminal (a log, a pipe) there are only the lines, and of a count one every half minute.
 """
 
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -14,10 +15,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from taichi_foam.units import si_scale
+from taichi_foam.units import duration_text, si_scale
 
 if TYPE_CHECKING:
     from taichi_foam.simulation.simulate import Progress as Standing
+
+
+LINE_S = 30.0
+"""How often a line in a log says how far a count is [s]."""
 
 
 class Bars:
@@ -58,14 +63,43 @@ class Bars:
         with self._stage(name, what, what, total) as (show, close):
             done, start = 0, time.perf_counter()
 
+            def rate() -> float:
+                return done / max(time.perf_counter() - start, 1e-9)
+
             def advance(count: int = 1) -> None:
                 nonlocal done
                 done += count
-                pace = done / max(time.perf_counter() - start, 1e-9)
-                show(done, f"{done} of {total} {unit}, {_count(pace)}/s")
+                show(done, f"{done} of {total} {unit}, {_count(rate())}/s")
 
-            yield advance
+            def line() -> str:
+                if not done:
+                    return f"0 of {total:,} {unit}"
+                left = duration_text((total - done) / rate())
+                return f"{done:,} of {total:,} {unit}, {_count(rate())}/s, about {left} left"
+
+            with self._lines(line):
+                yield advance
             close(f"{done} {unit}")
+
+    @contextlib.contextmanager
+    def _lines(self, line: Callable[[], str]) -> Iterator[None]:
+        """Where there is no terminal, say what `line` gives every so often until the block ends."""
+        if self._console is None or self._console.is_terminal:
+            yield
+            return
+        ended = threading.Event()
+
+        def tell() -> None:
+            while not ended.wait(LINE_S):
+                self.say(line())
+
+        teller = threading.Thread(target=tell, daemon=True)
+        teller.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            teller.join()
 
     @contextlib.contextmanager
     def _stage(

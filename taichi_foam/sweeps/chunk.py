@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import socket
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,8 +42,8 @@ class Engine:
         return simulate.simulate_many(scenes, arch=self.arch, threads=self.threads)
 
 
-def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> None:
-    """Compute a chunk of the sweep in a folder and write it, complete or not at all.
+def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> None:
+    """Compute some members of the sweep in a folder and write them, complete or not at all.
 
     A drop that fails, or whose values make no scene, has a row with the reason.
 
@@ -53,28 +54,36 @@ def compute_chunk(folder: str, plan_hash: str, chunk: int, solve: Solve) -> None
     store = _opened(folder, plan_hash)
     members: list[Member] = []
     rows: dict[int, dict[str, Any]] = {}
-    for number in store.design.numbers(chunk):
+    for number in chunk:
         try:
             members.append(store.design.member(number))
         except UserError as error:
             rows[number] = table.row_without_scene(store.design, number, str(error))
     kept = store.plan.keep
     histories: dict[int, Record] = {}
+    seconds = 0.0
     for place, result in solve([member.scene for member in members]):
         if result.ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt
+        begun = time.perf_counter()
         member = members[place]
         rows[member.number] = table.row(member, result)
         if kept.histories != "none":
             histories[member.number] = result
         if kept.full == "all" or member.number in kept.full:
             _save(store, member.number, result)
-    if len(rows) < len(store.design.numbers(chunk)):
+        seconds += _share(result) + time.perf_counter() - begun
+    if len(rows) < len(chunk):
         raise RuntimeError("the solver has not given a result for every scene")
     if kept.histories != "none":
         table.write_histories(store.history_file(chunk), histories, kept.histories)
-    table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)])
+    table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
     store.lost_file(chunk).unlink(missing_ok=True)
+
+
+def _share(result: Result) -> float:
+    """What a drop has taken of a chunk's time [s], without what its kernels took to compile."""
+    return result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
 
 
 @functools.lru_cache(maxsize=1)

@@ -8,12 +8,16 @@ grows with the sweep.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import errno
+import itertools
 import logging
+import os
 import queue
 import secrets
 import shutil
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -27,7 +31,9 @@ from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.sweeps.chunk import Solve, compute_chunk
+from taichi_foam.sweeps.dealing import Dealer
 from taichi_foam.sweeps.store import SCRATCH, Store
+from taichi_foam.sweeps.table import seconds_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -36,6 +42,9 @@ if TYPE_CHECKING:
 _MOST_DEATHS = 4
 # ... and after so many such chunks on end nothing is.
 _MOST_LOST = 3
+
+# The option of Linux's prctl by which a process asks for a signal at the death of its parent.
+_PR_SET_PDEATHSIG = 1
 
 # How long to wait for an answer of the scheduler [s].
 _PATIENCE = 15
@@ -50,15 +59,17 @@ def compute(
     solve: Solve,
     on_drops: Callable[[int], None],
     *,
+    side_by_side: int = 1,
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> None:
-    """Compute all chunks of a sweep that are not there yet, and write them into its folder.
+    """Compute all drops of a sweep that are not there yet, and write them into its folder.
 
     Args:
         store: the sweep, claimed.
         solve: what computes scenes; it is sent to workers that are other processes.
         on_drops: called in this thread with how many more drops have been computed.
+        side_by_side: how many drops a worker computes at a time, at no more time than one.
         workers: processes on this machine; None: in this thread.
         scheduler: address of a Dask scheduler whose workers share the folder; instead of `workers`.
 
@@ -69,11 +80,16 @@ def compute(
     """
     inbox: Inbox = queue.SimpleQueue()
     with _client(store, inbox, workers, scheduler) as client:
+        there = max(1, _workers_of(client, store))
+        dealer = Dealer(store.design, store.missing(), side_by_side, there)
         if workers is None and scheduler is None:
             with _by_name(solve, on_drops) as named:
-                _Computing(store, compute_chunk, named, lambda count: None, client, inbox).run()
+                task = partial(compute_chunk, solve=named)
+                _Computing(store, dealer, task, lambda count: None, client, inbox).run()
         else:
-            _Computing(store, _in_one_thread, solve, on_drops, client, inbox).run()
+            driver = None if workers is None else os.getpid()
+            task = partial(_in_one_thread, driver, solve=solve)
+            _Computing(store, dealer, task, on_drops, client, inbox).run()
 
 
 class _Computing:
@@ -82,18 +98,17 @@ class _Computing:
     def __init__(
         self,
         store: Store,
+        dealer: Dealer,
         task: Callable[..., None],
-        solve: Solve,
         on_drops: Callable[[int], None],
         client: Client,
         inbox: Inbox,
     ) -> None:
         self._store = store
+        self._dealer, self._on_drops = dealer, on_drops
         self._task = partial(task, str(store.folder), store.plan.hash)
-        self._solve, self._on_drops = solve, on_drops
         self._client, self._inbox = client, inbox
-        self._waiting = iter(store.pending())
-        self._flying: dict[int, Any] = {}
+        self._flying: dict[range, Any] = {}
         self._lost = 0
         self._lost_on_end = 0
         self._group = f"chunk-{secrets.token_hex(4)}"
@@ -122,22 +137,18 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        try:
-            workers: Any = self._client.nthreads()
-        except OSError:  # whatever it was, nobody answers
-            raise RunError(_words_of_loss(self._store)) from None
-        room = max(1, sum(workers.values())) - len(self._flying)
-        for _, chunk in zip(range(room), self._waiting, strict=False):
+        room = max(1, _workers_of(self._client, self._store)) - len(self._flying)
+        for chunk in itertools.islice(iter(self._dealer.next, None), max(0, room)):
             future = self._client.submit(
-                self._task, chunk, self._solve, key=(self._group, chunk), priority=-chunk
+                self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
             )
             self._flying[chunk] = future
             future.add_done_callback(partial(self._report, chunk))
 
-    def _report(self, chunk: int, future: Any) -> None:
+    def _report(self, chunk: range, future: Any) -> None:
         self._inbox.put(partial(self._take, chunk, future))
 
-    def _take(self, chunk: int, future: Any) -> None:
+    def _take(self, chunk: range, future: Any) -> None:
         """Note what has become of a chunk, and hand over the next."""
         there = future.status == "finished" or self._store.chunk_file(chunk).exists()
         if not there and future.status in ("lost", "pending"):
@@ -146,18 +157,23 @@ class _Computing:
             return
         if there:
             self._lost_on_end = 0
-            self._on_drops(len(self._store.design.numbers(chunk)))
+            self._on_drops(len(chunk))
+            with contextlib.suppress(OSError):  # a disk that is slow to show it
+                self._dealer.learn(chunk, seconds_of(self._store.chunk_file(chunk)))
         else:
             self._check_scheduler()
             self._lose(chunk, future)
         del self._flying[chunk]
         self._hand_over()
 
-    def _lose(self, chunk: int, future: Any) -> None:
+    def _lose(self, chunk: range, future: Any) -> None:
         from distributed.scheduler import KilledWorker
 
         if future.status != "error":
-            raise RunError(f"the scheduler has given up chunk {chunk}; {_again(self._store)}")
+            raise RunError(
+                f"the scheduler has given up members {chunk[0]} to {chunk[-1]}; "
+                f"{_again(self._store)}"
+            )
         error = future.exception()
         if isinstance(error, UserError):
             raise error
@@ -178,6 +194,15 @@ class _Computing:
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
             raise RunError(_words_of_loss(self._store))
+
+
+def _workers_of(client: Client, store: Store) -> int:
+    """How many chunks can be computed at a time now. Raises RunError: the scheduler is gone."""
+    try:
+        workers: Any = client.nthreads()
+    except OSError:  # whatever it was, nobody answers
+        raise RunError(_words_of_loss(store)) from None
+    return sum(workers.values())
 
 
 def _words_of_lost(store: Store, count: int) -> str:
@@ -252,16 +277,31 @@ _alone: ThreadPoolExecutor | None = None
 _making = threading.Lock()
 
 
-def _in_one_thread(*args: Any) -> None:
+def _in_one_thread(driver: int | None, *args: Any, solve: Solve) -> None:
     """Compute a chunk in the one thread of this process that calls Taichi.
 
-    A worker may have several threads: Taichi takes calls of one.
+    A worker may have several threads: Taichi takes calls of one. The process ends with that of
+    `driver`, if it is given.
     """
     global _alone
     with _making:
         if _alone is None:
-            _alone = ThreadPoolExecutor(1)
-    _alone.submit(compute_chunk, *args).result()
+            _alone = ThreadPoolExecutor(1, initializer=_end_with, initargs=(driver,))
+    _alone.submit(compute_chunk, *args, solve=solve).result()
+
+
+def _end_with(driver: int | None) -> None:
+    """Have the system kill this process when the one that started it has died.
+
+    A thread of Dask's sees to the same, but not while a kernel compiles: that lets no other thread
+    run, for a minute on a busy machine. Where the system cannot (it is Linux that can), that thread
+    is what there is.
+    """
+    if driver is None or not sys.platform.startswith("linux"):
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != driver:  # it had died before
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 @contextlib.contextmanager

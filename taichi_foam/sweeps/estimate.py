@@ -16,6 +16,7 @@ from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import storage_bytes
 from taichi_foam.scene import Scene
 from taichi_foam.sweeps.chunk import Solve
+from taichi_foam.sweeps.dealing import chunks_at_most
 from taichi_foam.sweeps.plan import Plan, work
 from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.store import MARK
@@ -30,10 +31,9 @@ _ROW, _SHARD = 2_000, 40_000
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sweep needs: drops, chunks, bytes on disk; seconds on one core, if they were tried."""
+    """What a sweep needs: drops, bytes on disk; seconds on one core, if they were tried."""
 
     drops: int
-    chunks: int
     bytes: int
     core_seconds: float | None = None
 
@@ -48,8 +48,8 @@ def room(design: Design) -> Estimate:
         size += len(design) * rows * (8 + width * len(HISTORY_COLUMNS))
     full = len(design) if plan.keep.full == "all" else len(plan.keep.full)
     size += full * float(np.mean([storage_bytes(scene) for scene in some]))
-    size += _ROW * len(design) + _SHARD * design.chunks
-    return Estimate(len(design), design.chunks, int(size))
+    size += _ROW * len(design) + _SHARD * chunks_at_most(design)
+    return Estimate(len(design), int(size))
 
 
 def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int = 2) -> Estimate:
@@ -69,7 +69,7 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
             on_drop()
     mean = float(np.mean([work(scene) for scene in _some(design, _LOOKED_AT)]))
     seconds = len(design) * mean * float(np.mean(paces))
-    return Estimate(found.drops, found.chunks, found.bytes, seconds)
+    return Estimate(found.drops, found.bytes, seconds)
 
 
 def check_room(folder: Path, plan: Plan) -> None:
@@ -94,14 +94,6 @@ def size_text(count: float) -> str:
     """A number of bytes for people."""
     scale, prefix = si_scale(count, least=0, digits=3)
     return f"{count / scale:.3g} {prefix}B"
-
-
-def time_text(seconds: float) -> str:
-    """A time for people: 40 s, 12 min, 3.5 h, 2.1 days."""
-    for limit, unit, per in ((90, "s", 1), (5400, "min", 60), (172_800, "h", 3600)):
-        if seconds < limit:
-            return f"{seconds / per:.2g} {unit}"
-    return f"{seconds / 86_400:.2g} days"
 
 
 def cores(workers: int | None, threads: int | None) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,8 @@ from taichi_foam.sweeps.run import Sweep
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Floats = NDArray[np.float64]
+
 _KNOWN = {each.key: each for each in vars(quantities).values() if isinstance(each, Quantity)}
 
 # Points that a sample's drops are gathered into, along an axis.
@@ -36,16 +39,27 @@ _BINS = 12
 _MOST_CURVES = 12
 _MOST_TICKS = 9
 
+# A map of so few columns and rows is drawn as a table: cells of one size, with their numbers.
+_MOST_COLUMNS, _MOST_ROWS = 12, 20
+
+# What the names of figures and keys of a scene end in, and how people write it.
+_UNITS = {
+    "per_s": "1/s", "m_s2": "m/s²", "rad_s": "rad/s", "m_s": "m/s", "J_m3": "J/m³",
+    "m3": "m³", "Pa": "Pa", "rad": "rad", "kg": "kg", "J": "J", "g": "g", "m": "m", "s": "s",
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class _Drops:
     """The drops of a sweep that have a row: values on the axes, and of the measure.
 
-    A value of the measure is None for no answer.
+    A value of the measure is None for no answer. Of one that is true or false it is 100 or 0, and
+    the mean of many is the share of drops [%] that it is true of.
     """
 
     axes: Mapping[str, list[Any]]
     values: list[float | None]
+    shares: bool
     sampled: bool
     ranges: frozenset[str]
     logarithmic: frozenset[str]
@@ -63,11 +77,11 @@ def shown(
     """A measure over the axis `x`, a curve for each value of `by`; or over both as a map.
 
     Medians, and bands from 5 to 95 %, over all drops that share these values. A drop without an
-    answer counts as larger than any. Drops of a sample are gathered into bins along `x`, and
-    stand as points of their own.
+    answer counts as larger than any. Of what is true or false the share of drops that it is true
+    of. Drops of a sample are gathered into bins along `x`, and stand as points of their own.
 
     Args:
-        measure: a column of the table that holds numbers.
+        measure: a column of the table that holds numbers, or true and false.
         x, by: keys of axes; None: the first, and the second if there is one.
 
     Raises:
@@ -88,7 +102,7 @@ def shown(
             _draw_map(figure, axis, drops, measure, x, by)
         else:
             _draw_curves(axis, drops, x, by)
-            axis.set_ylabel(_label_of_measure(measure))
+            axis.set_ylabel(_label_of_measure(measure, drops.shares))
         axis.set_xlabel(_label_of_axis(x, drops.scene))
         axis.set_title(sweep.store.plan.name or "")
     return figure
@@ -96,31 +110,49 @@ def shown(
 
 def _drops(sweep: Sweep, measure: str) -> _Drops:
     store = sweep.store
-    paths = [store.chunk_file(chunk) for chunk in store.finished()]
-    if not paths:
+    shards = store.shards()
+    if not shards:
         raise UserError(f"{store.folder}: nothing is complete yet")
     keys = store.design.keys
-    found = table.read(paths, [*keys, measure, table.MEMBER])
+    found = table.read(shards, [*keys, measure, table.MEMBER])
     if measure not in found.column_names:
-        names = table.measures(paths, keys)
-        near = difflib.get_close_matches(measure, names, n=1, cutoff=0.5)
-        guess = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
-        raise UserError(f"{measure}: no column of the table; {guess}")
+        raise UserError(f"{measure}: no column of the table; {_guess(measure, shards, keys)}")
     values = found[measure].to_pylist()
+    if all(value is None for value in values):
+        raise UserError(f"{measure}: no drop has an answer; docs/results.md says when there is one")
+    shares = all(value is None or isinstance(value, bool) for value in values)
     if any(isinstance(value, str) for value in values):
         raise UserError(f"{measure}: holds words, and a figure takes numbers")
     axes = {key: found[key].to_pylist() for key in keys}
     if not axes:  # repeats alone
         axes = {table.MEMBER: found[table.MEMBER].to_pylist()}
-    factor = _KNOWN[measure].factor if measure in _KNOWN else 1.0
+    factor = 100.0 if shares else _KNOWN[measure].factor if measure in _KNOWN else 1.0
     return _Drops(
         axes,
         [None if value is None else factor * float(value) for value in values],
+        shares,
         store.plan.sample is not None,
         frozenset(axis.key for axis in store.plan.axes if axis.is_range),
         frozenset(axis.key for axis in store.plan.axes if axis.spacing == "log"),
         store.plan.base,
     )
+
+
+def _guess(measure: str, shards: Sequence[table.Shard], keys: Sequence[str]) -> str:
+    """What may have been meant by the name of no column: those with its words, or one like it.
+
+    Of the former only such as have answers: a box that rails guide has no peak of its resultant.
+    """
+    names = table.measures(shards, keys)
+    words = measure.split("_")
+    alike = [name for name in names if all(word in name.split("_") for word in words)]
+    answers = table.read(shards, alike) if alike else None
+    alike = [name for name in alike if answers and answers[name].null_count < len(answers)]
+    if alike:
+        alike.sort(key=lambda name: (not name.startswith(words[0]), len(name)))
+        return f"did you mean {' or '.join(alike[:3])}?"
+    near = difflib.get_close_matches(measure, names, n=1, cutoff=0.5)
+    return f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
 
 
 def _axis(given: str | None, keys: Sequence[str], usual: str | None, name: str) -> str:
@@ -148,8 +180,8 @@ def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
             axis.plot(at, _finite(values), ".", color=colour, alpha=0.35, markersize=5)
             at = _binned(np.array(at))
         centres = sorted(set(at))
-        bands = [band([v for v, a in zip(values, at, strict=True) if a == c]) for c in centres]
-        low, median, high = np.array(bands).T
+        cells = [[v for v, a in zip(values, at, strict=True) if a == c] for c in centres]
+        low, median, high = np.array([_summed_up(cell, drops.shares) for cell in cells]).T
         low, median, high = (np.where(np.isfinite(v), v, np.nan) for v in (low, median, high))
         if np.nanmax(high - low, initial=0.0) > 0:
             axis.fill_between(centres, low, high, color=colour, alpha=0.18, linewidth=0)
@@ -157,6 +189,8 @@ def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
         there = np.flatnonzero(np.isfinite(median))
         if name and there.size:
             ends.append((centres[there[-1]], float(median[there[-1]]), name, colour))
+    if drops.shares:
+        axis.set_ylim(-3.0, 103.0)
     _scale(axis, "x", x, places, drops)
     _name_curves(axis, ends, by, drops.scene)
 
@@ -168,10 +202,13 @@ def _name_curves(
     if not ends or by is None:
         return
     low, high = axis.get_ylim()
-    heights = spread([end[1] for end in ends], 0.055 * (high - low))
+    heights = np.array(spread([end[1] for end in ends], 0.055 * (high - low)))
+    margin = 0.02 * (high - low)  # as many as there can be have room between the ends of the axis
+    heights -= max(0.0, heights.max() + margin - high)
+    heights += max(0.0, low + margin - heights.min())
     for height, (x, _, name, colour) in zip(heights, ends, strict=True):
         beside(axis, x, height, name, colour, (9, 0), "center")
-    axis.set_ylim(min(low, min(heights)), max(high, max(heights)))
+    axis.set_ylim(low, high)
     right = axis.get_xlim()
     if axis.get_xscale() == "log":
         axis.set_xlim(right[0], right[1] * (right[1] / right[0]) ** 0.12)
@@ -181,11 +218,28 @@ def _name_curves(
     axis.text(1.0, 1.02, words, transform=axis.transAxes, ha="right", color=INK)
 
 
+def _summed_up(values: Sequence[float | None], shares: bool) -> tuple[float, float, float]:
+    """Low end of the band, median, high end; of what is true or false its mean share, thrice.
+
+    Infinite where most drops have no answer; NaN where a share has none at all.
+    """
+    if not shares:
+        return band(values)
+    known = [value for value in values if value is not None]
+    mean = float(np.mean(known)) if known else math.nan
+    return mean, mean, mean
+
+
 def _draw_map(figure: Figure, axis: Axes, drops: _Drops, measure: str, x: str, by: str) -> None:
     across, up = _places(drops.axes[x]), _places(drops.axes[by])
+    look: dict[str, Any] = {"cmap": "cividis"}
+    if drops.shares:
+        look |= {"vmin": 0.0, "vmax": 100.0}
+    is_table = not drops.sampled and len(across) <= _MOST_COLUMNS and len(up) <= _MOST_ROWS
+    if is_table:
+        across, up = _side_by_side(across), _side_by_side(up)
     at = [across[_hashable(v)] for v in drops.axes[x]]
     high = [up[_hashable(v)] for v in drops.axes[by]]
-    look: dict[str, Any] = {"cmap": "cividis"}
     if drops.sampled:
         drawn = axis.scatter(at, high, c=_finite(drops.values), s=60, **look)
     else:
@@ -195,14 +249,50 @@ def _draw_map(figure: Figure, axis: Axes, drops: _Drops, measure: str, x: str, b
         for u, v, value in zip(at, high, drops.values, strict=True):
             cells.setdefault((u, v), []).append(value)
         for (u, v), values in cells.items():
-            middle = band(values).median
+            _, middle, _ = _summed_up(values, drops.shares)
             medians[rows.index(v), columns.index(u)] = middle if math.isfinite(middle) else np.nan
         drawn = axis.pcolormesh(columns, rows, medians, shading="nearest", **look)
         axis.grid(visible=False)
-    _scale(axis, "x", x, across, drops)
-    _scale(axis, "y", by, up, drops)
+        if is_table:
+            _print_numbers(axis, drawn, columns, rows, medians)
+    for which, key, places in (("x", x, across), ("y", by, up)):
+        if is_table:
+            _name_cells(axis, which, places)
+        else:
+            _scale(axis, which, key, places, drops)
     axis.set_ylabel(_label_of_axis(by, drops.scene))
-    figure.colorbar(drawn, ax=axis, label=_label_of_measure(measure))
+    figure.colorbar(drawn, ax=axis, label=_label_of_measure(measure, drops.shares))
+
+
+def _side_by_side(places: Mapping[Any, float]) -> dict[Any, float]:
+    """The same values at equal distances, in the order of their places."""
+    return {value: float(k) for k, value in enumerate(sorted(places, key=lambda v: places[v]))}
+
+
+def _name_cells(axis: Axes, which: str, places: Mapping[Any, float]) -> None:
+    """Write the value of each column or row of a table beside it."""
+    names = [f"{value:.4g}" if _is_number(value) else str(value) for value in places]
+    own = getattr(axis, f"{which}axis")
+    own.set_ticks(list(places.values()), names)
+    own.set_tick_params(length=0)
+
+
+def _print_numbers(
+    axis: Axes, drawn: Any, columns: Sequence[float], rows: Sequence[float], values: Floats
+) -> None:
+    """Write its number into each cell of a map, as colours are hard to read off."""
+    digits = max(0, 2 - math.floor(math.log10(max(float(np.nanmax(np.abs(values))), 1e-9))))
+    for (j, i), value in np.ndenumerate(values):
+        if math.isfinite(value):
+            red, green, blue, _ = drawn.cmap(drawn.norm(value))
+            is_light = 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
+            text = f"{value:.{digits}f}"
+        else:
+            is_light, text = True, "–"
+        axis.text(
+            columns[i], rows[j], text, ha="center", va="center", fontsize=11,
+            color=INK if is_light else "white",
+        )  # fmt: skip
 
 
 def _scale(axis: Axes, which: str, key: str, places: Mapping[Any, float], drops: _Drops) -> None:
@@ -235,7 +325,10 @@ def _groups(drops: _Drops, by: str | None) -> dict[str, list[int]]:
     for place, value in enumerate(values):
         found.setdefault(_hashable(value), []).append(place)
     order = sorted(found) if numbers else list(found)
-    return {f"{v:g}" if _is_number(v) else str(v): found[v] for v in order}
+    names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
+    if len(set(names.values())) < len(names):  # closer together than four digits tell
+        names = {v: str(v) for v in order}
+    return {names[v]: found[v] for v in order}
 
 
 def _places(values: Sequence[Any]) -> dict[Any, float]:
@@ -246,7 +339,7 @@ def _places(values: Sequence[Any]) -> dict[Any, float]:
     return {value: float(place) for place, value in enumerate(different)}
 
 
-def _binned(at: NDArray[np.float64]) -> list[float]:
+def _binned(at: Floats) -> list[float]:
     """The centre of the bin of each value: bins of equally many."""
     count = max(1, min(_BINS, len(at) // 5))
     order = np.array_split(np.argsort(at, kind="stable"), count)
@@ -272,17 +365,31 @@ def _hashable(value: Any) -> Any:
     return value if not isinstance(value, (list, dict)) else str(value)
 
 
-def _label_of_measure(key: str) -> str:
+def _label_of_measure(key: str, is_share: bool) -> str:
+    """A column in words with its unit."""
     known = _KNOWN.get(key)
-    if known is None:
-        return key
-    return f"{known.label} ({known.unit})" if known.unit else known.label
+    if known is not None:
+        return f"{known.label} ({known.unit})" if known.unit else known.label
+    unit = next((unit for unit in _UNITS if key.endswith(f"_{unit}")), None)
+    words = key.removesuffix(f"_{unit}").replace("_", " ")
+    if is_share:
+        return f"{words}: share of drops (%)"
+    return f"{words} ({_UNITS[unit]})" if unit else words
 
 
 def _label_of_axis(key: str, scene: Scene) -> str:
-    """A key with its unit."""
+    """A key of the scene in words, with its unit."""
     part, _, name = key.partition(".")
     owner = getattr(scene, part, None)
     field = type(owner).model_fields.get(name) if owner is not None else None
     unit = unit_of(field) if field is not None else ""
-    return f"{key} ({unit})" if unit else key
+    words = key.replace(".", " ").replace("_", " ")
+    if not unit:
+        return words
+    words = words.removesuffix(f" {unit}")  # impactor.rotation_deg
+    return f"{words} ({_written(unit)})"
+
+
+def _written(unit: str) -> str:
+    """A unit as people write it: m/s2 is m/s²."""
+    return re.sub(r"(?<=[a-zA-Z])[23]", lambda found: "²³"[int(found[0]) - 2], unit)

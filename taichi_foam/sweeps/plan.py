@@ -41,11 +41,6 @@ from taichi_foam.scene.values import by_key, settings
 MOST = 10_000_000
 """Most drops of a sweep."""
 
-# Work of a chunk [node steps]: half a minute on one core of 2020 or so. A kill loses no more of a
-# process than this, and what a chunk costs besides is next to nothing.
-_CHUNK_WORK = 4e8
-_CHUNK_MOST = 256
-
 # When an impact that ends by itself mostly does [s].
 _USUAL_END = 0.06
 
@@ -140,7 +135,7 @@ class Plan(Part):
     sample: Sample | None = None
     repeats: Repeats = Repeats()
     keep: Keep = Keep()
-    chunk: int | None = Field(None, ge=1, le=10_000, description="drops of one task")
+    chunk: int | None = Field(None, ge=1, le=10_000, description="most drops of one task")
 
     @model_validator(mode="after")
     def _check_axes(self) -> Plan:
@@ -177,9 +172,21 @@ class Plan(Part):
         return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
 
     @property
+    def notes(self) -> list[str]:
+        """What is known of it before it is computed, and may not have been meant."""
+        scatter = next((axis for axis in self.axes if axis.key == "foam.strength_scatter"), None)
+        if scatter is None or self.repeats.count == 1 or self.repeats.vary != "seed":
+            return []
+        if scatter.low == 0 or 0 in (scatter.values or ()):
+            return [
+                "repeats.vary = 'seed': where foam.strength_scatter = 0 all repeats are the same"
+            ]
+        return []
+
+    @property
     def hash(self) -> str:
-        """Of everything in it; 16 hexadecimal digits."""
-        text = json.dumps(self.data(), sort_keys=True)
+        """Of everything in it that a row hangs on; 16 hexadecimal digits."""
+        text = json.dumps(_without_chunk(self.data()), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def data(self) -> dict[str, Any]:
@@ -252,7 +259,6 @@ class Plan(Part):
                 "scene": base.model_dump(mode="json", exclude_none=True),
                 "choices": None,
                 "set": {},
-                "chunk": self.chunk or _chunk(base),
             }
         )
 
@@ -263,8 +269,8 @@ class Plan(Part):
         return Scene.checked(self.scene, self.name or "scene")
 
     def differences(self, other: Mapping[str, Any]) -> list[str]:
-        """How it differs from the data of another one, a line for each key."""
-        old, new = by_key(_by_axis(other)), by_key(_by_axis(self.data()))
+        """How it differs from the data of another one in what a row hangs on, a line for a key."""
+        old, new = (by_key(_by_axis(_without_chunk(data))) for data in (other, self.data()))
         return [
             f"{key}: was {_shown(old.get(key))}, is {_shown(new.get(key))}"
             for key in dict.fromkeys([*old, *new])
@@ -307,12 +313,6 @@ def work(scene: Scene) -> float:
     return block.columns * block.rows * until / dt
 
 
-def _chunk(base: Scene) -> int:
-    """Drops of one task, from the plan alone: results on disk must not hang on who computes."""
-    wanted = max(1.0, min(_CHUNK_WORK / work(base), _CHUNK_MOST))
-    return 1 << round(math.log2(wanted))  # sizes that the engine has compiled kernels for
-
-
 def _check_repeats(plan: Plan, base: Scene) -> None:
     """Refuse repeats that would all be the same."""
     if plan.repeats.count == 1:
@@ -331,6 +331,11 @@ def _check_repeats(plan: Plan, base: Scene) -> None:
             "repeats.vary = 'velocity': there is no impact velocity to vary; vary the seed, or "
             "leave the repeats out"
         )
+
+
+def _without_chunk(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Data of a plan without how its drops are dealt out, on which none of them hangs."""
+    return {key: value for key, value in data.items() if key != "chunk"}
 
 
 def _by_axis(data: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
-from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.errors import RunError, UserError, installed, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import estimate, table
+from taichi_foam.sweeps import dealing, estimate, table
 from taichi_foam.sweeps.chunk import Engine, Solve
 from taichi_foam.sweeps.compute import compute
 from taichi_foam.sweeps.plan import Plan
@@ -28,6 +28,10 @@ from taichi_foam.sweeps.store import Store, claimed
 
 MOST_CHECKED = 10_000
 """Drops whose scenes are built before any is computed; of more, as many spread evenly."""
+
+
+_TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
+"""Measures of which one at least differs as soon as two drops differ in anything."""
 
 
 @dataclass(frozen=True)
@@ -60,20 +64,37 @@ class Sweep:
         return cls(Store.open(folder))
 
     @property
+    def notes(self) -> list[str]:
+        """What there is to say of its repeats, in words: seeds that have changed nothing."""
+        repeats = self.store.plan.repeats
+        if repeats.count == 1 or repeats.vary != "seed":
+            return []
+        found = table.read(self.store.shards(), [table.MEMBER, *_TELLING])
+        same = table.same_in_groups(found, repeats.count)
+        if not any(same):
+            return []
+        where = "of all combinations" if all(same) else f"of {sum(same):,} of {len(same):,}"
+        where = where if len(same) > 1 else "of the drop"
+        return [
+            f"repeats.vary = 'seed': the seeds have changed nothing in the repeats {where}: "
+            "scattered strengths matter only where foam breaks or comes near to it. "
+            "Fix: vary the velocity"
+        ]
+
+    @property
     def folder(self) -> Path:
         return self.store.folder
 
     @property
     def standing(self) -> Standing:
         """How far it is."""
-        store, finished = self.store, self.store.finished()
-        lost = self._lost(finished)
-        failures = table.read([store.chunk_file(chunk) for chunk in finished], ["failure"])
+        store = self.store
+        failures = table.read(store.shards(), ["failure"])
         return Standing(
             drops=len(store.design),
             done=len(failures),
             failed=len(failures) - failures["failure"].null_count if len(failures) else 0,
-            lost=sum(len(store.design.numbers(chunk)) for chunk in lost),
+            lost=sum(map(len, store.lost())),
             at_work=store.is_at_work,
         )
 
@@ -82,13 +103,13 @@ class Sweep:
 
         Raises OSError: they cannot be written.
         """
-        store, finished = self.store, self.store.finished()
+        store = self.store
         more = [
             table.row_without_scene(store.design, number, f"lost: {reason}")
-            for chunk, reason in self._lost(finished).items()
-            for number in store.design.numbers(chunk)
+            for chunk, reason in store.lost().items()
+            for number in chunk
         ]
-        return table.collect([store.chunk_file(chunk) for chunk in finished], more, store.folder)
+        return table.collect(store.shards(), more, store.folder)
 
     def to_pandas(self) -> Any:
         """The table as a frame; a row a drop.
@@ -110,9 +131,9 @@ class Sweep:
         with installed("a history as a frame", "pandas"):
             import pandas
         self._check_number(number)
-        assert self.store.plan.chunk is not None
-        path = self.store.history_file(number // self.store.plan.chunk)
-        if not path.is_file():
+        chunk = next((each for each in self.store.finished() if number in each), None)
+        path = None if chunk is None else self.store.history_file(chunk)
+        if path is None or not path.is_file():
             raise UserError(
                 f"{self.folder}: there is no history of member {number}; it is not computed yet, "
                 "or the plan does not keep them (keep.histories). Fix: compute it again in full."
@@ -148,10 +169,6 @@ class Sweep:
                 f"member {number}: there is none; they are 0 to {len(self.store.design) - 1}"
             )
 
-    def _lost(self, finished: list[int]) -> dict[int, str]:
-        done = set(finished)
-        return {chunk: why for chunk, why in self.store.lost().items() if chunk not in done}
-
 
 def sweep(
     plan: str | Path | Mapping[str, Any] | Plan,
@@ -174,7 +191,7 @@ def sweep(
         scheduler: address of a Dask scheduler, instead of `workers`; its workers share the folder.
         arch: what to compute on, as for `init`; default "cpu".
         threads: CPU threads of each worker; default 1, in this process as for `init`.
-        bars: where progress shows; None: nowhere.
+        bars: where progress shows, and notes; None: nowhere. A `RunWarning` says notes, too.
         solve: what computes scenes, instead of `simulate_many`.
 
     Raises:
@@ -185,6 +202,7 @@ def sweep(
     """
     bars = bars or Bars()
     folder, checked = prepare(plan, out, workers, scheduler)
+    _say(bars, checked.notes)
     is_here = workers is None and scheduler is None
     arch = arch or "cpu"
     if solve is None:
@@ -194,8 +212,8 @@ def sweep(
     with claimed(folder, checked, arch) as store:
         found = Sweep(store)
         for chunk in store.drop_damaged():
-            bars.say(f"chunk {chunk} cannot be read, and is computed again")
-        pending = sum(len(store.design.numbers(chunk)) for chunk in store.pending())
+            bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read, and are computed again")
+        pending = sum(map(len, store.missing()))
         try:
             _compute(store, solve, pending, bars, workers, scheduler)
         except KeyboardInterrupt:
@@ -205,8 +223,10 @@ def sweep(
         except (RunError, UserError):
             _collect_if_possible(found)
             raise
+        store.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
             found.collect()
+    _say(bars, found.notes)
     return found
 
 
@@ -246,6 +266,12 @@ def tried(
         return estimate.trial(Design(plan), Engine(arch, threads), advance)
 
 
+def _say(bars: Bars, notes: list[str]) -> None:
+    for text in notes:
+        bars.say(f"note: {text}")
+        warn_of_run(text)
+
+
 def _compute(
     store: Store,
     solve: Solve,
@@ -258,7 +284,22 @@ def _compute(
         return
     what = f"{pending:,} of {len(store.design):,} drops"
     with bars.counting("computing", what, pending, "drops") as advance:
-        compute(store, solve, advance, workers=workers, scheduler=scheduler)
+        compute(
+            store, solve, advance,
+            side_by_side=_side_by_side(store, solve), workers=workers, scheduler=scheduler,
+        )  # fmt: skip
+
+
+def _side_by_side(store: Store, solve: Solve) -> int:
+    """How many drops a worker computes at a time, at no more time than one: of a CPU its threads.
+
+    A GPU has room for more than a chunk holds.
+    """
+    if not isinstance(solve, Engine):
+        return 1
+    if store.made_with["arch"] != "cpu":
+        return dealing.MOST
+    return solve.threads or int(runtime.settings()["threads"])
 
 
 def _collect_if_possible(found: Sweep) -> None:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -33,7 +33,7 @@ class Member:
     number  its place, from 0
     axes    the value on each axis, by the key of the scene
     repeat  which of the repeats it is, from 0
-    varied  what differs between repeats: impact velocity [m/s] or seed; None without repeats
+    varied  what differs between repeats: velocity at the start [m/s] or seed; None without repeats
     scene   what is dropped
     """
 
@@ -86,18 +86,6 @@ class Design:
         text = json.dumps([[keys, list(points)] for keys, points in self._levels])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    @property
-    def chunks(self) -> int:
-        """How many chunks there are."""
-        assert self.plan.chunk is not None
-        return math.ceil(len(self) / self.plan.chunk)
-
-    def numbers(self, chunk: int) -> range:
-        """The members of a chunk."""
-        assert self.plan.chunk is not None
-        first = chunk * self.plan.chunk
-        return range(first, min(first + self.plan.chunk, len(self)))
-
     def axes(self, number: int) -> tuple[dict[str, Any], int]:
         """The values of a member on the axes, in the plan's order, and which repeat it is."""
         rest, repeat = divmod(number, self.plan.repeats.count)
@@ -117,7 +105,10 @@ class Design:
             data = changed(data, {key: varied})
         where = ", ".join(f"{key} = {value!r}" for key, value in axes.items())
         title = f"member {number} ({where})" if where else f"member {number}"
-        return Member(number, axes, repeat, varied, Scene.checked(data, title))
+        scene = Scene.checked(data, title)
+        if varied is not None and self.plan.repeats.vary == "velocity" and scene.impactor:
+            varied = scene.impactor.velocity
+        return Member(number, axes, repeat, varied, scene)
 
     def check(self, most: int) -> None:
         """Build all scenes, or `most` of them spread evenly. Raises UserError: one cannot be."""
@@ -128,18 +119,27 @@ class Design:
         """The key that repeats vary, and its value in one of them.
 
         Velocities are spread evenly from end to end, as those of an ensemble of `reproduce` are.
+        Where a fall gives the velocity, the height of it is varied so that the velocity is spread
+        like that: the scene stays one of a fall.
         """
         repeats = self.plan.repeats
         if repeats.vary == "seed":
             seed = data["foam"].get("strength_seed", 0)
             return "foam.strength_seed", (seed + repeat) % _SEEDS
         factor = 1.0 + repeats.within * (2.0 * repeat / (repeats.count - 1) - 1.0)
-        return "impactor.velocity", factor * data["impactor"]["velocity"]
+        impactor = data["impactor"]
+        height, gap = impactor.get("drop_height"), impactor.get("gap", 0.0)
+        if height is not None:
+            return "impactor.drop_height", _rounded(gap + factor**2 * (height - gap))
+        return "impactor.velocity", _rounded(factor * impactor["velocity"])
 
 
 def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
-    """The listed values of an axis; whole ones as floats where the scene's own is one."""
-    values = axis.values or ()
+    """The listed values of an axis; whole ones as floats where the scene's own is one.
+
+    A script may have computed them: 15 digits are as many as anyone writes.
+    """
+    values = [_rounded(v, 15) if type(v) is float else v for v in axis.values or ()]
     if isinstance(usual, float):
         values = [float(v) if type(v) is int else v for v in values]
     return [[value] for value in values]
@@ -157,16 +157,36 @@ def _check_range(axis: Axis, usual: Any) -> None:
 def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
     low, high = _ends(axis)
     assert axis.count is not None  # the plan has seen to it
-    space = np.geomspace if axis.spacing == "log" else np.linspace
-    values = space(low, high, axis.count)
+    if axis.spacing == "log":
+        inner = np.geomspace(low, high, axis.count)[1:-1]
+        values = [low, *(_rounded(float(value)) for value in inner), high]
+    else:
+        values = _evenly(low, high, axis.count)
     if is_whole:
-        values = np.rint(values).astype(int)
-        if len(np.unique(values)) < len(values):
+        values = [round(value) for value in values]
+        if len(set(values)) < len(values):
             raise UserError(
                 f"axis {axis.key}: takes whole numbers, and {low:g} to {high:g} has not "
                 f"{axis.count} of them; take a smaller count"
             )
-    return [[value] for value in values.tolist()]
+    return [[value] for value in values]
+
+
+def _evenly(low: float, high: float, count: int) -> list[float]:
+    """Values from end to end, each the double nearest to what the ends' decimals come to.
+
+    The third of 0.02 to 0.1 in five is then 0.06, as one writes it, and not 0.060000000000000005.
+    """
+    first = Fraction(repr(low))
+    step = (Fraction(repr(high)) - first) / (count - 1)
+    whole = first.denominator * step.denominator
+    begin, more = int(first * whole), int(step * whole)
+    return [(begin + more * place) / whole for place in range(count)]
+
+
+def _rounded(value: float, digits: int = 12) -> float:
+    """A computed value without the last digits, in which rounding errors stand."""
+    return float(f"{value:.{digits}g}")
 
 
 def _ends(axis: Axis) -> tuple[float, float]:

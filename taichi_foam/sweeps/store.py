@@ -1,7 +1,8 @@
 """The folder of a sweep: what is on disk, and whether it belongs to a plan.
 
     sweep.json       the plan, its hash, and what it is computed with; it marks the folder
-    chunks/          a Parquet file for each chunk that is complete: its drops' rows
+    chunks/          a Parquet file for each chunk that is complete: its drops' rows; the name says
+                     which is the first of them, and which the last
     histories/       the same of their histories, if the plan keeps them
     runs/            whole results of chosen drops, each a folder
     lost/            reasons, for chunks that could not be computed
@@ -9,7 +10,8 @@
                      all rows in one table, as of the last time that the sweep ended
 
 A chunk is complete when its file is in `chunks/`: that one is written last, and all files appear
-whole under their names.
+whole under their names. Chunks may overlap, as when a worker of a cluster has gone on after its
+client; their rows are then the same.
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -28,14 +31,17 @@ from taichi_foam.results.files import LEFTOVER, whole_file, write_json
 from taichi_foam.results.locks import LOCK, is_locked, locked
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design
+from taichi_foam.sweeps.table import Shard
 from taichi_foam.version import version
 
 MARK = "sweep.json"
 SCRATCH = ".workers"
 """Name of the folder in which workers keep what they need while they live."""
 
+_CHUNK = re.compile(r"(\d{8})-(\d{8})")
+
 CHUNKS, HISTORIES, RUNS, LOST = "chunks", "histories", "runs", "lost"
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -83,35 +89,62 @@ class Store:
                 "begun. Fix: continue it with the NumPy and SciPy that it was begun with."
             )
 
-    def chunk_file(self, chunk: int) -> Path:
-        return self.folder / CHUNKS / f"{chunk:06d}.parquet"
+    def chunk_file(self, chunk: range) -> Path:
+        return self.folder / CHUNKS / f"{_name(chunk)}.parquet"
 
-    def history_file(self, chunk: int) -> Path:
-        return self.folder / HISTORIES / f"{chunk:06d}.parquet"
+    def history_file(self, chunk: range) -> Path:
+        return self.folder / HISTORIES / f"{_name(chunk)}.parquet"
 
     def run_folder(self, number: int) -> Path:
         return self.folder / RUNS / f"{number:08d}"
 
-    def lost_file(self, chunk: int) -> Path:
-        return self.folder / LOST / f"{chunk:06d}.txt"
+    def lost_file(self, chunk: range) -> Path:
+        return self.folder / LOST / f"{_name(chunk)}.txt"
 
-    def finished(self) -> list[int]:
+    def finished(self) -> list[range]:
         """The chunks that are complete, in order."""
-        return _numbers(self.folder / CHUNKS, ".parquet")
+        return _chunks(self.folder / CHUNKS, ".parquet")
 
-    def lost(self) -> dict[int, str]:
-        """Why chunks could not be computed."""
-        return {
-            chunk: self.lost_file(chunk).read_text(encoding="utf-8").strip()
-            for chunk in _numbers(self.folder / LOST, ".txt")
-        }
+    def shards(self) -> list[Shard]:
+        """Where the rows of all chunks that are complete are, each drop's once, in order."""
+        found, end = [], 0
+        for chunk in self.finished():
+            if chunk.stop > end:
+                found.append(Shard(self.chunk_file(chunk), max(0, end - chunk.start)))
+                end = chunk.stop
+        return found
 
-    def pending(self) -> list[int]:
-        """The chunks that are yet to be computed, those that were lost once among them."""
-        done = set(self.finished())
-        return [chunk for chunk in range(self.design.chunks) if chunk not in done]
+    def lost(self) -> dict[range, str]:
+        """Why members could not be computed that are still missing."""
+        if not (noted := _chunks(self.folder / LOST, ".txt")):
+            return {}
+        missing = self.missing()
+        found: dict[range, str] = {}
+        for chunk in noted:
+            reason = self.lost_file(chunk).read_text(encoding="utf-8").strip()
+            for row in missing:
+                both = range(max(row.start, chunk.start), min(row.stop, chunk.stop))
+                if both:
+                    found[both] = reason
+        return found
 
-    def drop_damaged(self) -> list[int]:
+    def missing(self) -> list[range]:
+        """Rows of members that are yet to be computed, those that were lost once among them."""
+        found, end = [], 0
+        for chunk in [*self.finished(), range(len(self.design), len(self.design))]:
+            if chunk.start > end:
+                found.append(range(end, chunk.start))
+            end = max(end, chunk.stop)
+        return found
+
+    def forget_lost(self) -> None:
+        """Remove the notes of chunks that were lost once and have been computed since."""
+        missing = self.missing()
+        for chunk in _chunks(self.folder / LOST, ".txt"):
+            if not any(row.start < chunk.stop and chunk.start < row.stop for row in missing):
+                self.lost_file(chunk).unlink(missing_ok=True)
+
+    def drop_damaged(self) -> list[range]:
         """Remove chunks that cannot be read, as a crash of the machine may leave them."""
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -129,7 +162,7 @@ class Store:
                 damaged.append(chunk)
         return damaged
 
-    def lose(self, chunk: int, reason: str) -> None:
+    def lose(self, chunk: range, reason: str) -> None:
         """Note that a chunk could not be computed, and why."""
         path = self.lost_file(chunk)
         path.parent.mkdir(exist_ok=True)
@@ -167,6 +200,7 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
             if (folder / MARK).exists():
                 store = Store.open(folder)
                 _check_same(store, plan, arch)
+                store = replace(store, plan=plan)  # which may deal its drops out otherwise
             else:
                 store = Store(folder, plan, Design(plan).fingerprint, versions(arch))
                 with whole_file(folder / MARK) as partial:
@@ -176,7 +210,6 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
                             "format": _FORMAT,
                             "hash": plan.hash,
                             "members": plan.count,
-                            "chunks": store.design.chunks,
                             "made_with": store.made_with,
                             "points": store.points,
                             "plan": plan.data(),
@@ -226,12 +259,19 @@ def _check_same(store: Store, plan: Plan, arch: str) -> None:
     store.check_versions()
 
 
-def _numbers(folder: Path, suffix: str) -> list[int]:
+def _name(chunk: range) -> str:
+    """What the files of a chunk are called: by its first member and its last."""
+    return f"{chunk[0]:08d}-{chunk[-1]:08d}"
+
+
+def _chunks(folder: Path, suffix: str) -> list[range]:
+    """The chunks that a folder has files of, in order."""
     if not folder.is_dir():
         return []
     with os.scandir(folder) as entries:
-        stems = [e.name.removesuffix(suffix) for e in entries if e.name.endswith(suffix)]
-    return sorted(int(stem) for stem in stems if stem.isdecimal())
+        found = [_CHUNK.fullmatch(e.name.removesuffix(suffix)) for e in entries]
+    rows = [range(int(each[1]), int(each[2]) + 1) for each in found if each]
+    return sorted(rows, key=lambda row: (row.start, row.stop))
 
 
 def _remove_leftovers(folder: Path) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from taichi_foam.errors import installed
 from taichi_foam.records.record import Record
@@ -29,9 +29,19 @@ PARQUET, CSV = "results.parquet", "results.csv"
 # Rows of a row group: many shards are put together, so that readers have few of them.
 _GROUP_ROWS = 65_536
 
+# What the schema of a shard says besides.
+_SECONDS = b"seconds"
+
 MEMBER = "member"
 _HEAD = (MEMBER, "scene", "repeat", "varied", "ending", "failure")
 _LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
+
+
+class Shard(NamedTuple):
+    """A Parquet file of rows, and how many of the first of them another one has already."""
+
+    path: Path
+    skipped: int = 0
 
 
 def row(member: Member, result: Result) -> dict[str, Any]:
@@ -60,9 +70,19 @@ def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any
     }
 
 
-def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a Parquet file, whole or not at all. Raises OSError."""
-    _write(path, _table(rows))
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], seconds: float) -> None:
+    """Write rows as a Parquet file, whole or not at all, with how long they took [s].
+
+    Raises OSError.
+    """
+    _write(path, _table(rows).replace_schema_metadata({_SECONDS: repr(seconds)}))
+
+
+def seconds_of(path: Path) -> float:
+    """How long the rows of a file took [s]. Raises OSError: it cannot be read."""
+    import pyarrow.parquet as pq
+
+    return float(pq.read_schema(path).metadata[_SECONDS])
 
 
 def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> None:
@@ -83,30 +103,53 @@ def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> Non
     _write(path, pa.concat_tables(parts) if parts else pa.table({"member": pa.array([], "int64")}))
 
 
-def read(paths: Sequence[Path], columns: Sequence[str]) -> pa.Table:
+def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
     """Some columns of shards as one table; one that a shard lacks is empty there."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     parts = []
-    for path in paths:
+    for path, skipped in shards:
         there = set(pq.read_schema(path).names)
-        parts.append(pq.read_table(path, columns=[name for name in columns if name in there]))
+        part = pq.read_table(path, columns=[name for name in columns if name in there])
+        parts.append(part.slice(skipped))
     schema = _common([part.schema for part in parts])
     if not parts:
         return pa.table({name: pa.array([], pa.null()) for name in columns})
     return _joined(parts, schema)
 
 
-def measures(paths: Sequence[Path], axes: Sequence[str]) -> list[str]:
+def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
     """Columns of shards that are neither axes nor say which drop it is."""
     import pyarrow.parquet as pq
 
-    names = dict.fromkeys(name for path in paths for name in pq.read_schema(path).names)
+    names = dict.fromkeys(name for path, _ in shards for name in pq.read_schema(path).names)
     return [name for name in names if name not in (*axes, *_HEAD)]
 
 
-def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
+def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
+    """Of each row of `count` consecutive members: whether all that are there have the same figures.
+
+    Groups of which fewer than two members are there, or that have no figures, are left out.
+    """
+    import numpy as np
+    import pyarrow as pa
+
+    groups = np.asarray(rows[MEMBER]) // count
+    starts = np.flatnonzero(np.diff(groups, prepend=-1))
+    several = np.diff(starts, append=len(groups)) > 1
+    same, known = several.copy(), np.zeros(len(starts), bool)
+    for name in rows.column_names:
+        if name == MEMBER or not len(starts):
+            continue
+        values = rows[name].cast(pa.float64()).to_numpy()
+        low, high = (each.reduceat(values, starts) for each in (np.fmin, np.fmax))
+        known |= np.isfinite(low)
+        same &= (low == high) | ~np.isfinite(low)
+    return same[known & several].tolist()
+
+
+def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
     """Write results.parquet and results.csv of shards and of `more` rows; returns how many rows.
 
     It holds no more than a row group of them at a time. Raises OSError.
@@ -115,7 +158,7 @@ def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Pa
     import pyarrow.parquet as pq
 
     last = _table(more) if more else None
-    schemas = [pq.read_schema(path) for path in paths] + ([last.schema] if last else [])
+    schemas = [pq.read_schema(path) for path, _ in shards] + ([last.schema] if last else [])
     if not schemas:
         return 0
     schema = _common(schemas)
@@ -123,8 +166,8 @@ def collect(paths: Sequence[Path], more: Sequence[Mapping[str, Any]], folder: Pa
 
     def groups():
         held, length = [], 0
-        for path in paths:
-            held.append(pq.read_table(path))
+        for path, skipped in shards:
+            held.append(pq.read_table(path).slice(skipped))
             length += len(held[-1])
             if length >= _GROUP_ROWS:
                 yield _joined(held, schema)

@@ -13,6 +13,7 @@ from rich.console import Console
 
 import taichi_foam
 from taichi_foam.interrupts import held_interrupts
+from taichi_foam.simulation import progress
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import Progress
 
@@ -32,6 +33,24 @@ def test_a_log_gets_one_line_for_each_stage() -> None:
     assert second.startswith("drawing films: ")
     assert second.endswith("(2 frames)")
     assert list(bars.seconds) == ["computing", "films"]
+
+
+def test_a_log_is_told_every_so_often_how_far_a_count_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(progress, "LINE_S", 0.2)
+    log = StringIO()
+    with Bars(Console(file=log)).counting("computing", "drops", 1200, "drops") as advance:
+        sleep(0.3)
+        advance(300)
+        sleep(0.2)
+    first, second, last = log.getvalue().splitlines()
+    assert first == "0 of 1,200 drops"
+    # 300 in 0.4 s: the other 900 take three times as long
+    found = re.fullmatch(r"300 of 1,200 drops, (\d+)/s, about (1\.\d) s left", second)
+    assert found is not None
+    assert float(found[1]) * float(found[2]) == pytest.approx(900, rel=0.06)
+    assert last.startswith("drops: ")
 
 
 def test_a_terminal_of_80_columns_sees_time_rate_and_time_left() -> None:

@@ -1,7 +1,12 @@
-"""A sweep in a process of its own, to be killed: `python slow_sweep.py FOLDER [SCHEDULER]`."""
+"""A sweep in a process of its own, to be killed: `python slow_sweep.py FOLDER [SCHEDULER]`.
+
+With HOLD in the environment a worker lets no other thread run, as while a kernel compiles.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
 import sys
 import time
 from pathlib import Path
@@ -20,6 +25,9 @@ PLAN = plan_of(axis(low=2.0, high=2.9, count=40), keep={"histories": "float64"})
 
 def pause(asked: int) -> None:
     time.sleep(0.05)
+    if asked == 1 and "HOLD" in os.environ:
+        Path(os.environ["HOLD"]).touch()
+        ctypes.PyDLL(None).sleep(60)  # holds the lock of the interpreter
 
 
 if __name__ == "__main__":

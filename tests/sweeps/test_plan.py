@@ -93,6 +93,42 @@ def test_log_ranges_have_equal_ratios_and_whole_numbers_stay_whole() -> None:
     assert [found.member(n).scene.block.rows for n in range(3)] == [10, 15, 20]
 
 
+def test_values_of_ranges_and_lists_are_those_that_one_writes() -> None:
+    found = design_of(axis("block.width", 0.02, 0.1, 5), axis("impactor.gap", 0.0, 0.3, 4))
+    pairs = [tuple(found.axes(n)[0].values()) for n in range(20)]
+    assert {width for width, _ in pairs} == {0.02, 0.04, 0.06, 0.08, 0.1}
+    assert {gap for _, gap in pairs} == {0.0, 0.1, 0.2, 0.3}
+    found = design_of(axis("impactor.x", -0.1, 0.1, 3))
+    assert found.axes(1)[0] == {"impactor.x": 0.0}
+    found = design_of({**axis("impactor.mass", 0.001, 1000.0, 7), "spacing": "log"})
+    masses = [found.axes(n)[0]["impactor.mass"] for n in range(7)]
+    assert masses == [0.001, 0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]
+    # a script has computed the list
+    listed = {"key": "block.width", "values": np.linspace(0.02, 0.1, 5).tolist()}
+    assert [design_of(listed).axes(n)[0]["block.width"] for n in range(5)][2] == 0.06
+    # a third has no short decimals, and is the nearest double
+    assert design_of(axis(low=2.0, high=3.0, count=4)).axes(1)[0] == {"impactor.velocity": 7 / 3}
+    assert design_of(repeats={"count": 3}).member(2).varied == 2.01
+
+
+@pytest.mark.parametrize("scene", ["fall", "gap", "axis"])
+def test_repeats_of_a_fall_vary_its_height_so_that_velocities_are_within(scene: str) -> None:
+    """v = sqrt(2 g (h - gap)), by hand."""
+    given = {"impactor.drop_height": 0.6, "impactor.gap": 0.1 if scene == "gap" else 0.0}
+    heights = {"key": "impactor.drop_height", "values": [0.3, 0.6]}
+    other = {"key": "impactor.mass", "values": [2.0, 3.0]}
+    axes = [heights if scene == "axis" else other]
+    found = design_of(*axes, set=given, repeats={"count": 3, "within": 0.01})
+    members = [found.member(n) for n in range(len(found))][-3:]
+    exact = (2 * 9.80665 * (0.6 - given["impactor.gap"])) ** 0.5
+    for member, factor in zip(members, (0.99, 1.0, 1.01), strict=True):
+        impactor = member.scene.impactor
+        assert impactor.velocity == member.varied == pytest.approx(factor * exact, rel=1e-11)
+        assert member.scene.numerics.gravity == 9.80665
+        fall = impactor.drop_height - impactor.gap
+        assert (2 * 9.80665 * fall) ** 0.5 == pytest.approx(impactor.velocity, rel=1e-9)
+
+
 @pytest.mark.parametrize("method", ["sobol", "latin-hypercube"])
 def test_a_sample_fills_its_space_evenly_and_is_the_same_again(method: str) -> None:
     mass = {"key": "impactor.mass", "from": 1.0, "to": 100.0, "spacing": "log"}
@@ -133,14 +169,6 @@ def test_a_plan_is_a_file_whose_scene_lies_beside_it(tmp_path: Path) -> None:
     plan = Plan.load(path)
     assert (plan.name, plan.count, plan.base.impactor.shape) == ("Own", 2, "flat")
     assert Plan.load(Plan.checked(plan.data(), "again")) == plan
-
-
-def test_chunks_hold_half_a_minute_of_work() -> None:
-    sizes = {}
-    for rows in (10, 20, 40, 400):
-        values = {"block.rows": rows, "block.columns": 2 * rows}
-        sizes[rows] = Plan.load(plan_of(chunk=None, set=values)).chunk
-    assert sizes == {10: 256, 20: 32, 40: 4, 400: 1}
 
 
 @pytest.mark.parametrize(
