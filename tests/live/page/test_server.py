@@ -183,6 +183,22 @@ def test_who_comes_late_gets_the_whole_curve(served: Served) -> None:
         assert 0 < more["from"] <= len(whole["t"])
 
 
+def test_key_figures_of_a_paused_drop_are_those_of_its_picture(served: Served) -> None:
+    with served.viewer() as viewer:
+        viewer.say(do="reset")
+        # the first look at the measures is past, and the next one is not due
+        viewer.wait_for("numbers", lambda message: message["figures"])
+        moving = viewer.see(lambda last: last["picture"]["time"] > 0.005)
+        assert moving["numbers"]["figures_time"] <= moving["picture"]["time"]
+        viewer.say(do="pause", on=True)
+        viewer.wait_for("numbers", lambda message: message["state"] == "paused")
+        still = viewer.see(lambda last: last["numbers"]["figures_time"] == last["picture"]["time"])
+        sunk = still["numbers"]["figures"]["max_displacement_m"]
+        assert sunk == pytest.approx(still["picture"]["displacement"], rel=1e-5)
+        viewer.say(do="pause", on=False)
+        viewer.wait_for("numbers", lambda message: message["state"] == "running")
+
+
 def test_all_see_the_same_settings(served: Served) -> None:
     with served.viewer() as one, served.viewer() as other:
         one.say(do="set", shape="flat", values={"impactor.velocity": 3.5})
