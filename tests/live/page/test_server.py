@@ -185,10 +185,11 @@ def test_who_comes_late_gets_the_whole_curve(served: Served) -> None:
 
 def test_key_figures_of_a_paused_drop_are_those_of_its_picture(served: Served) -> None:
     with served.viewer() as viewer:
+        new = viewer.wait_for("scene")["drop"] + 1
         viewer.say(do="reset")
-        # the first look at the measures is past, and the next one is not due
-        viewer.wait_for("numbers", lambda message: message["figures"])
-        moving = viewer.see(lambda last: last["picture"]["time"] > 0.005)
+        viewer.wait_for("scene", lambda message: message["drop"] == new)
+        viewer.wait_for("picture", lambda now: now["drop"] == new and now["time"] > 0.006)
+        moving = viewer.see(lambda last: last["numbers"]["figures"])
         assert moving["numbers"]["figures_time"] <= moving["picture"]["time"]
         viewer.say(do="pause", on=True)
         viewer.wait_for("numbers", lambda message: message["state"] == "paused")
