@@ -88,7 +88,7 @@ HEIGHT = Quantity(
     "crushed_height_m", "height of the crushed region", "crushed height", "cm", 1e2, 1
 )
 LAYER = Quantity("crushed_layer_m", "crushed layer left under the face", "layer", "cm", 1e2, 2)
-NO_ROOM = Quantity("crushed_without_room", "crushed foam without room", "without room", "%", 1e2, 1)
+NO_ROOM = Quantity("crushed_without_room", "overlapping crushed foam", "overlap", "%", 1e2, 1)
 PIECES = Quantity("pieces", "pieces", "pieces")
 BROKEN = Quantity("broken_bonds", "broken bonds", "broken bonds")
 CRACK = Quantity("crack_lowest_height_m", "crack below impactor, down to", "crack", "cm", 1e2, 1)

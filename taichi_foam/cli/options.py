@@ -35,7 +35,10 @@ Set = Annotated[
 ]
 Choices = Annotated[
     str | None,
-    typer.Option(metavar="|".join(CHOICE_SETS), help="Readings of what the paper leaves open."),
+    typer.Option(
+        metavar="|".join(CHOICE_SETS),
+        help="Model choices: a named set of options for what the paper leaves open.",
+    ),
 ]
 Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
 Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]

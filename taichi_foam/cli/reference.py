@@ -93,11 +93,11 @@ within a list is reached by its place, from 0: `--set block.layers[0].density=40
 
 ## Choice sets
 
-The paper leaves some things open. Two named sets of choices settle them: `--choices NAME`, or
+The paper leaves some things open. Two named sets of model choices settle them: `--choices NAME`, or
 `tf.load_scene(source, choices=NAME)`. A set replaces what the scene says of these keys; `--set`
 comes after it and has the last word. Without a set a scene keeps its own values and the defaults.
 The paper's nine tests are `calibrated` unless another set is asked for; with `paper-literal` their
-cylinder has a radius of 5 cm, too. [model.md](model.md#open-choices) has the reasons. An empty
+cylinder has a radius of 5 cm, too. [model.md](model.md#model-choices) has the reasons. An empty
 cell: the set leaves the key as it is.
 """
 

@@ -23,7 +23,7 @@ class Base(Part):
 
     kind: Literal["held", "gripped", "floor"] = choice(
         "gripped",
-        "held: fixed vertically, free to slide sideways; gripped: fixed; "
+        "held: fixed vertically, free to slide sideways; gripped: clamped, in x and y; "
         "floor: pressed on, with friction, free to lift off",
     )
     friction: float = quantity(
@@ -44,7 +44,7 @@ class Base(Part):
 
 
 class Model(Part):
-    """Readings of what the paper leaves open."""
+    """Model choices: how what the paper leaves open is interpreted."""
 
     damping: Literal["stiffness", "absolute"] = choice(
         "stiffness",
@@ -77,8 +77,8 @@ class Model(Part):
     self_contact: bool = choice(True, "pieces and powder cannot pass through one another")
     crushed_room: bool = choice(
         True,
-        "the foam between four neighbouring mass points keeps the room that crushing has left it, "
-        "however its bonds fold",
+        "crushed foam has a packing limit (room): the foam between four neighbouring mass points "
+        "resists less area than crushing has left it, however its bonds fold",
     )
     piece_size: float = quantity(
         1.0,

@@ -63,7 +63,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         ),
     }
 )
-"""Named readings of what the paper leaves open: dotted keys of a scene and their values.
+"""Named sets of model choices, for what the paper leaves open: dotted keys and their values.
 
 Those of `block`, and of `foam` but for softening, are the paper's own specimens.
 """
@@ -108,14 +108,17 @@ class Scene(Part):
     support: Support = Field(
         default=Support(), description="what the block lies on, if not a floor"
     )
-    model: Model = Field(default=Model(), description="readings of what the paper leaves open")
+    model: Model = Field(
+        default=Model(), description="model choices: how what the paper leaves open is interpreted"
+    )
     numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
     start: Start = Field(default=Start(), description="deformation and motion at the start")
     output: Output = Field(default=Output(), description="what a run keeps")
 
     assumed: tuple[Assumed, ...] | None = Field(
         default=None,
-        description="keys of a foam of one's own that nobody gave; the program writes them",
+        description="keys of a foam of one's own that have defaults, as they were not given; "
+        "the program writes them",
         json_schema_extra={"allowed": "none, or a list of tables with key and why"},
     )
 
@@ -244,7 +247,7 @@ def _problems_of_layers(scene: Scene) -> list[str]:
     foams = {f"block.layers[{n}]": layer.foam for n, layer in enumerate(scene.block.layers)}
     found = [
         f"{head}.foam: not read as [foam] is: {_differing(law, other)}; all foams of a block need "
-        "one law and one reading of it; give both the same, or a curve each (foam.curve)"
+        "one law with the same options; give both the same, or a curve each (foam.curve)"
         for head, foam in {**foams, "across": scene.across.foam}.items()
         if foam is not None and (other := foam.law_for(scene.model)) != law
     ]

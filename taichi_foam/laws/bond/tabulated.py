@@ -86,7 +86,7 @@ class TabulatedFoam(CrushingFoam):
     youngs_modulus: float = quantity(
         ...,
         "Pa",
-        "Young's modulus K, with which the foam unloads",
+        "Young's modulus K, the least slope with which the foam unloads",
         at_least=1000,
         at_most=1e11,
         unless=FROM_CURVE,

@@ -32,7 +32,9 @@ class Numbers:
         # of the last second: wall time [s], simulated time [s], steps, the engine's time [s]
         self._marks: list[tuple[float, float, int, float]] = []
         self._result: Result | None = None  # that `_told` is of
+        self._measured: Result | None = None  # that `_figures` are of
         self._figures: dict[str, Any] = {}
+        self._figures_time: float | None = None  # the instant that they are of [s]
         self._said: list[str] = []
         self._measure_at = 0.0
         self._told: dict[str, Any] = {}
@@ -45,13 +47,19 @@ class Numbers:
         while len(self._marks) > 2 and self._marks[1][0] < now - 1.0:
             self._marks.pop(0)
 
-    def read(self, result: Result, is_over: bool) -> None:
-        """Take the numbers of what the drop has given until now."""
-        if result is self._result or not len(result.history["time_s"]):
+    def read(self, result: Result, is_over: bool, at_rest: bool) -> None:
+        """Take the numbers of what the drop has given until now.
+
+        Measures are taken now and then while it moves, and at once when it is over or `at_rest`:
+        people then read the figures beside the picture.
+        """
+        if not len(result.history["time_s"]):
             return
-        self._result = result
-        self._read(result)
-        if is_over or time.monotonic() >= self._measure_at:
+        if result is not self._result:
+            self._result = result
+            self._read(result)
+        is_due = is_over or at_rest or time.monotonic() >= self._measure_at
+        if is_due and result is not self._measured:
             self._measure(result, is_over)
 
     def at(self, time: float, result: Result) -> dict[str, Any]:
@@ -79,6 +87,7 @@ class Numbers:
             "drop": self.drop,
             **self._told,
             "figures": self._figures,
+            "figures_time": self._figures_time,
             "said": self._said,
             **self._pace(),
         }
@@ -92,7 +101,9 @@ class Numbers:
     def _measure(self, result: Result, is_over: bool) -> None:
         start = time.monotonic()
         measured = result.summary
+        self._measured = result
         self._figures = {quantity.key: measured[quantity.key] for quantity in QUANTITIES}
+        self._figures_time = float(result.history["time_s"][-1])
         # until it is over, a drop counts as interrupted, and there is nothing to say of its end
         words = measured["statement"] if is_over else None
         warned = [f"warning: {text}" for text in measured["warnings"]]

@@ -199,7 +199,8 @@ class PageView:
 
     def _post_numbers(self) -> None:
         controller = self.controller
-        self._numbers.read(controller.so_far, is_over=controller.result is not None)
+        at_rest = controller.settled or controller.ended
+        self._numbers.read(controller.so_far, controller.result is not None, at_rest)
         self.view_state.set_curve(self._numbers.curve)
         told = {"state": controller.state, "message": controller.message, **self._numbers.told()}
         self.view_state.post("numbers", told)

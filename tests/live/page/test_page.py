@@ -310,6 +310,26 @@ def test_pause_and_step(page: Page) -> None:
     page.until(lambda: page.text("#state") == "running")
 
 
+def test_key_figures_are_grey_while_they_are_older_than_the_picture(page: Page) -> None:
+    page.until(lambda: page.text("#state") != "connecting")
+    page["#pace"].send_keys("1 : 100")
+    page["#reset"].click()
+    page.until(lambda: page.text("#state") == "running")
+    stale = "document.getElementById('figures').classList.contains('stale')"
+    page.until(lambda: float(page.text("#time")) > 8.0)  # it has touched by then
+    page.until(lambda: page.ask(stale))
+    assert page["#figures"].get_attribute("aria-describedby") == "figures-time"
+    assert re.fullmatch(r"of t = [\d.]+ ms", page.text("#figures-time"))
+    page["#pause"].click()
+    page.until(lambda: page.text("#state") == "paused")
+    page.until(lambda: not page.ask(stale))
+    assert page.text("#figures-time") == f"of t = {page.text('#time')} ms"
+    deepest = "[...document.querySelectorAll('#figures tr')].find((tr) =>"
+    deepest += " tr.textContent.includes('displacement')).children[1].textContent"
+    assert page.ask(deepest) == page.text("#displacement")
+    page["#pause"].click()
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_it_fits_a_phone(page: Page, scheme: str) -> None:
     page.until(lambda: page.text("#state") != "connecting")
@@ -373,6 +393,25 @@ def test_picture_and_curve_share_the_first_screen(page: Page) -> None:
         assert bottom - top == pytest.approx(min(0.45 * height, width / shape), abs=2)
         _, curve_top, curve_bottom = page.ask(places, "#curve")
         assert (curve_top if height == 740 else curve_bottom) < height
+
+
+def test_what_is_dropped_without_a_connection_is_told_and_stays_in_its_field(
+    browser: Chrome, tmp_path: Path
+) -> None:
+    with Served(tmp_path, *SMALL) as gone:
+        page = Page(browser, gone.address)
+        page.until(lambda: page.text("#state") in ("running", "at its end"))
+        gone.kill()
+    page.until(lambda: "connection lost" in page.text("#state"))
+    assert not page["#pause"].is_enabled()
+    for button in ("#drop", "#reset"):
+        field = type_in(page, "impactor-velocity", "3.3")
+        page[button].click()
+        page.until(lambda: "the page has no connection" in page.text("#problem"))
+        assert page["#problem"].is_displayed()
+        assert field.get_property("value") == "3.3"
+        page.ask("document.getElementById('problem').replaceChildren()")
+    browser.get_log("browser")  # the lost connection is no fault of later pages
 
 
 def test_a_page_that_was_open_is_told_that_the_token_is_new(

@@ -183,6 +183,23 @@ def test_who_comes_late_gets_the_whole_curve(served: Served) -> None:
         assert 0 < more["from"] <= len(whole["t"])
 
 
+def test_key_figures_of_a_paused_drop_are_those_of_its_picture(served: Served) -> None:
+    with served.viewer() as viewer:
+        new = viewer.wait_for("scene")["drop"] + 1
+        viewer.say(do="reset")
+        viewer.wait_for("scene", lambda message: message["drop"] == new)
+        viewer.wait_for("picture", lambda now: now["drop"] == new and now["time"] > 0.006)
+        moving = viewer.see(lambda last: last["numbers"]["figures"])
+        assert moving["numbers"]["figures_time"] <= moving["picture"]["time"]
+        viewer.say(do="pause", on=True)
+        viewer.wait_for("numbers", lambda message: message["state"] == "paused")
+        still = viewer.see(lambda last: last["numbers"]["figures_time"] == last["picture"]["time"])
+        sunk = still["numbers"]["figures"]["max_displacement_m"]
+        assert sunk == pytest.approx(still["picture"]["displacement"], rel=1e-5)
+        viewer.say(do="pause", on=False)
+        viewer.wait_for("numbers", lambda message: message["state"] == "running")
+
+
 def test_all_see_the_same_settings(served: Served) -> None:
     with served.viewer() as one, served.viewer() as other:
         one.say(do="set", shape="flat", values={"impactor.velocity": 3.5})

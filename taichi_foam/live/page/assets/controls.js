@@ -18,8 +18,29 @@ export class Controls {
     this.own = new Map();
     this.built = "";
     this.timer = null;
+    this.unsent = false; // whether what was pressed last could not be sent
     $("controls").addEventListener("submit", (event) => { event.preventDefault(); this.drop(); });
-    $("reset").addEventListener("click", () => { this.own.clear(); this.problem(""); this.take(null); send({ do: "reset" }); });
+    $("reset").addEventListener("click", () => {
+      if (!this.order({ do: "reset" })) return;
+      this.own.clear();
+      this.problem("");
+      this.take(null);
+    });
+  }
+
+  // Send what drops something, or say that it cannot be sent; whether it went.
+  order(message) {
+    this.unsent = !this.send(message);
+    if (this.unsent) {
+      this.problem("Nothing is dropped: the page has no connection to the program (taichi-foam serve). " +
+        "It keeps trying, and what is set here stays; press again once it is connected.");
+    }
+    return !this.unsent;
+  }
+
+  connected() {
+    if (this.unsent) this.problem("");
+    this.unsent = false;
   }
 
   build(told) {
@@ -162,10 +183,10 @@ export class Controls {
       wrong[0].number.focus();
       return;
     }
+    if (!this.order({ do: "drop", shape: this.shape, values })) return;
     this.blur();
     this.problem("");
     clearTimeout(this.timer);
-    this.send({ do: "drop", shape: this.shape, values });
   }
 
   blur() {

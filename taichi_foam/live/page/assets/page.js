@@ -14,8 +14,11 @@ let paces = [];
 let step = 2e-4;
 let state = "";
 
+// Whether it went: there may be no connection.
 const send = (message) => {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  const open = socket !== null && socket.readyState === WebSocket.OPEN;
+  if (open) socket.send(JSON.stringify(message));
+  return open;
 };
 const controls = new Controls(send);
 const curve = new Curve($("curve"));
@@ -39,6 +42,7 @@ function hear(message) {
     case "hello": // only now: a server may open a socket to say why it closes it
       waits = 500;
       lost(null);
+      controls.connected();
       paces = message.paces;
       step = message.step;
       $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
@@ -125,7 +129,7 @@ async function draw(data) {
     $("displacement").textContent = falls ? dash(now.displacement, 2, 1e2) : "–";
     $("velocity").textContent = falls ? dash(now.velocity, 2) : "–";
     $("deceleration").textContent = falls ? dash(now.deceleration, 1) : "–";
-    tables.balance(now.energies);
+    tables.instant(now);
   } finally {
     send({ do: "next" });
   }
@@ -170,6 +174,7 @@ function alarm(text) {
 function lost(reason) {
   document.body.classList.toggle("lost", Boolean(reason));
   if (!reason) return;
+  for (const id of ["pause", "step"]) $(id).disabled = true;
   $("state").dataset.state = "lost";
   $("state").textContent = `${reason}; trying again`;
 }

@@ -26,6 +26,8 @@ export class Tables {
     this.figures = [];
     this.energies = [];
     this.falls = true;
+    this.measured = null; // the instant that the key figures are of [s]
+    this.shown = null; // that of the picture [s]
   }
 
   build({ figures, energies }) {
@@ -52,7 +54,9 @@ export class Tables {
     this.falls = falls;
   }
 
-  tell({ figures, said }) {
+  tell({ figures, figures_time, said }) {
+    this.measured = figures_time ?? null;
+    this.date();
     $("said").hidden = !said?.length;
     $("said").replaceChildren(...(said ?? []).map((text) => {
       const li = document.createElement("li");
@@ -64,7 +68,15 @@ export class Tables {
     }
   }
 
-  balance(energies) {
+  // Key figures take long to measure: while the run goes on they may be older than the picture.
+  date() {
+    $("figures").classList.toggle("stale", this.measured !== null && this.measured < this.shown);
+    $("figures-time").textContent = this.measured === null ? "" : `of t = ${dash(this.measured, 2, 1e3)} ms`;
+  }
+
+  instant({ time, energies }) {
+    this.shown = time;
+    this.date();
     const all = energies ?? {};
     const most = Math.max(1e-12, ...Object.values(all).map(Math.abs));
     for (const { key, bar, tr } of this.energies) {
