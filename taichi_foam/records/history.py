@@ -95,10 +95,13 @@ class Column:
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("time_s", "s", "time", "end of the row's interval", ("time",)),
     Column("displacement_m", "m", "displacement",
-           "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2)),
-    Column("velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",)),
+           "of the impactor from its start, positive downwards; relative to a base that is shaken",
+           ("y",), shown=("cm", 1e2)),
+    Column("velocity_m_s", "m/s", "velocity",
+           "of the impactor, positive downwards; relative to a base that is shaken", ("v",)),
     Column("deceleration_m_s2", "m/s²", "deceleration, raw",
-           "of the impactor, positive upwards, mean over the row's interval", ("time", "v")),
+           "of the impactor, positive upwards, mean over the row's interval; on a shaken base its "
+           "absolute acceleration", ("time", "v")),
     Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
            "the same, smoothed: CFC 180, zero phase", ("time", "v")),
     Column("contact_force_N", "N", "contact force",

@@ -189,7 +189,7 @@ class Scene(Part):
     def is_driven(self) -> bool:
         """Whether something moves by command: a crosshead, or a base that is shaken."""
         crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
-        return crosshead or self.base.acceleration is not None
+        return crosshead or self.base.shaking is not None
 
     @property
     def contact_height(self) -> float:
@@ -363,7 +363,7 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
-    if scene.base.acceleration is not None:
+    if scene.base.shaking is not None:
         return []  # the foam may come to it
     if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [

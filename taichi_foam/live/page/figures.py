@@ -10,6 +10,7 @@ QUANTITIES = (
     q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME, q.ENERGY_ABSORBED, q.PEAK,
     q.RESULTANT_G, q.ANGLE, q.SPIN, q.SIDEWAYS,
     q.REBOUND, q.CHANGE, q.RESTITUTION, q.FALL, q.WIDTH, q.HEIGHT, q.PIECES, q.BROKEN, q.RESIDUAL,
+    q.BASE_G, q.BASE_CHANGE, q.STRESS, q.STRESS_STRAIN,
 )  # fmt: skip
 """The figures of the page's table, in its order."""
 

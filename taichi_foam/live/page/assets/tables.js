@@ -60,7 +60,10 @@ export class Tables {
       return li;
     }));
     for (const { key, factor, digits, tr } of this.figures) {
-      tr.children[1].textContent = dash(figures && figures[key], digits, factor);
+      const value = figures && figures[key];
+      tr.children[1].textContent = dash(value, digits, factor);
+      // a question that this test does not ask
+      tr.hidden = Boolean(figures) && (value ?? null) === null && !tr.children[2].textContent;
     }
   }
 
