@@ -47,7 +47,7 @@ class Base(Part):
         description="shape of a pulse that shakes the base, in place of base.acceleration; a "
         "sawtooth has its peak at its end, a trapezoid rises and falls in a tenth of its duration",
         json_schema_extra={
-            "allowed": "none, half-sine, trapezoid or sawtooth",
+            "allowed": "none, half-sine, trapezoid, sawtooth",
             "fix": "another pulse is a CSV file, base.acceleration = 'pulse.csv'",
         },
     )
