@@ -310,9 +310,11 @@ def _problems_of_fall(scene: Scene) -> list[str]:
     impactor = scene.impactor
     if impactor is None or impactor.drop_height is None:
         return []
+    gravity = scene.numerics.gravity
+    plateau = max(foam.landmarks.plateau_stress for foam in foams_of(scene)[0])
     return fall.problems(
-        impactor.drop_height, impactor.velocity, impactor.gap, scene.numerics.gravity
-    )
+        impactor.drop_height, impactor.velocity, impactor.gap, gravity
+    ) or fall.problems_of_weight(impactor, scene.block, gravity, plateau)
 
 
 def _problems_of_inertia(scene: Scene) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.analysis.balance import balance
+from taichi_foam.analysis.balance import balance, doubt
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Foam, Output, Scene
@@ -64,9 +64,22 @@ def test_foam_with_a_plateau() -> None:
 
 
 def test_foam_that_cannot_take_it_has_no_peak() -> None:
-    found = balance(cushion(Foam(), 5000.0))
+    scene = cushion(Foam(), 5000.0, drop_height=None, velocity=300.0)
+    found = balance(scene)
     assert found is not None
     assert (found.strain, found.peak) == (None, None)
+
+
+def test_a_drop_that_uses_up_the_foam_is_asked_about() -> None:
+    """The velocity at which the foam's energy up to its densification is used up, and more."""
+    foam, mass = Foam(), 5.0
+    strain = np.linspace(0.0, -foam.used_up_strain, 10_001)
+    taken = AREA * HEIGHT * float(np.trapezoid(foam.loading(strain), strain))
+    limit = (2.0 * taken / mass) ** 0.5
+    for share, asks in ((0.99, False), (1.01, True)):
+        scene = cushion(foam, mass, drop_height=None, velocity=share * limit)
+        assert (doubt(scene) is not None) == asks
+    assert "masses are in kilograms" in str(doubt(scene))
 
 
 @pytest.mark.parametrize(
