@@ -140,7 +140,7 @@ def final_turn(record: Record) -> tuple[float, float, float] | None:
 def _free_contact(record: Record) -> Contact | None:
     """First contact of an impactor that is free to be slowed down: no crosshead."""
     touch = first_contact(record)
-    return None if touch is None or touch.impactor.motion == "crosshead" else touch
+    return touch if record.scene.is_slowed else None
 
 
 def _peak(

@@ -192,6 +192,11 @@ class Scene(Part):
         return crosshead or self.base.shaking is not None
 
     @property
+    def is_slowed(self) -> bool:
+        """Whether there is an impactor that what it touches slows down: no crosshead."""
+        return self.impactor is not None and self.impactor.motion != "crosshead"
+
+    @property
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m].
 

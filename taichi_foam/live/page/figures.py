@@ -17,5 +17,8 @@ QUANTITIES = (
 FIGURES = tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in QUANTITIES)
 """The same as the page gets them."""
 
-ENERGIES = tuple((column.name, column.label) for column in history.ENERGIES)
-"""The ledger as the page gets it: columns of the history and their words."""
+ENERGIES = (
+    *((layer.label, layer.columns) for layer in history.LEDGER),
+    *((history.COLUMNS[name].label, (name,)) for name in ("gravity_J", "residual_J")),
+)
+"""The ledger as the page shows it: words, and the columns of the history that add up to them."""

@@ -37,9 +37,9 @@ export class Tables {
       return { key, factor, digits, tr };
     });
     $("figures").tBodies[0].replaceChildren(...this.figures.map(({ tr }) => tr));
-    this.energies = energies.map(([key, label]) => {
+    this.energies = energies.map((label) => {
       const bar = document.createElement("i");
-      return { key, bar, tr: row(label, "–", bar) };
+      return { key: label, bar, tr: row(label, "–", bar) };
     });
     $("energies").tBodies[0].replaceChildren(...this.energies.map(({ tr }) => tr));
   }
