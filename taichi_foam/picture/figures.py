@@ -197,8 +197,8 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
     """Names, energies (n,) [J] and colours of the layers of LEDGER that a history has.
 
     A part that gives back more than it took, such as the shear of a block that starts sheared, goes
-    below zero: it is counted from its lowest, and its name says so. The stack keeps its height. What
-    a crosshead or a pulse gives is no part: the stack of such a test grows by it.
+    below zero: it is counted from its lowest, and its name says so. The stack keeps its height.
+    What a crosshead or a pulse gives is no part: the stack of such a test grows by it.
 
     Raises UserError where there are none.
     """

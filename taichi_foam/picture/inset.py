@@ -153,7 +153,7 @@ def _panel(
     widest = max(face.getlength(f"{share * top:g}") for share in (0.5, 1.0))
     side = round(widest + 1.1 * size)
     in_g = {share: f"{share * top / STANDARD_GRAVITY:.3g}" for share in (0.5, 1.0)}
-    right = width - round(max(map(face.getlength, in_g.values())) + 0.9 * size)
+    right = width - round(max(map(face.getlength, in_g.values())) + 0.8 * size)
     across = _names_across([name for name, _ in names], right - side, size)
     lines = math.ceil(len(names) / across) if across else 0
     head, foot = round((2.4 + 1.1 * lines) * size), round(1.8 * size)
