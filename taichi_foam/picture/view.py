@@ -96,9 +96,9 @@ def window(
         float(min(y_min, 0.0) - max(0.07 * tall, 0.03 * (x_max - x_min))),
         float(y_max + top * tall),
     )
-    if impactor is None or (impactor.guided and impactor.rotation_deg == 0.0):
-        return shown
-    return _with_whole(shown, impactor, scene, snapshots)
+    if impactor is not None and scene.is_tilted:
+        return _with_whole(shown, impactor, scene, snapshots)
+    return shown
 
 
 def _with_whole(

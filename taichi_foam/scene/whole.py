@@ -186,6 +186,11 @@ class Scene(Part):
         return self.impactor is not None and not self.impactor.guided
 
     @property
+    def is_tilted(self) -> bool:
+        """Whether there is an impactor that does not keep to its upright outline."""
+        return self.impactor is not None and (self.turns or self.impactor.rotation_deg != 0.0)
+
+    @property
     def is_driven(self) -> bool:
         """Whether something moves by command: a crosshead, or a base that is shaken."""
         crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
