@@ -16,6 +16,8 @@ from taichi_foam.units import plain
 FIX_BY_UNIT = {
     "m": "lengths are in metres (200 mm is 0.2)",
     "s": "times are in seconds (1 ms is 1e-3)",
+    "ms": "this is in milliseconds (11 ms is 11)",
+    "g": "this is in g of 9.80665 m/s2 (490 m/s2 is 50)",
     "m/s": "speeds are in metres per second (3030 mm/s is 3.03), positive downwards",
     "m/s2": "accelerations are in m/s2 (free fall is 9.81)",
     "kg": "masses are in kilograms (500 g is 0.5)",

@@ -72,6 +72,20 @@ def balance(scene: Scene) -> Balance | None:
     return Balance(static, float(strain[stop]), peak)
 
 
+def doubt(scene: Scene) -> str | None:
+    """What to ask before a drop is computed that uses up the cushion; None: nothing."""
+    found, impactor = balance(scene), scene.impactor
+    if found is None or impactor is None:
+        return None
+    if found.strain is not None and found.strain <= -scene.foam.used_up_strain:
+        return None
+    return (
+        f"by energy balance {impactor.mass:g} kg at {impactor.velocity:.3g} m/s use up this foam: "
+        "it will bottom out; masses are in kilograms (5,000 g is 5), lengths in metres (76 cm is "
+        "0.76), velocities in m/s"
+    )
+
+
 def words(scene: Scene, found: Balance, peak: float | None, strain: float | None) -> str:
     """A cushion, its load and its balance in a sentence, beside a run's raw peak [m/s2] and strain.
 

@@ -32,8 +32,10 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
     t, y, v = of["time"], of["y"], of["v"]
     interval = np.diff(t, prepend=t[:1])
+    pulse = scene.base.shaking
+    upwards = v if pulse is None else v + pulse.velocity(t)  # the engine's v is that on the base
     deceleration = np.divide(
-        np.diff(v, prepend=v[:1]), interval, out=np.zeros_like(t), where=interval > 0
+        np.diff(upwards, prepend=upwards[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
     normal = of["bonds"] - of["shear"] - of["room"]
     if scene.model.damping != "absolute":

@@ -1,9 +1,9 @@
 """The figures that sum up a run: the paper's (Tables 2-5, Eqs 4-7), and what designers ask first.
 
 Every function takes a finished `Record` and gives None where its question has no answer: no
-impactor, no contact, or a run that ended before the impactor came to rest. SI units throughout;
-displacements, velocities and decelerations are the impactor's, positive downwards (a deceleration:
-upwards), and count from first contact.
+impactor, no contact, a run that ended before the impactor came to rest, or a driven test, which has
+no impact. SI units throughout; displacements, velocities and decelerations are the impactor's,
+positive downwards (a deceleration: upwards), and count from first contact.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis import balance
+from taichi_foam.analysis.compression import largest_stress
 from taichi_foam.analysis.fragments import crack_over_time, pieces
 from taichi_foam.analysis.impact import (
+    Contact,
     bottomed_out,
     first_contact,
     impact,
@@ -27,6 +29,7 @@ from taichi_foam.analysis.pattern import crushed_region
 from taichi_foam.analysis.presence import hangs_on
 from taichi_foam.analysis.resting import LIFTED, height_beneath
 from taichi_foam.analysis.room import crushed_layer, without_room
+from taichi_foam.analysis.shaking import shaking
 from taichi_foam.analysis.soundness import energy_residual, warnings_of
 from taichi_foam.analysis.statements import statement
 from taichi_foam.records.ending import Ending
@@ -74,8 +77,10 @@ def max_displacement(record: Record) -> float | None:
 
 
 def came_to_rest(record: Record) -> bool | None:
-    """Whether the velocity reached zero after contact."""
-    return None if first_contact(record) is None else impact(record) is not None
+    """Whether the velocity reached zero after contact; None in a driven test, too."""
+    if first_contact(record) is None or record.scene.is_driven:
+        return None
+    return impact(record) is not None
 
 
 @dataclass(frozen=True)
@@ -89,9 +94,9 @@ class Peak:
 def peak_deceleration(record: Record) -> Peak | None:
     """The largest raw deceleration since contact, in the middle of its row's interval.
 
-    Raw is the mean over a row's interval, `output.history_interval`.
+    Raw is the mean over a row's interval, `output.history_interval`. None of a crosshead.
     """
-    touch = first_contact(record)
+    touch = _free_contact(record)
     if touch is None:
         return None
     time = record.history["time_s"]
@@ -100,8 +105,8 @@ def peak_deceleration(record: Record) -> Peak | None:
 
 
 def filtered_peak_deceleration(record: Record) -> Peak | None:
-    """The largest deceleration since contact, filtered after CFC 180 (SAE J211)."""
-    touch = first_contact(record)
+    """The largest deceleration since contact, filtered after CFC 180 (SAE J211); as the raw one."""
+    touch = _free_contact(record)
     if touch is None:
         return None
     time = record.history["time_s"]
@@ -130,6 +135,12 @@ def final_turn(record: Record) -> tuple[float, float, float] | None:
         return None
     angle, spin, velocity = (float(record.history[name][-1]) for name in names)
     return angle, spin, velocity
+
+
+def _free_contact(record: Record) -> Contact | None:
+    """First contact of an impactor that is free to be slowed down: no crosshead."""
+    touch = first_contact(record)
+    return touch if record.scene.is_slowed else None
 
 
 def _peak(
@@ -272,7 +283,13 @@ def rebound_velocity(record: Record) -> float | None:
 
 
 def velocity_change(record: Record) -> float | None:
-    """What the impact changed of the impactor's velocity, from contact to its rebound (m/s)."""
+    """What the impact changed of the impactor's velocity, from contact to its rebound (m/s).
+
+    On a shaken base what the pulse changed of its absolute velocity, at most.
+    """
+    shaken = shaking(record)
+    if shaken is not None:
+        return None if first_contact(record) is None else shaken.change
     found, rebound = impact(record), rebound_velocity(record)
     return None if found is None or rebound is None else found.velocity_0 + rebound
 
@@ -287,7 +304,7 @@ def restitution(record: Record) -> float | None:
 
 def equivalent_drop_height(record: Record) -> float | None:
     """Height (m) of a free fall under standard gravity that gives the velocity at contact."""
-    touch = first_contact(record)
+    touch = None if record.scene.is_driven else first_contact(record)
     return touch and touch.velocity_0**2 / (2 * STANDARD_GRAVITY)
 
 
@@ -332,7 +349,7 @@ def summary(record: Record) -> dict[str, Any]:
     scene, run, found = record.scene, record.run, impact(record)
     raw, filtered = peak_deceleration(record), filtered_peak_deceleration(record)
     peak, resultant, turn = initial_peak(record), peak_resultant(record), final_turn(record)
-    by_hand = balance.of_run(record)
+    by_hand, pressed, shaken = balance.of_run(record), largest_stress(record), shaking(record)
     last = record.snapshots[-1] if record.snapshots else None
     region = crushed_region(last, scene) if last else None
     crack = crack_over_time(record.snapshots, scene)
@@ -364,6 +381,12 @@ def summary(record: Record) -> dict[str, Any]:
         "rebound_velocity_m_s": rebound_velocity(record),
         "velocity_change_m_s": velocity_change(record),
         "restitution": restitution(record),
+        "base_peak_m_s2": shaken and shaken.base_peak,
+        "base_peak_g": shaken and shaken.base_peak / STANDARD_GRAVITY,
+        "base_velocity_change_m_s": shaken and shaken.base_change,
+        "peak_stress_Pa": pressed and pressed.stress,
+        "peak_stress_force_N": pressed and pressed.force,
+        "peak_stress_strain": pressed and pressed.strain,
         "equivalent_drop_height_m": equivalent_drop_height(record),
         "drop": record.drop if scene.impactor is not None else None,
         "contact_height_m": record.contact_height if scene.impactor is not None else None,

@@ -80,6 +80,13 @@ ENERGY_ABSORBED = Quantity("energy_absorbed_J", "energy absorbed", "energy absor
 VOLUME = Quantity("crushed_volume_m3", "volume crushed", "volume crushed", "cm³", 1e6, 1)
 REBOUND = Quantity("rebound_velocity_m_s", "rebound velocity", "rebound", "m/s", 1.0, 2)
 CHANGE = Quantity("velocity_change_m_s", "velocity change", "velocity change", "m/s", 1.0, 2)
+BASE_G = Quantity("base_peak_g", "peak of the base, in g", "base", "g", 1.0, 1)
+BASE_CHANGE = Quantity(
+    "base_velocity_change_m_s", "velocity change of the base", "base's change", "m/s", 1.0, 2
+)
+STRESS = Quantity("peak_stress_Pa", "largest stress", "stress", "kPa", 1e-3, 1)
+STRESS_FORCE = Quantity("peak_stress_force_N", "its force", "force", "N", 1.0, 1)
+STRESS_STRAIN = Quantity("peak_stress_strain", "its strain", "at strain", "%", 1e2, 1)
 RESTITUTION = Quantity("restitution", "coefficient of restitution", "restitution", "", 1.0, 3)
 FALL = Quantity("equivalent_drop_height_m", "equivalent drop height", "drop height", "cm", 1e2, 1)
 REST = Quantity("rest_height_m", "height of the block at the end", "rest height", "cm", 1e2, 2)

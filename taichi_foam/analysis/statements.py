@@ -1,4 +1,4 @@
-"""How an impact ended, in words."""
+"""How a test ended, in words."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ from typing import Any
 def statement(
     figures: Mapping[str, Any], why_no_plateau: str | None = None, cushion: str | None = None
 ) -> str | None:
-    """What the measures of an impact come to, as a sentence; None if the impactor never touched.
+    """What the measures of a run come to, as a sentence; None if the impactor never touched.
 
     Args:
         figures: of `analysis.measures.summary`.
         why_no_plateau: a reason, if a deceleration that came to rest has none.
         cushion: what the block is as a cushion, where it is one.
     """
-    if figures["came_to_rest"] is None:
+    if figures["peak_stress_Pa"] is not None:
+        return "; ".join(_of_crosshead(figures))
+    if figures["max_displacement_m"] is None:
         return None
+    if figures["base_peak_g"] is not None:
+        return "; ".join(_of_shaken_base(figures))
     depth = f"{100 * figures['max_displacement_m']:.2f} cm"
     parts = [cushion] if cushion else []
     if figures["bottomed_out"]:
@@ -33,6 +37,37 @@ def statement(
     if why_no_plateau:
         parts.append(f"no plateau: {why_no_plateau}")
     return "; ".join(parts)
+
+
+def _of_crosshead(figures: Mapping[str, Any]) -> list[str]:
+    stress, strain = 1e-3 * figures["peak_stress_Pa"], 100 * figures["peak_stress_strain"]
+    return [
+        f"the crosshead pressed the foam to {100 * figures['max_strain']:.1f} % strain",
+        f"the largest stress was {stress:.4g} kPa, at {strain:.1f} % strain",
+        *_end_of_foam(figures),
+    ]
+
+
+def _of_shaken_base(figures: Mapping[str, Any]) -> list[str]:
+    raw, filtered = figures["peak_deceleration_g"], figures["peak_deceleration_cfc180_g"]
+    base, strain = figures["base_peak_g"], figures["max_strain"]
+    parts = [
+        f"the base was shaken with {base:.1f} g, its velocity changed by "
+        f"{figures['base_velocity_change_m_s']:.2f} m/s"
+    ]
+    if raw is not None and filtered is not None:
+        parts.append(
+            f"the impactor met {filtered:.1f} g (CFC 180; raw {raw:.1f} g), its velocity changed "
+            f"by {figures['velocity_change_m_s']:.2f} m/s"
+        )
+    if strain is not None:
+        parts.append(f"the foam was compressed by {100 * strain:.1f} % at most")
+    return [*parts, *_end_of_foam(figures)]
+
+
+def _end_of_foam(figures: Mapping[str, Any]) -> list[str]:
+    words = {True: ["the foam bottomed out"], False: ["the foam did not bottom out"]}
+    return words.get(figures["bottomed_out"], [])
 
 
 def _peak(figures: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from taichi_foam import version as package
+from taichi_foam.analysis import balance
 from taichi_foam.catalogue import list_scenes, load_scene
 from taichi_foam.cli import foam, keys, replay, serve, sweep
 from taichi_foam.cli.films import draw_films
@@ -286,6 +287,9 @@ def _run(
     with exit_codes(errors):
         scene = load_scene(source, choices, overrides)
         _check_combination(live, after, drops)
+        question = balance.doubt(scene)
+        if question is not None:
+            errors.print(f"note: {question}", soft_wrap=True, markup=False)
         words = [] if after is None else [f"after-{Path(after).resolve().name}"]
         words += [] if drops is None else [f"{drops}-drops"]
         folder = _default_folder(scene, choices, overrides, words) if out is None else out

@@ -22,10 +22,14 @@ from taichi_foam.shim2000.compare import (
 )
 from taichi_foam.shim2000.tests import test_of, title
 
-_FIRST = (q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN)
+_FIRST = (
+    q.STRESS, q.STRESS_FORCE, q.STRESS_STRAIN,
+    q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN,
+    q.BASE_G,
+)  # fmt: skip
 _MORE = (
     q.RESULTANT_G, q.ANGLE, q.SPIN, q.SIDEWAYS, q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.CHANGE,
-    q.RESTITUTION, q.FALL, q.LAYER, q.NO_ROOM,
+    q.BASE_CHANGE, q.RESTITUTION, q.FALL, q.LAYER, q.NO_ROOM,
     q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
 )  # fmt: skip
 

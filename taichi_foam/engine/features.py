@@ -72,7 +72,7 @@ def features_of(scene: Scene) -> Features:
         foams=len(foams),
         turns=scene.turns,
         crosshead=scene.impactor is not None and scene.impactor.motion == "crosshead",
-        shaken=scene.base.acceleration is not None,
+        shaken=scene.base.shaking is not None,
         supported=scene.support.kind != "floor",
     )
 

@@ -167,7 +167,7 @@ def model_of(scene: Scene) -> Model:
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
         surface=_surface(scene),
         hull=_hull(scene) if scene.turns else None,
-        pulse=_pulse(scene) if scene.base.acceleration is not None else None,
+        pulse=_pulse(scene) if scene.base.shaking is not None else None,
         support=None if outline is None else edges_of(outline),
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(scene, graded),
@@ -341,7 +341,7 @@ def parameters_of(scene: Scene) -> dict:
         "impactor_centre": [0.0, 0.0],
         "impactor_reach": 0.0,
         "impactor_inertia": 1.0,
-        "pulse_points": 0.0 if base.acceleration is None else len(base.acceleration.time),
+        "pulse_points": 0.0 if base.shaking is None else len(base.shaking.time),
         "hull_corners": 0.0,
         "support_rows": 0.0,
         "support_low": [0.0, 0.0],
@@ -401,7 +401,7 @@ def parameters_of(scene: Scene) -> dict:
 
 def _pulse(scene: Scene) -> NDArray[np.float64]:
     """Points (n, 2) of the base's pulse: time [s], acceleration [m/s2]."""
-    pulse = scene.base.acceleration
+    pulse = scene.base.shaking
     assert pulse is not None
     return np.column_stack([pulse.time, pulse.acceleration])
 

@@ -99,7 +99,11 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
 
     known = measured_figures(tests.test_of(scene))
     rows = []
-    for quantity in (q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN, *COMPARED):
+    first = (
+        q.STRESS, q.STRESS_STRAIN, q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN,
+        q.BASE_G,
+    )  # fmt: skip
+    for quantity in (*first, *COMPARED):
         value, measured = summary[quantity.key], known.get(quantity.key)
         if value is None and measured is None:
             continue

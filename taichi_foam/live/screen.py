@@ -84,7 +84,7 @@ class Screen:
         snapshot, scene = self.controller.snapshot, self.controller.scene
         note = " · ".join(part for part in (self.state, self.peak, hint) if part)
         curve = None
-        if self.curve and scene.impactor is not None:
+        if self.curve and scene.is_slowed:
             history = self.controller.so_far.history
             if len(history["time_s"]):
                 curve = Curve.of(history, last=max(snapshot.time, SHORTEST_AXIS))

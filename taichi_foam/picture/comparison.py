@@ -109,16 +109,16 @@ class Lineup:
     @cached_property
     def window(self) -> Window:
         """The part of the world that all fields show [m]."""
-        return _together([window(run.scene) for run in self.runs])
+        return _together([window(run.scene, run.snapshots) for run in self.runs])
 
     @cached_property
     def curves(self) -> list[Curve]:
-        """The decelerations of the runs that have an impactor, by name."""
+        """The decelerations of the runs whose impactor is slowed down, by name."""
         last = max(self.times[-1], 1e-9)
         return [
             Curve.of(run.history, last, name, place)
             for place, (run, name) in enumerate(zip(self.runs, self.names, strict=True))
-            if run.scene.impactor is not None
+            if run.scene.is_slowed
         ]
 
     def key(self, look: Look) -> Key:
@@ -195,7 +195,9 @@ def instants(
     unit = width / montage.WIDTH
     gap, text = round(montage.GAP * unit), montage.TEXT * unit
     across = (width - gap * (n + 1)) // n
-    world = _together([window(run.scene, side=0.14, above=0.42) for run in lineup.runs])
+    world = _together(
+        [window(run.scene, run.snapshots, side=0.14, above=0.42) for run in lineup.runs]
+    )
     high = montage.height_of(across, world, text)
     head, foot = round(1.9 * text), round(montage.FOOT * unit)
     chosen = [float(time) for time in np.linspace(lineup.times[0], lineup.times[-1], n)]

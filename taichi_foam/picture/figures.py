@@ -38,6 +38,8 @@ History = Mapping[str, Array]
 MOTION = tuple(
     COLUMNS[name] for name in ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
 )
+#: Those of a crosshead, which is not slowed down.
+PRESSING = (COLUMNS["contact_force_N"], *MOTION[1:])
 #: Energies below zero by less than this share of the largest are rounding.
 _ROUNDING = 1e-3
 
@@ -196,6 +198,7 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
 
     A part that gives back more than it took, such as the shear of a block that starts sheared, goes
     below zero: it is counted from its lowest, and its name says so. The stack keeps its height.
+    What a crosshead or a pulse gives is no part: the stack of such a test grows by it.
 
     Raises UserError where there are none.
     """
@@ -209,7 +212,10 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
         ),
         default=0.0,
     )
+    drives = float(np.min(history.get("base_J", 0.0))) < -_ROUNDING * largest
     for layer in LEDGER:
+        if drives and layer.columns == ("base_J",):
+            continue
         nothing = np.zeros_like(history["time_s"])
         total = sum((history[c] for c in layer.columns if c in history), start=nothing)
         if np.any(np.abs(total) > 0):

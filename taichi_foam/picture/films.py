@@ -17,6 +17,7 @@ from PIL import Image
 from taichi_foam.picture import comparison, movie, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.view import Box, Window, window
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.folders import output_folder
 from taichi_foam.results.result import Result
@@ -184,15 +185,28 @@ def write_lineup(
 
 def _reel(result: Result, title: str | None = None) -> _Reel:
     scene = result.scene
-    with_curve = scene.output.curve and scene.impactor is not None
+    with_curve = scene.output.curve and scene.is_slowed
     curve = Curve.of(result.history) if with_curve else None
+    world = window(scene, result.snapshots)
+    if with_curve and scene.is_tilted:
+        world = _clear_of_curve(
+            world, raster.Layout((scene.output.width, scene.output.height)).field
+        )
 
     def draw(snapshot: Snapshot, size: tuple[int, int]) -> Image8:
         so_far = curve and curve.until(snapshot.time)
         sunk = result.displacement(snapshot)
-        return raster.frame(snapshot, scene, size, title=title, displacement=sunk, curve=so_far)
+        return raster.frame(
+            snapshot, scene, size, title=title, displacement=sunk, world=world, curve=so_far
+        )
 
     return _Reel(scene.output, result.snapshots, draw)
+
+
+def _clear_of_curve(world: Window, field: Box) -> Window:
+    """A window whose spare width lies all on the left, where the diagram stands."""
+    width = (world.y_max - world.y_min) * field.width / field.height
+    return replace(world, x_min=min(world.x_min, world.x_max - width))
 
 
 def _lineup_reel(lineup: Lineup) -> _Reel:

@@ -1,4 +1,7 @@
-"""Decelerations until now, of one run or of a few, as a small diagram inside a frame."""
+"""Decelerations until now, of one run or of a few, as a small diagram inside a frame.
+
+The left axis is in m/s², the right one in g.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,14 @@ from PIL import Image, ImageDraw
 from taichi_foam.picture import annotate
 from taichi_foam.picture.colours import THEMES, Rgb
 from taichi_foam.picture.view import Box
+from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 Image8 = NDArray[np.uint8]
 
 #: Pillow's lines have no smooth edges, so they are drawn this much larger and averaged.
 _FINE = 3
-_TITLE = "deceleration"
+_TITLE = "deceleration (left m/s², right g)"
 
 
 @dataclass(frozen=True)
@@ -148,7 +152,8 @@ def _panel(
     face, bold = annotate.font(size), annotate.font(size, bold=True)
     widest = max(face.getlength(f"{share * top:g}") for share in (0.5, 1.0))
     side = round(widest + 1.1 * size)
-    right = width - round(0.9 * size)
+    in_g = {share: f"{share * top / STANDARD_GRAVITY:.3g}" for share in (0.5, 1.0)}
+    right = width - round(max(map(face.getlength, in_g.values())) + 0.8 * size)
     across = _names_across([name for name, _ in names], right - side, size)
     lines = math.ceil(len(names) / across) if across else 0
     head, foot = round((2.4 + 1.1 * lines) * size), round(1.8 * size)
@@ -157,7 +162,7 @@ def _panel(
     line = max(1, round(unit))
     annotate.rectangle(panel, Box(line, line, width - line, height - line), tones.page)
     title = (0.5 * size, 1.3 * size)
-    annotate.write(panel, title, f"{_TITLE} (m/s²)", face, colour=tones.ink)
+    annotate.write(panel, title, _TITLE, face, colour=tones.ink)
     room = plot.width / max(1, across)
     for k, (name, tone) in enumerate(names if across else ()):
         place = (plot.left + k % across * room, (2.6 + 1.3 * (k // across)) * size)
@@ -168,6 +173,8 @@ def _panel(
         annotate.rectangle(panel, Box(plot.left, row, plot.right, row + line), tone)
         place = (plot.left - 0.4 * size, row)
         annotate.write(panel, place, f"{share * top:g}", face, anchor="rm", colour=tones.ink)
+        place = (plot.right + 0.4 * size, row)
+        annotate.write(panel, place, in_g.get(share, "0"), face, anchor="lm", colour=tones.ink)
     for share in (0.0, 0.5, 1.0):
         column = plot.left + round(share * (plot.width - 1))
         words = f"{1e3 * share * last:g}" + (" ms" if share == 1 else "")

@@ -73,7 +73,7 @@ def montage(
     down = math.ceil(len(chosen) / across)
     unit = width / WIDTH
     gap, text = round(GAP * unit), TEXT * unit
-    world = window(scene, side=0.14, above=0.42)
+    world = window(scene, snapshots, side=0.14, above=0.42)
     panel_width = (width - gap * (across + 1)) // across
     panel_height = height_of(panel_width, world, text)
     interval = scene.output.snapshot_interval

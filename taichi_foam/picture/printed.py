@@ -22,13 +22,14 @@ from taichi_foam.analysis import cells
 from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours
-from taichi_foam.picture.figures import MOTION, ledger_layers
+from taichi_foam.picture.figures import MOTION, PRESSING, ledger_layers
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.montage import choose
 from taichi_foam.picture.style import BLUE, INK, PRINT
 from taichi_foam.picture.view import Window, window
 from taichi_foam.scene.filling import filling
+from taichi_foam.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ def montage(
     look = Look(mode or scene.output.mode)
     across = min(len(chosen), 4 if column == "double" else 2)
     down = math.ceil(len(chosen) / across)
-    world = window(scene, side=0.14, above=0.42)
+    world = window(scene, snapshots, side=0.14, above=0.42)
     wide = (width - 2 * _RIM - _GAP * (across - 1)) / across
     tall = wide * (world.y_max - world.y_min) / (world.x_max - world.x_min)
     # as in the montage on screens: neither slivers nor towers
@@ -112,6 +113,8 @@ def montage(
 def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single") -> Figure:
     """Deceleration, velocity, displacement and energies of a run over time.
 
+    The deceleration has a second axis in g; of a crosshead the contact force is in its place.
+
     Args:
         history: columns of `records.history.COLUMNS`.
         scene: what was run; without an impactor there are only the energies.
@@ -125,7 +128,8 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
         raise UserError("curves: the history has fewer than two rows; run the scene for longer")
     names, layers, tones = ledger_layers(history)
     time = 1e3 * history["time_s"]
-    shown = MOTION if scene.impactor is not None else ()
+    motion = MOTION if scene.is_slowed else PRESSING
+    shown = motion if scene.impactor is not None else ()
     count = len(shown) + 1
     across = min(count, 2 if column == "double" else 1)
     down = math.ceil(count / across)
@@ -146,6 +150,12 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
                 axis.axhline(0, color=INK, linewidth=_LINE)
             else:
                 axis.set_ylim(bottom=0)
+            if quantity.name == "deceleration_smoothed_m_s2":
+                in_g = axis.secondary_yaxis(
+                    "right", functions=(_to_g, lambda value: value * STANDARD_GRAVITY)
+                )
+                in_g.set_ylabel("g")
+                in_g.spines["right"].set_visible(True)
         ledger = axes[count - 1]
         patches = ledger.stackplot(time, layers, colors=tones, edgecolor="white", linewidth=0.2)
         ledger.set_ylabel("energy (J)")
@@ -164,6 +174,10 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
             borderpad=0.1,
         )  # fmt: skip
     return figure
+
+
+def _to_g(value: Array) -> Array:
+    return value / STANDARD_GRAVITY
 
 
 def column_width(column: str) -> float:

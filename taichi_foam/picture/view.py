@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_foam.analysis.body import impactor_now
+
 if TYPE_CHECKING:
+    from taichi_foam.laws.shape import Impactor
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
+
+_AROUND = 1.05
+"""A body that is shown whole has this share of its size to the picture's edge."""
+
+_FURTHEST = 2.0
+"""A body that flies off is followed so many times its own size away from the block."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +60,15 @@ class View:
     y_zero: float
 
 
-def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
+def window(
+    scene: Scene, snapshots: Sequence[Snapshot] = (), *, side: float = 0.125, above: float = 0.6
+) -> Window:
     """The window of a run, the same for all of its frames.
 
     Holds the block as it starts, `side` of its width on each side, a strip of floor, or of a
     support with an outline as much as reaches half of the block's height down, and `above` of its
-    height for the impactor (a seventh of it where there is no impactor, up to twice as much for
-    one that turns).
+    height for the impactor (a seventh of it where there is no impactor). An impactor that is tilted
+    or turns is held whole, as it starts and at each of `snapshots`.
     """
     block, impactor = scene.block, scene.impactor
     base = np.array([0.0, block.foot])
@@ -66,10 +79,7 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     margin = side * (x_max - x_min)
     if impactor is not None:
         # A platen is shown to its ends, a much wider one is cut.
-        ends = impactor.x + 1.05 * impactor.outline()[:, 0]
-        if not impactor.guided:  # wherever it turns
-            middle = impactor.x + impactor.centre_of_mass[0]
-            ends = middle + 1.05 * impactor.reach * np.array([-1.0, 1.0])
+        ends = impactor.x + _AROUND * impactor.outline()[:, 0]
         span = x_max - x_min
         x_min, x_max = (
             min(x_min, max(ends.min() + margin, x_min - span / 2)),
@@ -80,13 +90,41 @@ def window(scene: Scene, *, side: float = 0.125, above: float = 0.6) -> Window:
     if support is not None:
         y_min = max(min(y_min, support[:, 1].min()), y_min - tall / 2)
     top = above if impactor is not None else above / 7
-    if impactor is not None and not impactor.guided:
-        top = max(above, min(2.1 * impactor.reach / tall, 2 * above))
-    return Window(
+    shown = Window(
         float(x_min - margin),
         float(x_max + margin),
         float(min(y_min, 0.0) - max(0.07 * tall, 0.03 * (x_max - x_min))),
         float(y_max + top * tall),
+    )
+    if impactor is not None and scene.is_tilted:
+        return _with_whole(shown, impactor, scene, snapshots)
+    return shown
+
+
+def _with_whole(
+    shown: Window, impactor: Impactor, scene: Scene, snapshots: Sequence[Snapshot]
+) -> Window:
+    """A window that also holds a body, as it starts and at all instants.
+
+    Of one that turns wherever it turns to; but for a gap, and on flights, of more than its size.
+    """
+    size = 2 * impactor.reach
+    start = impactor.outline_at(scene.contact_height + min(impactor.gap, size))
+    points = [start]
+    if not impactor.guided:
+        centre = impactor.centre_of_mass + start[0] - impactor.outline()[0]
+        points.append(centre + impactor.reach * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+    points += [body for each in snapshots if (body := impactor_now(each, scene)) is not None]
+    left, low = np.concatenate(points).min(axis=0)
+    right, high = np.concatenate(points).max(axis=0)
+    room, most = (_AROUND - 1) * size, _FURTHEST * size
+    if not snapshots:  # how far down it will turn nobody knows
+        low = shown.y_min + room
+    return Window(
+        float(max(min(shown.x_min, left - room), shown.x_min - most)),
+        float(min(max(shown.x_max, right + room), shown.x_max + most)),
+        float(max(min(shown.y_min, low - room), shown.y_min - most)),
+        float(min(max(shown.y_max, high + room), shown.y_max + most)),
     )
 
 

@@ -95,10 +95,13 @@ class Column:
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("time_s", "s", "time", "end of the row's interval", ("time",)),
     Column("displacement_m", "m", "displacement",
-           "of the impactor from its start, positive downwards", ("y",), shown=("cm", 1e2)),
-    Column("velocity_m_s", "m/s", "velocity", "of the impactor, positive downwards", ("v",)),
+           "of the impactor from its start, positive downwards; relative to a base that is shaken",
+           ("y",), shown=("cm", 1e2)),
+    Column("velocity_m_s", "m/s", "velocity",
+           "of the impactor, positive downwards; relative to a base that is shaken", ("v",)),
     Column("deceleration_m_s2", "m/s²", "deceleration, raw",
-           "of the impactor, positive upwards, mean over the row's interval", ("time", "v")),
+           "of the impactor, positive upwards, mean over the row's interval; on a shaken base its "
+           "absolute acceleration", ("time", "v")),
     Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
            "the same, smoothed: CFC 180, zero phase", ("time", "v")),
     Column("contact_force_N", "N", "contact force",
@@ -167,7 +170,7 @@ ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of the ledger's pictures: the columns that add up to it."""
+    """One part of the ledger as people see it: the columns that add up to it."""
 
     label: str
     colour: str
@@ -175,17 +178,17 @@ class Layer:
 
 
 LEDGER = (
-    Layer("impactor, kinetic", "#B8BEC6", ("impactor_kinetic_J",)),
-    Layer("foam, kinetic", "#56B4E9", ("foam_kinetic_J",)),
-    Layer("stored in foam", "#F0E442", ("strain_J", "shear_J", "room_J")),
+    Layer("motion of the impactor", "#B8BEC6", ("impactor_kinetic_J",)),
+    Layer("foam, elastic and in motion", "#56B4E9",
+          ("foam_kinetic_J", "strain_J", "shear_J", "room_J", "contact_J")),
     Layer("crushing", "#D55E00", ("crushing_J", "folding_J", "shearing_J")),
-    Layer("damping", "#009E73", ("damping_J",)),
-    Layer("friction", "#0072B2", ("friction_J",)),
-    Layer("fracture", "#AA4A8A", ("fracture_J",)),
-    Layer("contacts and base", "#5A5A5A",
-          ("contact_J", "contact_loss_J", "self_contact_J", "base_J")),
+    Layer("cracks", "#AA4A8A", ("fracture_J",)),
+    Layer("friction and damping", "#009E73",
+          ("friction_J", "damping_J", "contact_loss_J", "self_contact_J")),
+    Layer("base", "#5A5A5A", ("base_J",)),
 )  # fmt: skip
-"""Layers of the ledger's pictures, bottom to top; gravity can lie below zero and has none."""
+"""Parts of the ledger in its pictures, bottom to top, and on the page; gravity can lie below zero
+and has none."""
 
 
 class History(dict[str, Array]):

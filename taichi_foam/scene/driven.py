@@ -43,12 +43,12 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 def problems(impactor: Impactor | None, base: Base, numerics: Numerics) -> list[str]:
     """Why something cannot be driven so."""
-    shaken = base.acceleration is not None
+    shaken = base.shaking is not None
     found = []
     if shaken and numerics.end == "rebound":
         found.append(
-            "base.acceleration: a base that is shaken makes things rebound at any time; give "
-            "numerics.end a time in seconds"
+            f"{_pulse(base)}: a base that is shaken makes things rebound at any time; give "
+            "numerics.end a time in seconds, some times as long as the pulse"
         )
     if impactor is None:
         return found
@@ -68,7 +68,7 @@ def problems(impactor: Impactor | None, base: Base, numerics: Numerics) -> list[
         )
     if shaken:
         found.append(
-            "base.acceleration: a crosshead and a shaken base are two tests; leave one of them out"
+            f"{_pulse(base)}: a crosshead and a shaken base are two tests; leave one of them out"
         )
     if impactor.velocity == 0:
         found.append("impactor.velocity = 0: a crosshead moves; must be above 0 m/s")
@@ -85,6 +85,11 @@ def problems(impactor: Impactor | None, base: Base, numerics: Numerics) -> list[
                 f"{impactor.velocity:g} m/s takes {expected:.4g} s; give one of the two"
             )
     return found
+
+
+def _pulse(base: Base) -> str:
+    """The key that shakes a base."""
+    return "base.acceleration" if base.pulse is None else f"base.pulse = '{base.pulse}'"
 
 
 def _given(part: Any, key: str) -> Any:

@@ -10,8 +10,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from taichi_foam.laws.shape import Impactor
 from taichi_foam.parts import Part, is_number
-from taichi_foam.units import STANDARD_GRAVITY
+from taichi_foam.scene.block import Block
+from taichi_foam.units import STANDARD_GRAVITY, plain
 
 _SAME = 1e-9
 """Velocities that differ by less, relative, are one: a scene that was written holds both."""
@@ -86,6 +90,30 @@ def problems(drop_height: float, velocity: float, gap: float, gravity: float) ->
             f"{expected:.4g} m/s; give one of the two"
         ]
     return []
+
+
+def problems_of_weight(
+    impactor: Impactor, block: Block, gravity: float, plateau_stress: float
+) -> list[str]:
+    """Why nobody can mean a mass that falls on a cushion: foam that it crushes as it stands."""
+    area = width_under(impactor, block) * block.depth
+    weight = impactor.mass * gravity
+    if weight <= plateau_stress * area or area == 0.0:
+        return []
+    return [
+        f"impactor.mass = {impactor.mass:g}: its weight alone presses the foam under it with "
+        f"{plain(1e-3 * weight / area)} kPa, and the plateau is {plain(1e-3 * plateau_stress)} "
+        "kPa: it crushes the cushion that it only stands on; masses are in kilograms (5,000 g is "
+        "5); take a lighter impactor or more foam, or give impactor.velocity in place of "
+        "impactor.drop_height"
+    ]
+
+
+def width_under(impactor: Impactor, block: Block) -> float:
+    """Width of the block, as it is drawn, that lies under an impactor as it starts [m]."""
+    foam = np.array(block.corners)[:, 0]
+    ends = impactor.x + impactor.outline()[:, 0]
+    return float(max(min(foam.max(), ends.max()) - max(foam.min(), ends.min()), 0.0))
 
 
 def _given(part: Any, key: str) -> Any:

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from taichi_foam.parts import Part, choice, quantity
-from taichi_foam.scene.pulse import Pulse
+from taichi_foam.scene.pulse import Pulse, Shape
+from taichi_foam.units import STANDARD_GRAVITY
 
 # Lists are as good as tuples here: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
@@ -41,6 +42,52 @@ class Base(Part):
             "fix": "base.acceleration = 'pulse.csv'",
         },
     )
+    pulse: Shape | None = Field(
+        default=None,
+        description="shape of a pulse that shakes the base, in place of base.acceleration; a "
+        "sawtooth has its peak at its end, a trapezoid rises and falls in a tenth of its duration",
+        json_schema_extra={
+            "allowed": "none, half-sine, trapezoid, sawtooth",
+            "fix": "another pulse is a CSV file, base.acceleration = 'pulse.csv'",
+        },
+    )
+    pulse_peak_g: float | None = quantity(
+        None, "g", "its largest acceleration, upwards", above=0, at_most=100_000
+    )
+    pulse_duration_ms: float | None = quantity(
+        None, "ms", "its duration, from zero to zero", above=0, at_most=10_000
+    )
+
+    @model_validator(mode="after")
+    def _check_pulse(self) -> Base:
+        sizes = {"pulse_peak_g": self.pulse_peak_g, "pulse_duration_ms": self.pulse_duration_ms}
+        given = [f"base.{key}" for key, value in sizes.items() if value is not None]
+        missing = [f"base.{key}" for key, value in sizes.items() if value is None]
+        if self.pulse is None:
+            if given:
+                raise ValueError(
+                    f"{given[0]}: is that of base.pulse; give base.pulse = 'half-sine', "
+                    "'trapezoid' or 'sawtooth', or leave it out"
+                )
+        elif self.acceleration is not None:
+            raise ValueError(
+                f"base.pulse = '{self.pulse}': base.acceleration is given too; leave one of the "
+                "two out"
+            )
+        elif missing:
+            raise ValueError(
+                f"base.pulse = '{self.pulse}': needs {' and '.join(missing)}, such as "
+                "base.pulse_peak_g = 50 and base.pulse_duration_ms = 11"
+            )
+        return self
+
+    @property
+    def shaking(self) -> Pulse | None:
+        """The pulse that shakes it, however it was given; None: it stands still."""
+        if self.pulse is None or self.pulse_peak_g is None or self.pulse_duration_ms is None:
+            return self.acceleration
+        peak, duration = STANDARD_GRAVITY * self.pulse_peak_g, 1e-3 * self.pulse_duration_ms
+        return Pulse.of_shape(self.pulse, peak, duration)
 
 
 class Model(Part):

@@ -190,10 +190,20 @@ class Scene(Part):
         return self.impactor is not None and not self.impactor.guided
 
     @property
+    def is_tilted(self) -> bool:
+        """Whether there is an impactor that does not keep to its upright outline."""
+        return self.impactor is not None and (self.turns or self.impactor.rotation_deg != 0.0)
+
+    @property
     def is_driven(self) -> bool:
         """Whether something moves by command: a crosshead, or a base that is shaken."""
         crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
-        return crosshead or self.base.acceleration is not None
+        return crosshead or self.base.shaking is not None
+
+    @property
+    def is_slowed(self) -> bool:
+        """Whether there is an impactor that what it touches slows down: no crosshead."""
+        return self.impactor is not None and self.impactor.motion != "crosshead"
 
     @property
     def contact_height(self) -> float:
@@ -323,9 +333,11 @@ def _problems_of_fall(scene: Scene) -> list[str]:
     impactor = scene.impactor
     if impactor is None or impactor.drop_height is None:
         return []
+    gravity = scene.numerics.gravity
+    plateau = max(foam.landmarks.plateau_stress for foam in foams_of(scene)[0])
     return fall.problems(
-        impactor.drop_height, impactor.velocity, impactor.gap, scene.numerics.gravity
-    )
+        impactor.drop_height, impactor.velocity, impactor.gap, gravity
+    ) or fall.problems_of_weight(impactor, scene.block, gravity, plateau)
 
 
 def _problems_of_inertia(scene: Scene) -> list[str]:
@@ -376,7 +388,7 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
-    if scene.base.acceleration is not None:
+    if scene.base.shaking is not None:
         return []  # the foam may come to it
     if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [

@@ -81,7 +81,8 @@ def _differences(before: Scene, scene: Scene) -> list[str]:
     keys = [
         key
         for key in {**there, **here}
-        if there.get(key) != here.get(key) and not key.startswith("base.acceleration")
+        if there.get(key) != here.get(key)
+        and not key.startswith(("base.acceleration", "base.pulse"))
     ]
     found = [f"{key} = {_word(there.get(key))} instead of {_word(here.get(key))}" for key in keys]
     return found if len(found) < 4 else [*found[:3], f"and {len(found) - 3} more"]

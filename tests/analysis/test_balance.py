@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.analysis.balance import balance
+from taichi_foam.analysis.balance import balance, doubt
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Foam, Output, Scene
@@ -63,12 +63,27 @@ def test_foam_with_a_plateau() -> None:
     assert found.peak == pytest.approx(AREA * stress / mass)
 
 
-@pytest.mark.parametrize(("foam", "mass"), [(hardens(), 50.0), (Foam(), 2e4)])
-def test_foam_that_cannot_take_it_has_no_peak(foam: object, mass: float) -> None:
+@pytest.mark.parametrize(
+    ("foam", "mass", "impactor"),
+    [(hardens(), 50.0, {}), (Foam(), 5000.0, {"drop_height": None, "velocity": 300.0})],
+)
+def test_foam_that_cannot_take_it_has_no_peak(foam: object, mass: float, impactor: dict) -> None:
     """The one takes 150 J until its test ends, and 390 J fall on it; the other locks at 95 %."""
-    found = balance(cushion(foam, mass))
+    found = balance(cushion(foam, mass, **impactor))
     assert found is not None
     assert (found.strain, found.peak) == (None, None)
+
+
+def test_a_drop_that_uses_up_the_foam_is_asked_about() -> None:
+    """The velocity at which the foam's energy up to its densification is used up, and more."""
+    foam, mass = Foam(), 5.0
+    strain = np.linspace(0.0, -foam.used_up_strain, 10_001)
+    taken = AREA * HEIGHT * float(np.trapezoid(foam.loading(strain), strain))
+    limit = (2.0 * taken / mass) ** 0.5
+    for share, asks in ((0.99, False), (1.01, True)):
+        scene = cushion(foam, mass, drop_height=None, velocity=share * limit)
+        assert (doubt(scene) is not None) == asks
+    assert "masses are in kilograms" in str(doubt(scene))
 
 
 @pytest.mark.parametrize(

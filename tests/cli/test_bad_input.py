@@ -88,6 +88,16 @@ def test_bad_argument(arguments: list[str], fragment: str, ask: Callable, tmp_pa
     assert tree(tmp_path) == {}
 
 
+def test_a_mass_in_grams_is_asked_about_before_the_run(ask: Callable, tmp_path: Path) -> None:
+    """No gravity, so that it can be meant: a note, and then the run (here: the claimed folder)."""
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "mine.txt").write_text("mine")
+    cushion = ["--set", "impactor.width=0.3", "--set", "impactor.mass=5000"]
+    result = ask("run", "paper/rectangular-3.03", *cushion, "--out", str(tmp_path / "taken"))
+    assert "note: by energy balance 5000 kg at 3.03 m/s use up this foam" in result.stderr
+    assert "masses are in kilograms" in result.stderr
+
+
 def test_malformed_toml(ask: Callable, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text("[block\nwidth = 0.2\n")
     before = tree(tmp_path)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from picture_states import dented, intact, scene_of, split
 from picture_words import check_words, meet
+from PIL import Image
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, comparison, raster
+from taichi_foam.picture import annotate, comparison, films, raster
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
@@ -346,3 +348,22 @@ def test_what_cannot_be_is_refused() -> None:
     for count in (0, 1, 5):
         with pytest.raises(UserError, match=f"compare: {count} given, must be 2 to 4"):
             Lineup.of([dent()] * count)
+
+
+def test_no_diagram_hides_a_tilted_product(tmp_path: Path) -> None:
+    """Where it stands in a film, in steel's colour, with the diagram and without."""
+    product = FlatBlock(width=0.15, height=0.25, rotation_deg=20.0, guided=False)
+    plain = scene_of(20, 10, impactor=product)
+    shown = []
+    for curve in (False, True):
+        scene = plain.with_values(
+            output__curve=curve, output__width=640, output__height=360, name="tilted"
+        )
+        folder = tmp_path / str(curve)
+        folder.mkdir()
+        films.write(result_of(scene, [intact(scene)]), folder, names=films.Names(frames="frames"))
+        with Image.open(folder / "frames" / "frame_00000.png") as picture:
+            steel = np.all(np.asarray(picture) == Look().tones.steel, axis=-1)
+        shown.append(int(steel.sum()))
+    assert shown[0] > 1000
+    assert shown[1] == pytest.approx(shown[0], rel=0.02)

@@ -13,7 +13,7 @@ from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.view import Box
 
-BOX = Box(10, 20, 310, 170)
+BOX = Box(10, 20, 335, 170)
 
 
 def ramp(last: float = 0.05, top: float = 100.0) -> Curve:
@@ -48,6 +48,22 @@ def test_the_curve_grows_to_the_time_shown_and_keeps_its_axes() -> None:
     share = np.ptp(reach[1]) / np.ptp(reach[0])
     assert share == pytest.approx(0.5, abs=0.04)  # the dot at its end is 5 px wide
     assert np.mean(whole[half]) > 0.85  # all but that dot
+
+
+def test_the_right_axis_is_in_g() -> None:
+    """Its figures are those of the left one over 9.80665 m/s2: what changes them changes pixels."""
+    words: list[str] = []
+    write = annotate.write
+
+    def noting(image: np.ndarray, place: tuple, text: str, *rest: object, **more: object) -> None:
+        words.append(text)
+        write(image, place, text, *rest, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(annotate, "write", noting)
+        inset.draw(annotate.blank(400, 200), BOX, [ramp(top=1961.33)], "light", 0.74)
+    assert {"980.665", "1961.33", "100", "200"} <= set(words)
+    assert any("right g" in text for text in words)
 
 
 def test_nothing_yet_is_an_empty_diagram() -> None:

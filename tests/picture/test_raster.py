@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 from picture_words import check_words, meet
 
+from taichi_foam.analysis.body import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset, raster
 from taichi_foam.picture.look import Look
@@ -312,6 +314,35 @@ def test_the_window_holds_block_floor_and_room_for_the_impactor() -> None:
     assert seen.x_max == pytest.approx(0.125)
     assert seen.y_min < 0
     assert seen.y_max == pytest.approx(0.16)
+
+
+@pytest.mark.parametrize(
+    ("guided", "angle"), [(True, 30.0), (True, 45.0), (False, 0.0), (False, 30.0)]
+)
+def test_the_window_holds_a_tilted_product_at_all_instants(guided: bool, angle: float) -> None:
+    """One three times as high as its cushion, as it starts, turns, slides off and rebounds."""
+    product = FlatBlock(width=0.2, height=0.3, rotation_deg=angle, guided=guided)
+    scene = scene_of(impactor=product)
+    states = [
+        replace(intact(scene), impactor_y=scene.contact_height + up, **moved)
+        for up, moved in (
+            (0.0, {}),
+            (0.1, {}),
+            (0.02, {} if guided else {"impactor_angle": 0.8, "impactor_shift": 0.2}),
+            (-0.04, {} if guided else {"impactor_angle": -1.5, "impactor_shift": -0.3}),
+        )
+    ]
+    for seen in (window(scene, states), window(scene, states, side=0.14, above=0.42)):
+        for state in states:
+            body = impactor_now(state, scene)
+            assert body is not None
+            (left, low), (right, high) = body.min(axis=0), body.max(axis=0)
+            assert seen.x_min < left < right < seen.x_max
+            assert seen.y_min < low < high < seen.y_max
+    live = window(scene)  # which knows of no instant to come
+    body = impactor_now(states[0], scene)
+    assert body is not None
+    assert live.y_max > body[:, 1].max()
 
 
 def test_the_window_shows_a_platen_to_its_ends_and_a_tilted_block_to_its_corners() -> None:

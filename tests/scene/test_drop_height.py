@@ -82,3 +82,24 @@ def test_contradictions_are_refused(values: dict[str, float], said: str) -> None
 def test_what_is_no_height_is_refused(height: object) -> None:
     with pytest.raises(UserError, match=r"impactor\.drop_height = .*must be"):
         load_scene(PAPER).with_values({"impactor.drop_height": height})
+
+
+def test_millimetres_are_asked_about() -> None:
+    with pytest.raises(UserError, match=r"760: must be .*at most 100 m; .*\(760 mm is 0\.76\)"):
+        load_scene(PAPER).with_values({"impactor.drop_height": 760})
+
+
+def test_grams_are_asked_about(fallen: Scene) -> None:
+    """A product that crushes by its weight what it falls on; the most that foam carries is none."""
+    block, foam, impactor = fallen.block, fallen.foam, fallen.impactor
+    assert impactor is not None
+    width = min(impactor.extent, block.width)
+    most = foam.plateau_stress * width * block.depth / STANDARD_GRAVITY
+    with pytest.raises(UserError, match=r"in kilograms \(5,000 g is 5\)"):
+        fallen.with_values(impactor__mass=5000.0)
+    with pytest.raises(UserError, match="its weight alone"):
+        fallen.with_values(impactor__mass=1.001 * most)
+    assert fallen.with_values(impactor__mass=0.999 * most).impactor.mass < most
+    # an impact by a velocity, without gravity, is not a drop on a cushion
+    heavy = fallen.with_values(impactor__mass=5000.0, impactor__velocity=3.0, numerics__gravity=0.0)
+    assert heavy.impactor.drop_height is None

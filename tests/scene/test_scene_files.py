@@ -32,6 +32,7 @@ from taichi_foam.scene import (
     Wedge,
 )
 from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.scene.pulse import Shape
 from taichi_foam.shim2000 import tests
 
 # Taichi, once started, has its process flush subnormal numbers to zero.
@@ -146,13 +147,21 @@ impactors = st.one_of(
     ),
 )
 
+still = {"pulse": st.none(), "pulse_peak_g": st.none(), "pulse_duration_ms": st.none()}
+shaken = {
+    "pulse": st.sampled_from(get_args(Shape)),
+    "pulse_peak_g": floats(1e-3, 1e5),
+    "pulse_duration_ms": floats(1e-2, 1e4),
+}
+bases = st.one_of(parts(Base, acceleration=st.none(), **one) for one in (still, shaken))
+
 scenes = st.builds(
     Scene,
     name=st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=100),
     block=blocks(),
     foam=foams(),
     impactor=impactors,
-    base=parts(Base, acceleration=st.none()),
+    base=bases,
     model=parts(Model),
     numerics=parts(
         Numerics,

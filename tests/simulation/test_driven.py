@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bench import small_scene
+from rich.console import Console
+from scipy.signal import lsim, lti
 
 import taichi_foam as tf
 from taichi_foam.analysis.compression import compression_curve
 from taichi_foam.catalogue import load_scene
+from taichi_foam.cli.tables import key_figures
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Scene, TabulatedFoam
+from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.scene.measured import read_curve
 from taichi_foam.scene.pulse import Pulse
 from taichi_foam.simulation.simulate import Progress, run
+from taichi_foam.units import STANDARD_GRAVITY
 
 CURVE = ((0.0, 0.05, 0.3, 0.6, 0.8), (0.0, 0.1e6, 0.12e6, 0.18e6, 0.4e6))
 GAUGE = 0.095  # m, from the first to the last row
@@ -170,6 +176,152 @@ def test_a_mass_on_elastic_foam_answers_a_half_sine_as_one_degree_of_freedom() -
     np.testing.assert_allclose(history["displacement_m"], exact, atol=0.01 * exact.max())
     total = history["impactor_kinetic_J"].max()
     assert np.abs(history["residual_J"]).max() < 1e-4 * total
+
+
+def on_a_table(pulse: str, peak_g: float, duration_ms: float, **numerics: float) -> Scene:
+    """A product at rest on light, linear elastic foam, on a table that a pulse shakes."""
+    plain = small_scene().block
+    return Scene(
+        block=plain.model_validate({**plain.model_dump(), "density": 5.0}),
+        foam=TabulatedFoam(curve=Curve(strain=(0.0, 0.3, 0.6), stress=(0.0, 0.6e6, 1.2e6))),
+        impactor=FlatBlock(width=0.08, mass=0.3, velocity=0.0, friction=0.0),
+        base=Base(kind="held", pulse=pulse, pulse_peak_g=peak_g, pulse_duration_ms=duration_ms),
+        numerics=Numerics(end=0.014, damping_time=0.0, **numerics),
+        output=FILES.model_copy(update={"history_interval": 1e-4}),
+    )
+
+
+def exact_peak(scene: Scene) -> tuple[float, float]:
+    """Largest acceleration [m/s2] and squeeze x [m] of x'' = a - w^2 x, the base's a, by scipy."""
+    block, impactor, pulse = scene.block, scene.impactor, scene.base.shaking
+    assert impactor is not None
+    assert pulse is not None
+    modulus, section = 2e6, block.width * block.depth
+    springs = [modulus * section / GAUGE, 40.0 * modulus * block.depth * block.columns]
+    square = 1.0 / sum(1.0 / k for k in springs) / impactor.mass
+    time = np.linspace(0.0, scene.numerics.end, 20_001)
+    shaken = np.interp(time, pulse.time, pulse.acceleration, left=0.0, right=0.0)
+    system = lti([[0.0, 1.0], [-square, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    _, x, _ = lsim(system, shaken, time)
+    return square * float(np.max(x)), float(np.max(x))
+
+
+@pytest.mark.parametrize(
+    ("pulse", "share"), [("half-sine", 2.0 / np.pi), ("trapezoid", 0.9), ("sawtooth", 0.5)]
+)
+def test_a_product_on_a_shaken_base_has_its_own_g(pulse: str, share: float) -> None:
+    """Its absolute acceleration is that of one degree of freedom, not that seen from the table."""
+    scene = on_a_table(pulse, 20.0, 11.0)
+    result = run(scene)
+    found = result.summary
+    peak, squeeze = exact_peak(scene)
+    assert peak > 1.15 * 20.0 * STANDARD_GRAVITY  # it differs from the table's
+    assert found["peak_deceleration_m_s2"] == pytest.approx(peak, rel=0.02)
+    assert found["peak_deceleration_g"] == pytest.approx(peak / STANDARD_GRAVITY, rel=0.02)
+    assert found["peak_deceleration_cfc180_m_s2"] == pytest.approx(peak, rel=0.02)
+    assert found["max_strain"] == pytest.approx(squeeze / GAUGE, rel=0.02)
+    history, mass = result.history, scene.impactor.mass
+    force = history["contact_force_N"].max() / mass
+    assert found["peak_deceleration_m_s2"] == pytest.approx(force, rel=0.02)
+    assert found["base_peak_g"] == pytest.approx(20.0)
+    change = share * 20.0 * STANDARD_GRAVITY * 11e-3
+    assert found["base_velocity_change_m_s"] == pytest.approx(change, rel=1e-4)
+    given = np.cumsum(history["contact_force_N"] * np.diff(history["time_s"], prepend=0.0)) / mass
+    assert found["velocity_change_m_s"] == pytest.approx(given.max(), rel=0.02)
+
+
+def test_a_shaken_base_has_no_impact() -> None:
+    """What belongs to an impact has no answer, and the sentence and the table leave it out."""
+    found = run(on_a_table("half-sine", 20.0, 11.0)).summary
+    for key in (
+        "came_to_rest", "impact_duration_s", "plateau_deceleration_m_s2", "initial_peak_m_s2",
+        "energy_absorbed_J", "energy_per_volume_J_m3", "rebound_velocity_m_s", "restitution",
+        "equivalent_drop_height_m",
+    ):  # fmt: skip
+        assert found[key] is None, key
+    said = found["statement"]
+    assert "base was shaken with 20.0 g, its velocity changed by 1.37 m/s" in said
+    assert "came to rest" not in said
+    assert "plateau" not in said
+
+
+def test_gravity_is_no_shock() -> None:
+    """A product that gravity presses on its cushion has the g of the pulse, no more."""
+    peak, _ = exact_peak(on_a_table("half-sine", 20.0, 11.0))
+    scene = on_a_table("half-sine", 20.0, 11.0, gravity=STANDARD_GRAVITY)
+    found = run(scene).summary
+    # it falls into the cushion at the start: by up to 1 g of its own
+    assert abs(found["peak_deceleration_m_s2"] - peak) < 1.2 * STANDARD_GRAVITY
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        ({"pulse": "half-sine", "pulse_peak_g": 50.0}, r"needs base\.pulse_duration_ms"),
+        ({"pulse_peak_g": 50.0}, r"base\.pulse_peak_g: is that of base\.pulse"),
+        ({"pulse": "square", "pulse_peak_g": 50.0}, "half-sine, trapezoid, sawtooth"),
+        (
+            {"pulse": "sawtooth", "pulse_peak_g": -1.0, "pulse_duration_ms": 11.0},
+            "this is in g of 9.80665",
+        ),
+        (
+            {
+                "pulse": "sawtooth", "pulse_peak_g": 1.0, "pulse_duration_ms": 11.0,
+                "acceleration": {"time": [0.0, 1.0], "acceleration": [0.0, 1.0]},
+            },
+            "leave one of the two out",
+        ),
+        ({"pulse": "sawtooth", "pulse_peak_g": 1.0, "pulse_duration_ms": 1.0}, r"numerics\.end"),
+    ],
+)  # fmt: skip
+def test_a_pulse_that_cannot_be_is_refused(base: dict, words: str) -> None:
+    scene = Scene(impactor=FlatBlock())
+    with pytest.raises(UserError, match=words):
+        scene.with_values({f"base.{key}": value for key, value in base.items()})
+
+
+def test_a_shaped_pulse_is_written_as_it_was_given(tmp_path: Path) -> None:
+    scene = on_a_table("trapezoid", 40.0, 6.0)
+    write_scene = tmp_path / "shaken.toml"
+    write_scene.write_text(scene_to_toml(scene))
+    again = load_scene(write_scene)
+    assert again == scene
+    assert 'pulse = "trapezoid"' in write_scene.read_text()
+    harder = again.with_values({"base.pulse_peak_g": 80.0})
+    assert harder.base.shaking.peak == pytest.approx(80.0 * STANDARD_GRAVITY)
+    assert harder.base.shaking.time == pytest.approx((0.0, 0.6e-3, 5.4e-3, 6e-3))
+
+
+def test_the_velocity_of_the_base_is_the_integral_of_its_pulse() -> None:
+    """Between its points, at them, before and after, against a fine sum."""
+    pulse = Pulse(time=(1e-3, 2e-3, 5e-3, 6e-3), acceleration=(10.0, 50.0, -20.0, 0.0))
+    fine = np.linspace(0.0, 8e-3, 800_001)
+    level = np.interp(fine, pulse.time, pulse.acceleration, left=0.0, right=0.0)
+    summed = np.append(0.0, np.cumsum(0.5 * (level[1:] + level[:-1]) * np.diff(fine)))
+    some = np.array([0.0, 0.5e-3, 1e-3, 1.7e-3, 2e-3, 4.4e-3, 6e-3, 8e-3])
+    np.testing.assert_allclose(pulse.velocity(some), np.interp(some, fine, summed), atol=1e-6)
+
+
+def test_a_crosshead_is_told_in_stress_and_strain(pressed: Result) -> None:
+    """Nothing of g: it is not slowed down."""
+    found = pressed.summary
+    curve = compression_curve(pressed)
+    assert curve is not None
+    assert found["peak_stress_Pa"] == curve[1].max()
+    assert found["peak_stress_strain"] == curve[0][np.argmax(curve[1])]
+    force = pressed.history["contact_force_N"].max()
+    assert found["peak_stress_force_N"] == pytest.approx(force, rel=1e-9)
+    assert [key for key in found if key.endswith("_g") and found[key] is not None] == []
+    assert "largest stress was" in found["statement"]
+    assert " g " not in found["statement"]
+    assert "moving" not in found["statement"]
+    console = Console(width=100, file=io.StringIO())
+    console.print(key_figures(pressed.scene, found))
+    shown = console.file.getvalue()
+    assert "largest stress" in shown
+    assert "deceleration" not in shown
+    assert " g\n" not in shown
+    assert "drop height" not in shown
 
 
 def test_an_interrupted_shaken_run_goes_on(tmp_path: Path) -> None:

@@ -10,11 +10,15 @@ QUANTITIES = (
     q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME, q.ENERGY_ABSORBED, q.PEAK,
     q.RESULTANT_G, q.ANGLE, q.SPIN, q.SIDEWAYS,
     q.REBOUND, q.CHANGE, q.RESTITUTION, q.FALL, q.WIDTH, q.HEIGHT, q.PIECES, q.BROKEN, q.RESIDUAL,
+    q.BASE_G, q.BASE_CHANGE, q.STRESS, q.STRESS_STRAIN,
 )  # fmt: skip
 """The figures of the page's table, in its order."""
 
 FIGURES = tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in QUANTITIES)
 """The same as the page gets them."""
 
-ENERGIES = tuple((column.name, column.label) for column in history.ENERGIES)
-"""The ledger as the page gets it: columns of the history and their words."""
+ENERGIES = (
+    *((layer.label, layer.columns) for layer in history.LEDGER),
+    *((history.COLUMNS[name].label, (name,)) for name in ("gravity_J", "residual_J")),
+)
+"""The ledger as the page shows it: words, and the columns of the history that add up to them."""

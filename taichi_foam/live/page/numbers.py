@@ -78,7 +78,9 @@ class Numbers:
             "displacement": float(history["displacement_m"][row]),
             "velocity": float(history["velocity_m_s"][row]),
             "deceleration": float(history["deceleration_smoothed_m_s2"][row]),
-            "energies": {name: float(history[name][row]) for name, _ in ENERGIES},
+            "energies": {
+                words: sum(float(history[name][row]) for name in names) for words, names in ENERGIES
+            },
         }
 
     def told(self) -> dict[str, Any]:

@@ -248,5 +248,5 @@ class PageView:
             "paces": PACES,
             "step": STEP,
             "figures": figures.FIGURES,
-            "energies": figures.ENERGIES,
+            "energies": [words for words, _ in figures.ENERGIES],
         }

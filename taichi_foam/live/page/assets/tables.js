@@ -39,9 +39,9 @@ export class Tables {
       return { key, factor, digits, tr };
     });
     $("figures").tBodies[0].replaceChildren(...this.figures.map(({ tr }) => tr));
-    this.energies = energies.map(([key, label]) => {
+    this.energies = energies.map((label) => {
       const bar = document.createElement("i");
-      return { key, bar, tr: row(label, "–", bar) };
+      return { key: label, bar, tr: row(label, "–", bar) };
     });
     $("energies").tBodies[0].replaceChildren(...this.energies.map(({ tr }) => tr));
   }
@@ -64,7 +64,10 @@ export class Tables {
       return li;
     }));
     for (const { key, factor, digits, tr } of this.figures) {
-      tr.children[1].textContent = dash(figures && figures[key], digits, factor);
+      const value = figures && figures[key];
+      tr.children[1].textContent = dash(value, digits, factor);
+      // a question that this test does not ask
+      tr.hidden = Boolean(figures) && (value ?? null) === null && !tr.children[2].textContent;
     }
   }
 
