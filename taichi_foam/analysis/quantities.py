@@ -35,16 +35,12 @@ class Quantity:
 CREST = Quantity(
     "peak_deceleration_cfc180_m_s2", "peak deceleration (CFC 180)", "peak", "m/s²", 1.0, 1
 )
-CREST_G = Quantity(
-    "peak_deceleration_cfc180_g", "peak deceleration (CFC 180), in g", "peak in g", "g", 1.0, 1
-)
+CREST_G = Quantity("peak_deceleration_cfc180_g", "the same in g", "peak in g", "g", 1.0, 1)
 CREST_TIME = Quantity(
     "peak_deceleration_cfc180_time_s", "its time after contact", "time of the peak", "ms", 1e3, 2
 )
 RAW_CREST = Quantity("peak_deceleration_m_s2", "peak deceleration, raw", "raw peak", "m/s²", 1.0, 1)
-RAW_CREST_G = Quantity(
-    "peak_deceleration_g", "peak deceleration, raw, in g", "raw peak in g", "g", 1.0, 1
-)
+RAW_CREST_G = Quantity("peak_deceleration_g", "the raw one in g", "raw peak in g", "g", 1.0, 1)
 RAW_CREST_TIME = Quantity(
     "peak_deceleration_time_s", "its time after contact, raw", "time of the raw peak", "ms", 1e3, 2
 )
