@@ -118,6 +118,7 @@ def run_command(
             bars=bars,
         )  # fmt: skip
         _say(console, found, found.standing)
+        _say_balance(console, found)
 
 
 @app.command("status")
@@ -270,3 +271,23 @@ def _say(console: Console, found: Sweep, standing: Standing, at_work: bool = Fal
         console.print(
             f"in {found.folder}: results.csv, results.parquet", soft_wrap=True, markup=False
         )
+
+
+def _say_balance(console: Console, found: Sweep) -> None:
+    """Of drops on level cushions: their peaks by hand, and how near the computed ones come."""
+    from taichi_foam.sweeps import table
+
+    if not (found.folder / table.PARQUET).is_file():
+        return
+    keys = ("balance_peak_g", "peak_deceleration_g")
+    rows = table.read([found.folder / table.PARQUET], keys).to_pylist()
+    peaks = [(row[keys[0]], row[keys[1]]) for row in rows if None not in map(row.get, keys)]
+    if not peaks:
+        return
+    by_hand = [f"{end(peak for peak, _ in peaks):.1f}" for end in (min, max)]
+    off = max(abs(computed / peak - 1.0) for peak, computed in peaks)
+    console.print(
+        f"peaks of {len(peaks):,} level cushions: by energy balance "
+        f"{' to '.join(dict.fromkeys(by_hand))} g, computed within {100 * off:.1f} % of that",
+        soft_wrap=True, markup=False,
+    )  # fmt: skip
