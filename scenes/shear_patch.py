@@ -24,7 +24,7 @@ GAMMA = 0.05
 
 scene = Scene(
     name="Released shear patch",
-    block=Block(width=0.6, height=0.1, cell=0.005),
+    block=Block(width=0.6, height=0.1, columns=120, rows=20, mass_points="cells"),
     base=Base(kind="gripped"),
     start=Start(deformation_gradient=((1.0, GAMMA), (0.0, 1.0))),
     numerics=Numerics(damping_time=0.0, end=5e-4),

@@ -326,7 +326,10 @@ def _check_repeats(plan: Plan, base: Scene) -> None:
             )
         if "foam.strength_seed" in keys:
             raise UserError("repeats.vary = 'seed': foam.strength_seed has an axis of its own")
-    elif base.impactor is None or (base.impactor.velocity == 0 and "impactor.velocity" not in keys):
+    elif base.impactor is None or (
+        base.impactor.velocity == 0
+        and keys.isdisjoint({"impactor.velocity", "impactor.drop_height"})
+    ):
         raise UserError(
             "repeats.vary = 'velocity': there is no impact velocity to vary; vary the seed, or "
             "leave the repeats out"

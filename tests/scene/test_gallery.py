@@ -52,14 +52,14 @@ def test_released_shear_patch():
     c = names["wave_speed"]
     transit = layer / c
     assert c == pytest.approx(181.14, rel=1e-4)
-    assert top(0.0) == pytest.approx(0.05 * 0.1)
-    assert top(0.5 * transit) == pytest.approx(0.05 * 0.1 / 2)
+    assert top(0.0) == pytest.approx(0.05 * 0.0975)
+    assert top(0.5 * transit) == pytest.approx(0.05 * 0.0975 / 2)
     assert top(2 * transit) == pytest.approx(-top(0.0))
     assert top(4 * transit) == pytest.approx(top(0.0))
     for time in (0.0, 1e-4, 7e-4, 3e-3):
-        assert u(0.0, time) == pytest.approx(0.0, abs=1e-15)
+        assert u(0.0025, time) == pytest.approx(0.0, abs=1e-15)
     # Ahead of the front nothing has moved; behind it the shear is gone.
-    assert u(0.03, 0.5 * transit) == pytest.approx(0.05 * 0.03)
+    assert u(0.03, 0.5 * transit) == pytest.approx(0.05 * (0.03 - 0.0025))
     assert u(0.06, 0.5 * transit) == pytest.approx(u(0.09, 0.5 * transit))
 
 

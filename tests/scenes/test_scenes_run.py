@@ -67,7 +67,7 @@ def test_uniaxial_crush_gives_back_its_stress_strain_curve() -> None:
     elastic = (strain > -0.05) & (strain < 0)
     assert np.abs(stress - exact)[elastic].max() < sound
     crushed = strain < -0.06
-    viscous = VISCOSITY * crush.SPEED / crush.block.height
+    viscous = VISCOSITY * crush.SPEED / crush.gauge_length
     np.testing.assert_allclose(stress[crushed], exact[crushed] - viscous, rtol=1e-3)
     assert strain[-1] == pytest.approx(-crush.FINAL_STRAIN, abs=0.002)
     assert exact[-1] < 1.4 * exact[crushed][0]  # it ends deep in densification
@@ -91,6 +91,7 @@ def test_shear_patch_unloads_from_its_top() -> None:
         exact = [patch.exact_displacement(y, state.time) for y in heights]
         assert np.abs(found - exact).max() < 0.02 * full
         assert abs(found[-1] - exact[-1]) < 0.002 * full
+    # the top's mass point is half a cell below the top that the front starts from
     later = [s for s in result.snapshots if s.time > 1e-4]
     for state in later:
         top = state.position[middle, -1, 0].mean()
