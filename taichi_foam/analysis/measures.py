@@ -55,6 +55,9 @@ in the paper's nine tests it is 1.0 to 1.2)."""
 INITIAL_PEAK_WINDOW_S = 5e-3
 """A flat face's initial peak lies within this time of contact (measured: 1.8 to 2.9 ms)."""
 
+RISES = 0.1
+"""What a deceleration that only waves about a plateau may rise by after that, over its peak."""
+
 
 def impact_duration(record: Record) -> float | None:
     """From first contact to zero impactor velocity (s)."""
@@ -203,21 +206,23 @@ def initial_peak(record: Record) -> tuple[float, float] | None:
     """Initial peak of the smoothed deceleration and its time after contact (m/s2, s).
 
     The largest within INITIAL_PEAK_WINDOW_S of contact; flat faces only. None where the
-    deceleration still rises at the window's end, or the whole impact is shorter: there is no other
-    peak that this one would be the first of.
+    deceleration goes on rising, by more than RISES in as long again, or the whole impact is
+    shorter: there is no other peak that this one would be the first of.
     """
     found = impact(record)
     if found is None or not is_flat(found.impactor) or found.duration <= INITIAL_PEAK_WINDOW_S:
         return None
     since = record.history["time_s"] - found.contact
+    smooth = record.history["deceleration_smoothed_m_s2"]
     window = (since >= 0) & (since <= INITIAL_PEAK_WINDOW_S)
-    smooth = record.history["deceleration_smoothed_m_s2"][window]
-    if smooth.size == 0 or np.isnan(smooth).any():
+    after = (since > INITIAL_PEAK_WINDOW_S) & (since <= 2 * INITIAL_PEAK_WINDOW_S)
+    if not window.any() or np.isnan(smooth[window]).any():
         return None
-    top = int(np.argmax(smooth))
-    if top == smooth.size - 1:
+    top = int(np.argmax(smooth[window]))
+    peak = float(smooth[window][top])
+    if (smooth[after] > (1.0 + RISES) * peak).any():
         return None
-    return float(smooth[top]), float(since[window][top])
+    return peak, float(since[window][top])
 
 
 def energy_absorbed(record: Record) -> float | None:

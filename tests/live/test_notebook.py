@@ -134,6 +134,7 @@ def test_what_is_assumed_is_a_line_that_opens(make_result) -> None:
     scene = load_scene("gallery/own-foam")
     html = result_html(make_result(scene))
     line, opened = html.split("<summary>")[1].split("</summary>")
+    assert scene.assumed is not None
     assert line == f"assumed of the foam: {len(scene.assumed)}"
     assert all(each.key in opened for each in scene.assumed)
     assert "<summary>" not in result_html(make_result(load_scene("paper/wedge-2.86")))

@@ -353,8 +353,8 @@ def test_drops_are_saved_and_a_killed_worker_is_replaced(tmp_path: Path) -> None
             for name in ("time_s", "displacement_m", "velocity_m_s"):
                 shown = told[name.partition("_")[0]]
                 assert shown == pytest.approx(history[name][row], rel=1e-5)
-            for words, names in ENERGIES:
-                energy = sum(history[name][row] for name in names)
+            for words, columns in ENERGIES:
+                energy = sum(history[name][row] for name in columns)
                 assert told["energies"][words] == pytest.approx(energy, rel=1e-5, abs=1e-12)
         smoothed = history["deceleration_smoothed_m_s2"][-1]
         assert end["deceleration"] == pytest.approx(smoothed, rel=1e-5)
