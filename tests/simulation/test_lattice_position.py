@@ -23,7 +23,7 @@ def drop(shift: float = 0.0, angle: float = 0.0) -> Scene:
     size = {"width": CELL * COUNT, "height": CELL * COUNT, "columns": COUNT, "rows": COUNT}
     corners = [tuple(corner) for corner in outline.tolist()]
     return Scene(
-        block=Block(**size, depth=0.1, outline=corners, lattice_angle_deg=angle),
+        block=Block(**size, mass_points="cells", depth=0.1, outline=corners, lattice_angle_deg=angle),
         foam=Foam(crush_band=0.0075),
         impactor=FlatBlock(width=0.14, height=0.03, mass=4.0, velocity=3.0, x=shift * CELL),
         output=Output(film=False),
