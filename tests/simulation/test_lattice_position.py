@@ -20,7 +20,8 @@ def drop(shift: float = 0.0, angle: float = 0.0) -> Scene:
     """A plate on a trapezoid of foam, both moved by a share of a cell; the lattice turned."""
     outline = np.array([(-0.05, 0.0), (0.05, 0.0), (0.5 * TOP, 0.06), (-0.5 * TOP, 0.06)])
     outline[:, 0] += shift * CELL
-    size = {"width": CELL * COUNT, "height": CELL * COUNT, "columns": COUNT, "rows": COUNT}
+    side = {"width": CELL * COUNT, "height": CELL * COUNT}
+    size = {**side, "columns": COUNT, "rows": COUNT, "mass_points": "cells"}
     corners = [tuple(corner) for corner in outline.tolist()]
     return Scene(
         block=Block(**size, depth=0.1, outline=corners, lattice_angle_deg=angle),
