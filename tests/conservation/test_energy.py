@@ -1,12 +1,16 @@
 """The ledger closes, and each of its entries has the sign that physics gives it."""
 
+import math
+
 import numpy as np
 import pytest
 from bench import small_scene
 
+from taichi_foam.laws.bond import Curve
 from taichi_foam.results.result import Result
 from taichi_foam.scene import (
     Base,
+    Block,
     FlatBlock,
     Foam,
     Model,
@@ -14,10 +18,11 @@ from taichi_foam.scene import (
     Output,
     Scene,
     Start,
+    TabulatedFoam,
     Wedge,
 )
 from taichi_foam.shim2000.tests import paper_scene
-from taichi_foam.simulation.simulate import run
+from taichi_foam.simulation.simulate import run, simulate_many
 
 LOOSE = Model(self_contact=False)
 
@@ -201,3 +206,56 @@ def test_an_elastic_bounce_gives_everything_back() -> None:
     for name in ("crushing_J", "shearing_J", "damping_J", "friction_J", "fracture_J", "contact_J"):
         assert abs(history[name][-1]) < 1e-4 * brought, name
     assert history["velocity_m_s"][-1] < -0.8
+
+
+def odd_foam(draw: np.random.Generator) -> TabulatedFoam:
+    """A foam of one's own: stiff or soft, flat or hardening, with more or less to crush."""
+    young, yields = 10 ** draw.uniform(5.3, 7.3), draw.uniform(0.015, 0.06)
+    hardens, locks = draw.uniform(0.0, 2.0), draw.uniform(0.86, 0.97)
+    strain = np.union1d(np.linspace(0.0, locks - 0.06, 40), [yields])
+    crushed = strain - yields
+    stress = (
+        young * yields * (1 + hardens * crushed) * (1 + 0.05 * (crushed / (locks - strain)) ** 2)
+    )
+    return TabulatedFoam(
+        curve=Curve(strain=strain, stress=np.where(crushed < 0, young * strain, stress))
+    )
+
+
+def test_fifty_foams_in_cells_of_any_shape_close_their_ledgers() -> None:
+    """Cells half to three times as wide as high, rows on faces and in cells, automatic steps."""
+    draw = np.random.default_rng(7)
+    scenes = []
+    for number in range(50):
+        foam, dy = odd_foam(draw), draw.uniform(0.002, 0.008)
+        rows, depth, dx = 8, 0.1, dy * draw.uniform(0.5, 3.0)
+        block = Block(
+            width=6 * dx,
+            height=rows * dy,
+            depth=depth,
+            columns=6,
+            rows=rows + number % 2,
+            mass_points=("cells", "faces")[number % 2],
+            density=draw.uniform(12.0, 60.0),
+        )
+        strain = np.linspace(0.0, draw.uniform(0.2, 0.9) * foam.curve.tested, 1000)
+        stress = foam.loading(strain)
+        taken = block.width * depth * block.height * np.sum(stress[1:] * np.diff(strain))
+        mass = block.width * depth * foam.curve.plateau_stress / draw.uniform(100.0, 400.0)
+        scenes.append(
+            Scene(
+                name=f"foam {number} in cells {dx / dy:.2f} as wide as high",
+                block=block,
+                foam=foam,
+                impactor=FlatBlock(
+                    width=2 * block.width, mass=mass, velocity=math.sqrt(2 * taken / mass)
+                ),
+                output=Output(film=False),
+            )
+        )
+    worst = {}
+    for _, result in simulate_many(scenes):
+        worst[result.scene.name] = abs(result.summary["energy_residual"])
+        assert result.summary["max_strain"] > 0.1
+    assert len(worst) == 50
+    assert max(worst.values()) < 1e-3, max(worst, key=worst.__getitem__)
