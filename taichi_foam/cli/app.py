@@ -38,7 +38,7 @@ from taichi_foam.records.ending import Ending
 from taichi_foam.results.files import file_name
 from taichi_foam.results.folders import Claim, claimed, size_text
 from taichi_foam.results.result import Result, request_of, storage_bytes
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Scene, block
 from taichi_foam.scene.values import settings
 from taichi_foam.simulation.progress import Bars
 
@@ -287,9 +287,9 @@ def _run(
     with exit_codes(errors):
         scene = load_scene(source, choices, overrides)
         _check_combination(live, after, drops)
-        question = balance.doubt(scene)
-        if question is not None:
-            errors.print(f"note: {question}", soft_wrap=True, markup=False)
+        for said in (balance.doubt(scene), block.advice(scene.block)):
+            if said is not None:
+                errors.print(f"note: {said}", soft_wrap=True, markup=False)
         words = [] if after is None else [f"after-{Path(after).resolve().name}"]
         words += [] if drops is None else [f"{drops}-drops"]
         folder = _default_folder(scene, choices, overrides, words) if out is None else out

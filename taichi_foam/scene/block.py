@@ -27,6 +27,9 @@ CELLS_IN_HEIGHT, CELLS_IN_WIDTH = 20, 10
 SQUARE = "for square cells"
 """What stands for the default of numbers of cells."""
 
+OBLONG = 1.25
+"""Cells that are so many times as long one way as the other are advised against."""
+
 _Coordinate = Annotated[float, Field(ge=-5, le=5)]
 _Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
 _Outline = Annotated[tuple[_Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
@@ -258,6 +261,18 @@ class Block(Part):
         """Of the outline [m]: there a turned lattice has its own."""
         points = np.array(self.corners)
         return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def advice(block: Block) -> str | None:
+    """What to say against cells that are far from square; None: they are near to it."""
+    longer, shorter = max(block.dx, block.dy), min(block.dx, block.dy)
+    if longer <= OBLONG * shorter:
+        return None
+    return (
+        f"cells are {1e3 * block.dx:.4g} mm wide and {1e3 * block.dy:.4g} mm high: oblong ones "
+        "crush and crack otherwise along x than along y, and make steps shorter; square ones are "
+        f"block.cell = {shorter:.4g} in place of block.columns and block.rows"
+    )
 
 
 def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from taichi_foam.errors import SceneNote, UserError
 from taichi_foam.scene import Block, FlatBlock, Scene
+from taichi_foam.scene.block import advice
 
 lengths = st.floats(0.01, 0.5)
 points = st.sampled_from(["cells", "faces"])
@@ -95,3 +96,12 @@ def test_a_scene_with_impactor_is_unchanged_by_the_order_of_keys():
     first = Scene(block=Block(), impactor=plate).with_values(block__cell=0.005, block__height=0.05)
     second = Scene(block=Block(), impactor=plate).with_values(block__height=0.05, block__cell=0.005)
     assert first == second
+
+
+def test_oblong_cells_are_advised_against() -> None:
+    assert advice(Block()) is None
+    assert advice(Block(width=0.15, height=0.05)) is None
+    said = advice(Block(width=0.205, height=0.05, columns=41, rows=21))
+    assert said is not None
+    assert said.startswith("cells are 5 mm wide and 2.5 mm high: ")
+    assert "block.cell = 0.0025" in said
