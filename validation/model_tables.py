@@ -80,6 +80,9 @@ def peaks(entries: Sequence[Entry]) -> str:
         measured, found, error = entry["measured"], entry["simulated"], entry["error"]
         if measured["initial_peak_m_s2"] is None:
             continue
+        if found["initial_peak_m_s2"] is None:
+            rows.append([short(entry["name"]), "–", "–"])
+            continue
         height = f"{found['initial_peak_m_s2']:.0f} ({measured['initial_peak_m_s2']:.0f})"
         time, known = found["initial_peak_time_s"], measured["initial_peak_time_s"]
         rows.append(
@@ -92,6 +95,10 @@ def peaks(entries: Sequence[Entry]) -> str:
     return table(["test", "initial peak, m/s²", "its time, ms"], rows)
 
 
+def _with_unit(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.3g} {unit}".removesuffix(" -")
+
+
 def criteria(found: Sequence[Mapping[str, Any]]) -> str:
     """What the paper says of the crushed foam, and in how many runs it holds."""
     rows = [
@@ -99,7 +106,7 @@ def criteria(found: Sequence[Mapping[str, Any]]) -> str:
             "several" if each["case"] is None else short(each["case"]),
             each["source"],
             each["text"],
-            "–" if each["median"] is None else f"{each['median']:.3g}",
+            _with_unit(each["median"], each["unit"]),
             each["allowed"],
             f"{each['met']} of {each['of']}" if each["holds"] else f"**{each['met']}**",
         ]

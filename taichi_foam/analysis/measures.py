@@ -55,7 +55,7 @@ in the paper's nine tests it is 1.0 to 1.2)."""
 INITIAL_PEAK_WINDOW_S = 5e-3
 """A flat face's initial peak lies within this time of contact (measured: 1.8 to 2.9 ms)."""
 
-RISES = 0.1
+RISES = 0.25
 """What a deceleration that only waves about a plateau may rise by after that, over its peak."""
 
 
