@@ -280,7 +280,7 @@ def _say_balance(console: Console, found: Sweep) -> None:
     if not (found.folder / table.PARQUET).is_file():
         return
     keys = ("balance_peak_g", "peak_deceleration_g")
-    rows = table.read([found.folder / table.PARQUET], keys).to_pylist()
+    rows = table.read([table.Shard(found.folder / table.PARQUET)], keys).to_pylist()
     peaks = [(row[keys[0]], row[keys[1]]) for row in rows if None not in map(row.get, keys)]
     if not peaks:
         return

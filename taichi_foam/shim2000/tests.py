@@ -129,7 +129,7 @@ _CONDITIONS: Mapping[str, tuple[str, ...]] = {
     ),
     # The rig let the wedge sink deeper than the block is high. How the bottom row is held
     # (base.kind) is a reading.
-    "base": ("stops_impactor", "acceleration"),
+    "base": ("stops_impactor", "acceleration", "pulse", "pulse_peak_g", "pulse_duration_ms"),
     # It lay on a plate.
     "support": tuple(Support.model_fields),
     # It is the same in both directions.

@@ -19,7 +19,7 @@ from taichi_foam.shim2000.criteria import Criterion, comparing, criteria
 from taichi_foam.shim2000.tests import NAMES, TESTS, paper_scene
 
 FLAT, CYLINDER, WEDGE = "paper/rectangular-3.03", "paper/cylinder-3.32", "paper/wedge-2.86"
-BLOCK = Block()  # 40 x 20 cells of 5 mm
+BLOCK = Block(mass_points="cells")  # 40 x 20 cells of 5 mm
 DX = DY = 0.005
 AXIS = 19  # the A bonds that cross x = 0
 STOP, DEPTH = 0.040, 0.060
