@@ -46,8 +46,8 @@ MOST_SHOWN = 12
 class Part(BaseModel):
     """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
 
-    place: ClassVar[str | None] = None
-    """The key under which a scene has it, "" of a scene itself; None: under none of its own."""
+    places: ClassVar[tuple[str, ...]] = ()
+    """The keys under which a scene has parts of this kind; that of a scene itself is empty."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
@@ -61,12 +61,16 @@ class Part(BaseModel):
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to change a value, and say how one gets another scene."""
-        if self.place is None or name.startswith("_"):
+        if not self.places or name.startswith("_"):
             super().__setattr__(name, value)
             return
-        key, given = f"{self.place}.{name}".lstrip("."), reprlib.repr(value)
+        keys = [f"{place}.{name}".lstrip(".") for place in self.places]
+        key, given = keys[0].replace("[]", "[0]"), reprlib.repr(value)
         changed = f"{{{key!r}: {given}}}" if "[" in key else f"{key.replace('.', '__')}={given}"
         text = f"{key}: scenes do not change; scene.with_values({changed}) gives a changed one"
+        if len(keys) > 1 or "[" in key:
+            others = " or ".join(keys).replace("[]", "[N]")
+            text += f"; the key is that of the part that is meant, {others}"
         problem = PydanticCustomError("value_error", "{error}", {"error": text})
         details = InitErrorDetails(type=problem, loc=(name,), input=value)
         raise ValidationError.from_exception_data(type(self).__name__, [details], hide_input=True)

@@ -45,12 +45,15 @@ def balance(scene: Scene) -> Balance | None:
     """The energy balance of a scene; None where there is none by hand.
 
     There is one for a level face on rails over the whole width of a rectangle of one foam, whose
-    law says its stress.
+    law says its stress, on a level floor. Its thickness is that from the first to the last row of
+    mass points, as the run has it.
     """
     impactor, block = scene.impactor, scene.block
     if impactor is None or scene.is_driven or not impactor.guided or not is_flat(impactor):
         return None
-    if block.outline or block.holes or block.layers or not scene.start.is_at_rest:
+    if block.outline or block.holes or block.layers or block.lattice_angle_deg != 0:
+        return None
+    if scene.support.kind != "floor" or not scene.start.is_at_rest:
         return None
     ends = impactor.x + impactor.outline()[:, 0]
     half = 0.5 * block.width * (1.0 - 1e-9)
@@ -61,10 +64,12 @@ def balance(scene: Scene) -> Balance | None:
     if stress is None:
         return None
     area, gravity = block.width * block.depth, scene.numerics.gravity
+    thickness = scene.contact_height - block.foot
     taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
-    fall = 0.5 * impactor.velocity**2 + gravity * (impactor.gap + block.height * strain)
-    enough = area * block.height * taken >= impactor.mass * fall
+    fall = 0.5 * impactor.velocity**2 + gravity * (impactor.gap + thickness * strain)
+    enough = area * thickness * taken >= impactor.mass * fall
     static = impactor.mass * STANDARD_GRAVITY / area
+    enough[0] = False  # what is put down at rest has not stopped where it starts
     stop = int(np.argmax(enough))
     if not enough[stop] or -strain[stop] <= scene.foam.landmarks.limit:
         return Balance(static, None, None)

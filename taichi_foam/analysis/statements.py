@@ -41,8 +41,10 @@ def statement(
 
 def _of_crosshead(figures: Mapping[str, Any]) -> list[str]:
     stress, strain = 1e-3 * figures["peak_stress_Pa"], 100 * figures["peak_stress_strain"]
+    pressed = figures["max_strain"]
+    to = "" if pressed is None else f" to {100 * pressed:.1f} % strain"
     return [
-        f"the crosshead pressed the foam to {100 * figures['max_strain']:.1f} % strain",
+        f"the crosshead pressed the foam{to}",
         f"the largest stress was {stress:.4g} kPa, at {strain:.1f} % strain",
         *_end_of_foam(figures),
     ]

@@ -265,12 +265,16 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
         f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
         for each in entries
-        if each.key.partition(".")[0] not in ("foam", *_PARTS) or not _is_value(at(scene, each.key))
+        if each.key.partition(".")[0] not in ("foam", *_PARTS) or not _is_value(scene, each.key)
     ]
 
 
-def _is_value(found: Any) -> bool:
-    """Whether what stands under a key is a value, and no part or list of parts."""
+def _is_value(scene: Any, key: str) -> bool:
+    """Whether what stands under a key is a value of a part, and no part or list of parts."""
+    head, _, last = key.rpartition(".")
+    part, found = at(scene, head), at(scene, key)
+    if not isinstance(part, Part) or last not in type(part).model_fields:
+        return False
     first = found[0] if isinstance(found, tuple) and found else found
     return found is not NOTHING and not isinstance(first, Part)
 

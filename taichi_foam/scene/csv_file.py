@@ -11,7 +11,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,11 +51,24 @@ class Rows:
     above: list[Row]
     body: list[Row]
 
-    @property
-    def heads(self) -> list[str] | None:
-        """The header: the nearest row above the numbers that has two cells; None: there is none."""
-        rows = (cells for _, cells in reversed(self.above) if sum(map(bool, cells)) >= 2)
-        return next(rows, None)
+    def header(self, units: Collection[str]) -> tuple[list[str] | None, int]:
+        """The nearest row above the numbers that has two cells, and of how many lines it is.
+
+        A line of `units` may stand below the names: each name then has its own in brackets. None,
+        of no line: there is no header.
+        """
+        lines = [cells for _, cells in self.above if sum(map(bool, cells)) >= 2]
+        if not lines:
+            return None, 0
+        said = [IN_BRACKETS.fullmatch(cell) for cell in lines[-1]]
+        bare = [match[1] if match else cell for match, cell in zip(said, lines[-1], strict=True)]
+        is_units = all(
+            match or plain_unit(cell) in units for match, cell in zip(said, bare, strict=True)
+        )
+        if len(lines) > 1 and len(lines[-2]) == len(bare) and is_units:
+            pairs = zip(lines[-2], bare, strict=True)
+            return [f"{name} [{unit}]" if unit else name for name, unit in pairs], 2
+        return lines[-1], 1
 
 
 def read_rows(path: Path, needs: str) -> Rows:
@@ -77,6 +90,27 @@ def read_rows(path: Path, needs: str) -> Rows:
     if first is None:
         raise UserError(f"{path}: no numbers; needs lines of {needs} below the header")
     return Rows(encoding, rows[:first], rows[first:])
+
+
+def units_in_brackets(path: Path, rows: Rows, units: Collection[str]) -> list[str]:
+    """The header of columns whose units stand in brackets, or in a line of their own; [] if none.
+
+    Raises UserError: units stand further up, with text between them and the numbers.
+    """
+    heads, _ = rows.header({"", *units})
+    if heads and not any(map(IN_BRACKETS.search, heads)):
+        for line, cells in rows.above:
+            if sum(map(bool, cells)) >= 2 and any(map(IN_BRACKETS.search, cells)):
+                raise UserError(
+                    f"{path}, line {line}: this header has units, but text stands between it and "
+                    "the numbers; remove that text, or begin its lines with #"
+                )
+    return heads or []
+
+
+def plain_unit(unit: str) -> str:
+    """A unit as it is looked up."""
+    return unit.strip().lower().replace("²", "2")
 
 
 def is_number(cell: str) -> bool:
@@ -118,6 +152,8 @@ def _text(path: Path) -> tuple[str, str]:
     try:
         return data.decode(codec), name
     except UnicodeDecodeError:
+        if marked:
+            raise UserError(f"{path}: no whole UTF-16, as if cut off; save it anew") from None
         return data.decode("latin-1"), "Latin-1"
 
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.csv_file import IN_BRACKETS, LENGTH_UNITS, number_in, read_rows
+from taichi_foam.scene.csv_file import (
+    IN_BRACKETS,
+    LENGTH_UNITS,
+    number_in,
+    read_rows,
+    units_in_brackets,
+)
 from taichi_foam.scene.messages import shown
 
 
@@ -17,7 +23,7 @@ def read_corners(path: Path) -> list[tuple[float, float]]:
     Raises UserError with file, line and value: unreadable, no number, an unknown unit.
     """
     rows = read_rows(path, "x and y")
-    factor = 1.0 if rows.heads is None else _factor(path, rows.heads)
+    factor = _factor(path, units_in_brackets(path, rows, LENGTH_UNITS))
     found = [
         (factor * number_in(path, line, cells, 0), factor * number_in(path, line, cells, 1))
         for line, cells in rows.body

@@ -22,8 +22,8 @@ from taichi_foam.scene.csv_file import (
     IN_BRACKETS,
     LENGTH_UNITS,
     Row,
-    Rows,
     number_in,
+    plain_unit,
     read_rows,
 )
 from taichi_foam.scene.messages import shown
@@ -68,6 +68,13 @@ DISPLACEMENT = Kind(
     "m",
 )
 FORCE = Kind("force", ("force", "load", "kraft"), FORCE_UNITS, "N")
+
+
+_UNITS = {
+    "", "s", "ms", "min",
+    *STRAIN_UNITS, *STRESS_UNITS, *LENGTH_UNITS, *FORCE_UNITS,
+}  # fmt: skip
+"""What may stand in a line of units, for whatever a machine writes besides."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +214,7 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
     """
     columns = columns or Columns()
     rows = read_rows(path, "strain and stress")
-    heads, lines_of_header = _header(rows)
+    heads, lines_of_header = rows.header(_UNITS)
     found = (
         _column(path, heads, _STRAINS, columns.strain, columns.strain_unit, columns.height),
         _column(path, heads, _STRESSES, columns.stress, columns.stress_unit, columns.area),
@@ -227,28 +234,6 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
         raise UserError(f"{path}: {told.removeprefix('foam.curve').lstrip(':. ')}") from None
     skipped = len(rows.above) - lines_of_header
     return CompressionTest(strain, stress, loading, branches, found, rows.encoding, skipped, curve)
-
-
-def _header(rows: Rows) -> tuple[list[str] | None, int]:
-    """The header, and of how many lines it is; a line of units may stand below the names."""
-    lines = [cells for _, cells in rows.above if sum(map(bool, cells)) >= 2]
-    if not lines:
-        return None, 0
-    if len(lines) > 1 and len(lines[-2]) == len(lines[-1]) and all(map(_is_unit, lines[-1])):
-        return [" ".join(pair) for pair in zip(*lines[-2:], strict=True)], 2
-    return lines[-1], 1
-
-
-def _is_unit(cell: str) -> bool:
-    """Whether a cell of a header says a unit, or nothing."""
-    bracketed = IN_BRACKETS.fullmatch(cell)
-    kinds = (STRAIN, STRESS, DISPLACEMENT, FORCE)
-    known = {"", "s", "ms", "min", *(unit for kind in kinds for unit in kind.units)}
-    return bracketed is not None or _plain(cell) in known
-
-
-def _plain(unit: str) -> str:
-    return unit.strip().lower().replace("²", "2")
 
 
 def _column(
@@ -276,7 +261,7 @@ def _column(
     at = _place(path, heads, key, kind, given)
     head = None if heads is None else heads[at]
     said = unit if unit is not None else _unit(head, kind)
-    if said is not None and _plain(said) not in kind.units:
+    if said is not None and plain_unit(said) not in kind.units:
         where = f"{key}_unit" if unit is not None else f"the header of column {at + 1}"
         raise UserError(
             f"{path}: {where}: unit {shown(said)}; must be one of {', '.join(kind.units)}"
@@ -326,13 +311,13 @@ def _unit(head: str | None, kind: Kind) -> str | None:
     if bracketed := IN_BRACKETS.search(head):
         return bracketed[1]
     words = (re.split(between, head.strip())[-1] for between in (r"[\s_,]+", r"[\s_,/]+"))
-    return next((word for word in words if _plain(word) in kind.units), None)
+    return next((word for word in words if plain_unit(word) in kind.units), None)
 
 
 def _values(path: Path, body: Sequence[Row], column: Column) -> Array:
     """Strains as fractions, or stresses in Pa, of a column."""
     numbers = np.array([number_in(path, line, row, column.number - 1) for line, row in body])
-    factor = 1.0 if column.unit is None else column.kind.units[_plain(column.unit)]
+    factor = 1.0 if column.unit is None else column.kind.units[plain_unit(column.unit)]
     return factor * numbers if column.over is None else factor * numbers / column.over
 
 

@@ -55,7 +55,7 @@ class Base(Part):
         None, "g", "its largest acceleration, upwards", above=0, at_most=100_000
     )
     pulse_duration_ms: float | None = quantity(
-        None, "ms", "its duration, from zero to zero", above=0, at_most=10_000
+        None, "ms", "its duration, from zero to zero", at_least=1e-3, at_most=10_000
     )
 
     @model_validator(mode="after")

@@ -7,7 +7,13 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.csv_file import IN_BRACKETS, number_in, read_rows
+from taichi_foam.scene.csv_file import (
+    IN_BRACKETS,
+    number_in,
+    plain_unit,
+    read_rows,
+    units_in_brackets,
+)
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.pulse import Pulse
 from taichi_foam.units import STANDARD_GRAVITY
@@ -22,11 +28,11 @@ UNITS = (
 def read_pulse(path: Path) -> Pulse:
     """The pulse of a CSV file: its first two columns are time and acceleration.
 
-    A header may say their units in brackets, such as time [ms],acceleration [g]; without one they
-    are s and m/s2. Raises UserError with file, line and value.
+    A header may say their units in brackets, such as time [ms],acceleration [g], or in a line of
+    their own; without one they are s and m/s2. Raises UserError with file, line and value.
     """
     rows = read_rows(path, "time and acceleration")
-    heads = rows.heads or []
+    heads = units_in_brackets(path, rows, {unit for known in UNITS for unit in known})
     factors = [_factor(path, heads, column) for column in range(2)]
     values = [
         tuple(factors[column] * number_in(path, line, cells, column) for line, cells in rows.body)
@@ -51,7 +57,7 @@ def _factor(path: Path, heads: list[str], column: int) -> float:
     said = IN_BRACKETS.search(heads[column]) if column < len(heads) else None
     if said is None:
         return 1.0
-    unit, known = said[1].lower().replace("²", "2"), UNITS[column]
+    unit, known = plain_unit(said[1]), UNITS[column]
     if unit not in known:
         raise UserError(
             f"{path}: the header's unit {shown(said[1])}: must be one of {', '.join(known)}"

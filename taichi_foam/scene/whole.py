@@ -229,10 +229,10 @@ def _rebuild() -> None:
 
 
 def _tell_places() -> None:
-    """Let every part know where a scene has it."""
-    Scene.place = ""
+    """Let every part know where a scene has its kind."""
+    Scene.places = ("",)
     for key, part in all_parts(Scene):
-        part.place = key.replace("[]", "[0]")
+        part.places = (key, "block.layers[].foam", "across.foam") if key == "foam" else (key,)
 
 
 _tell_places()

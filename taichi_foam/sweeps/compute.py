@@ -318,6 +318,8 @@ def _client(
         # no pages about the cluster
         "distributed.scheduler.http.routes": [],
         "distributed.worker.http.routes": [],
+        # a worker's parent is this process, and not one that forks for it
+        "distributed.worker.multiprocessing-method": "spawn",
     }
     common: dict[str, Any] = {
         "threads_per_worker": 1,

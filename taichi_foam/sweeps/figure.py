@@ -281,7 +281,8 @@ def _print_numbers(
     axis: Axes, drawn: Any, columns: Sequence[float], rows: Sequence[float], values: Floats
 ) -> None:
     """Write its number into each cell of a map, as colours are hard to read off."""
-    digits = max(0, 2 - math.floor(math.log10(max(float(np.nanmax(np.abs(values))), 1e-9))))
+    top = float(np.abs(values[np.isfinite(values)]).max(initial=1e-9))
+    digits = max(0, 2 - math.floor(math.log10(top)))
     for (j, i), value in np.ndenumerate(values):
         if math.isfinite(value):
             red, green, blue, _ = drawn.cmap(drawn.norm(value))

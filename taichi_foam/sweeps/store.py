@@ -61,7 +61,10 @@ class Store:
         try:
             data = json.loads(mark.read_text(encoding="utf-8"))
             if data["format"] != _FORMAT:
-                raise ValueError(f"format {data['format']}")
+                raise ValueError(
+                    f"format {data['format']}; Fix: read its results.parquet or results.csv, and "
+                    "compute it anew in another folder"
+                )
             plan = Plan.checked(data["plan"], str(mark))
             return cls(root, plan, data["points"], dict(data["made_with"]))
         except FileNotFoundError:
@@ -120,12 +123,14 @@ class Store:
             return {}
         missing = self.missing()
         found: dict[range, str] = {}
+        end = 0  # notes may overlap, as chunks may
         for chunk in noted:
             reason = self.lost_file(chunk).read_text(encoding="utf-8").strip()
             for row in missing:
-                both = range(max(row.start, chunk.start), min(row.stop, chunk.stop))
+                both = range(max(row.start, chunk.start, end), min(row.stop, chunk.stop))
                 if both:
                     found[both] = reason
+            end = max(end, chunk.stop)
         return found
 
     def missing(self) -> list[range]:

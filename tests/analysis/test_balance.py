@@ -9,7 +9,7 @@ import taichi_foam as tf
 from taichi_foam.analysis.balance import balance, doubt
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
-from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Foam, Output, Scene
+from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Foam, Output, Scene, Support
 from taichi_foam.units import STANDARD_GRAVITY
 
 WIDTH, HEIGHT, DEPTH = 0.15, 0.05, 0.1
@@ -93,10 +93,22 @@ def test_a_drop_that_uses_up_the_foam_is_asked_about() -> None:
         cushion(Foam(), 6.0, guided=False),
         cushion(Foam(), 6.0).with_values(impactor=Cylinder(radius=0.2)),
         cushion(Foam(), 6.0).with_values(
+            support=Support(kind="ribs", pitch=0.05, width=0.02, depth=0.02), base__kind="floor"
+        ),
+        cushion(Foam(), 6.0).with_values(
+            block=Block(
+                width=0.3,
+                height=0.3,
+                depth=DEPTH,
+                lattice_angle_deg=10.0,
+                outline=[(-0.075, 0.0), (0.075, 0.0), (0.075, 0.05), (-0.075, 0.05)],
+            )
+        ),
+        cushion(Foam(), 6.0).with_values(
             block__outline=[(-0.075, 0.0), (0.075, 0.0), (0.05, 0.05), (-0.05, 0.05)]
         ),
     ],
-    ids=["narrower", "turns", "cylinder", "outline"],
+    ids=["narrower", "turns", "cylinder", "ribs", "turned lattice", "outline"],
 )
 def test_where_there_is_none_by_hand(scene: Scene) -> None:
     assert balance(scene) is None
@@ -129,3 +141,25 @@ def test_foam_that_hardens_has_not_bottomed_out_in_the_middle_of_its_test() -> N
     assert figures["initial_peak_m_s2"] is None
     deep = tf.run(cushion(hardens(), 18.0)).summary
     assert deep["bottomed_out"] is True
+
+
+def test_a_mass_that_is_put_down_at_rest_sinks_to_twice_its_static_strain() -> None:
+    """A linear spring under a sudden load: twice the static way, and 1 g upwards there."""
+    scene = cushion(hardens(), 6.0, drop_height=None, velocity=0.0)
+    found = balance(scene.with_values(numerics__gravity=STANDARD_GRAVITY))
+    assert found is not None
+    static = 6.0 * STANDARD_GRAVITY / AREA / HARDENING
+    assert found.strain == pytest.approx(2 * static, abs=1e-4)
+    assert found.peak == pytest.approx(STANDARD_GRAVITY, rel=0.01)
+
+
+def test_the_thickness_is_that_between_the_rows() -> None:
+    """Ten rows in cells of a tenth of the height: a cushion of nine tenths of it."""
+    scene = cushion(Foam(), 1.0, drop_height=None, velocity=2.0)
+    strains = []
+    for points, rows in (("faces", 11), ("cells", 10)):
+        found = balance(scene.with_values({"block.mass_points": points, "block.rows": rows}))
+        assert found is not None
+        assert found.strain is not None
+        strains.append(found.strain + 0.5 * Foam().yield_strain)
+    assert strains[1] == pytest.approx(strains[0] / 0.9, abs=2e-4)

@@ -145,6 +145,13 @@ def test_entries_that_cannot_be_are_refused(entries: object, told: str) -> None:
         assert told in str(caught.value)
 
 
+def test_a_place_in_a_list_is_no_value_of_a_foam() -> None:
+    block = {"outline": [[-0.1, 0.0], [0.1, 0.0], [0.0, 0.1]]}
+    entries = [{"key": "block.outline[0]", "why": "x"}]
+    with pytest.raises(UserError, match="must be the key of a value"):
+        Scene.checked({"block": block, "assumed": entries, **AT_REST}, "scene")
+
+
 def test_only_the_program_says_what_is_assumed() -> None:
     with pytest.raises(UserError, match="written by the program"):
         Scene(**AT_REST).with_values({"assumed": None})

@@ -147,6 +147,15 @@ def test_an_assignment_says_how_to_get_a_changed_scene(
     assert getattr(changed if part is None else getattr(changed, part), name) == value
 
 
+def test_an_assignment_to_one_of_several_parts_says_which_key_is_that_of_which() -> None:
+    layers = [{"bottom": 0.0, "top": 0.05}, {"bottom": 0.05, "top": 0.1, "foam": Foam()}]
+    block = Scene(block={"layers": layers}, numerics={"end": 0.01}).block
+    with pytest.raises(ValidationError, match=r"that is meant, block\.layers\[N\]\.density"):
+        block.layers[1].density = 30.0
+    with pytest.raises(ValidationError, match=r"foam\.softening or block\.layers\[N\]\.foam\."):
+        block.layers[1].foam.softening = False
+
+
 def test_completion_shows_public_names_only() -> None:
     shown = {name for name in dir(SCENE) if not name.startswith("_")}
     assert set(Scene.model_fields) | {"with_values", "turns"} <= shown

@@ -131,6 +131,11 @@ def test_what_was_lost_is_forgotten_when_chunks_of_another_size_have_it(tmp_path
     half.store.chunk_file(range(0, 2)).rename(half.store.chunk_file(range(2, 3)))
     assert {range(3, 4)} <= half.store.lost().keys()
     half.store.chunk_file(range(2, 3)).unlink()
+    # lost again in a larger chunk: each drop is told once
+    half.store.lose(range(2, 5), "killed")
+    told = [number for row in half.store.lost() for number in row]
+    assert sorted(told) == sorted(set(told))
+    assert {2, 3, 4} <= set(told)
     whole = tf.sweep({**PLAN, "chunk": 5}, tmp_path / "s", solve=Solver())
     assert whole.standing.lost == 0
     assert list((tmp_path / "s" / "lost").iterdir()) == []

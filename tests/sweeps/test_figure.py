@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drops import Solver, axis, plan_of
+from matplotlib.figure import Figure
 
 import taichi_foam as tf
 from taichi_foam.errors import UserError
 from taichi_foam.sweeps import figure
-from taichi_foam.sweeps.figure import shown
+from taichi_foam.sweeps.figure import _print_numbers, shown
 from taichi_foam.sweeps.run import Sweep
 
 MASS = {"key": "impactor.mass", "values": [3.0, 6.0]}
@@ -60,6 +61,15 @@ def test_few_cells_have_their_numbers_and_the_values_of_both_axes_beside_them(
     across, up = axes.get_xticklabels(), axes.get_yticklabels()
     assert [tick.get_text() for tick in across] == ["2.1", "2.6", "3.1", "3.6", "4.1"]
     assert [tick.get_text() for tick in up] == ["3", "6"]
+
+
+def test_a_map_whose_cells_all_lack_an_answer(swept: Sweep) -> None:
+    """Of each pair half of the drops have none, so that no median has a number."""
+    figure = Figure()
+    values = np.full((2, 2), np.nan)
+    axes = figure.subplots()
+    _print_numbers(axes, axes.pcolormesh(np.ones((2, 2))), [0, 1], [0, 1], values)
+    assert [text.get_text() for text in axes.texts] == ["–"] * 4
 
 
 def test_a_map_of_many_cells_is_to_scale_and_has_no_numbers(tmp_path: Path) -> None:

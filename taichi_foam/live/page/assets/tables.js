@@ -63,11 +63,12 @@ export class Tables {
       li.textContent = text;
       return li;
     }));
+    const known = figures && Object.keys(figures).length > 0; // not before they are measured
     for (const { key, factor, digits, tr } of this.figures) {
       const value = figures && figures[key];
       tr.children[1].textContent = dash(value, digits, factor);
       // a question that this test does not ask
-      tr.hidden = Boolean(figures) && (value ?? null) === null && !tr.children[2].textContent;
+      tr.hidden = known && (value ?? null) === null && !tr.children[2].textContent;
     }
   }
 
