@@ -49,34 +49,34 @@ SMOKE = Mode(2e-4, repeats=1, rounds=1, runs=1, run_end=2e-4, watched=3, watched
 
 @ti.func
 def first_bonds(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         bonds.bond_column(lattice, 0, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
 def last_bonds(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         bonds.bond_column(lattice, LAST_STAGE, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
 def middle_bonds(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         bonds.bond_column(lattice, 1, 0, i, i, 0, i % 3, p)
 
 
 @ti.func
 def flow(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         bonds.flow_column(lattice, 0, i, p)
 
 
 @ti.func
 def stiffen(lattice: ti.template(), p: ti.template()):
     """Of the bonds that have ever been packed: nearly all of them still are."""
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         if lattice.scratch.tally[0, i].least.min() < lattice.law.stiffens_below(p.bond):
-            for k in range(lattice.packs):
+            for k in range(lattice.counts[None].packs):
                 bonds.stiffen_pack(
                     lattice, 0, i, k, 0, i % 3, lattice.state.bond_a[0, i, k].worst,
                     lattice.state.bond_b[0, i, k].worst, p,
@@ -85,35 +85,35 @@ def stiffen(lattice: ti.template(), p: ti.template()):
 
 @ti.func
 def shear(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
-        for k in range(lattice.packs):
+    for i in range(lattice.counts[None].columns):
+        for k in range(lattice.counts[None].packs):
             cells.shear_pack(lattice, 0, i, k, i, 0, i % 3, p)
 
 
 @ti.func
 def look(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         cells.look_column(lattice, 0, i, 1, p)
 
 
 @ti.func
 def press(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
-        for k in range(lattice.packs):
+    for i in range(lattice.counts[None].columns):
+        for k in range(lattice.counts[None].packs):
             if lattice.scratch.presses[0, i, k]:
                 cells.press_pack(lattice, 0, i, k, i, 0, i % 3, p)
 
 
 @ti.func
 def node_stage(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         nodes.node_column(lattice, 0, i, 1, 0, i % 3, (i + 2) % 3, p)
 
 
 @ti.func
 def bodies(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
-        for k in range(lattice.packs):
+    for i in range(lattice.counts[None].columns):
+        for k in range(lattice.counts[None].packs):
             now = lattice.scratch.trial[0, i, k]
             if contact.may_touch_bodies(lattice, 0, i, k, now.x, now.y, p):
                 for lane in range(lattice.lanes):
@@ -139,7 +139,7 @@ def neighbours(lattice: ti.template(), p: ti.template()):
 
 @ti.func
 def row(lattice: ti.template(), p: ti.template()):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         ledger.energy_column(lattice, 0, i, p)
 
 

@@ -52,7 +52,7 @@ class Bench:
         return transfer.snapshot(self.lattice, 0)
 
     def snapshots(self) -> list[Snapshot]:
-        return [transfer.snapshot(self.lattice, b) for b in range(self.lattice.batch)]
+        return [transfer.snapshot(self.lattice, b) for b in range(self.lattice.size.batch)]
 
 
 def groups_of(scenes: Sequence[Scene]) -> list[list[Scene]]:

@@ -22,7 +22,7 @@ def slot_of(lattice: ti.template(), i, last):
     the sweep begins. Left and right of the lattice there are none, for which a place of zeros is
     kept.
     """
-    outside = i < 0 or i >= lattice.columns
+    outside = i < 0 or i >= lattice.counts[None].columns
     within = ti.select(i == last, RING, ti.raw_mod(i, RING))
     return ti.select(outside, RING + 1, ti.select(i > last, RING + 2, within))
 
@@ -303,14 +303,14 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
     """
     strain = ti.static(lattice.scratch.strain)
     clear_bonds(lattice, b, strip)
-    for k in range(lattice.packs):
+    for k in range(lattice.counts[None].packs):
         a_strain, b_strain = bond_pack(lattice, stage, b, i, k, strip, sweep, slot, p)
         strain[sweep, k].a = a_strain
         strain[sweep, k].b = b_strain
     stiffest = 0.0
     if ti.static(lattice.law.stiffens):  # noqa: SIM102 - the static test must stand alone
         if _column_may_stiffen(lattice, b, strip, p):
-            for k in range(lattice.packs):
+            for k in range(lattice.counts[None].packs):
                 stiff = stiffen_pack(
                     lattice, b, i, k, sweep, slot, strain[sweep, k].a,
                     strain[sweep, k].b, p,
@@ -319,7 +319,7 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
     lattice.scratch.stiffest[b, strip] = stiffest
     if ti.static(lattice.features.crushed_room):  # noqa: SIM102 - the static test must stand alone
         if lattice.scratch.column_presses[b, i]:
-            for k in range(lattice.packs):
+            for k in range(lattice.counts[None].packs):
                 if lattice.scratch.presses[b, i, k]:
                     cells.press_pack(lattice, b, i, k, strip, sweep, slot, p)
     if stage == LAST_STAGE:
@@ -355,7 +355,7 @@ def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
 
 @ti.func
 def flow_column(lattice: ti.template(), b, i, p: ti.template()):
-    for k in range(lattice.packs):
+    for k in range(lattice.counts[None].packs):
         flow_pack(lattice, b, i, k, p)
 
 

@@ -51,7 +51,7 @@ def is_pulled(lattice: ti.template(), c: ti.template(), strain, worst) -> ti.i32
 def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
     """At the end of a step: parts of the faces of column `i`'s bonds are lost from now on."""
     lost = 0.0
-    for j in range(lattice.rows):
+    for j in range(lattice.counts[None].rows):
         lost = soften_at(lattice, b, i, j, lost, p)
     book(lattice, b, i, LOST_BY_BONDS, lost)
 
@@ -84,7 +84,7 @@ def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
     """
     time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
-    for j in range(lattice.rows):
+    for j in range(lattice.counts[None].rows):
         lost = break_at(lattice, b, i, j, time, lost, p)
     book(lattice, b, i, LOST_BY_BONDS, lost)
 

@@ -172,7 +172,7 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
     Of a state that has just been put it is not: what cells carry then follows from the state.
     """
     pressing, lost = 0, vec2(0.0)
-    for k in range(lattice.packs):
+    for k in range(lattice.counts[None].packs):
         lost = look_pack(lattice, b, i, k, lost, p)
         if ti.static(lattice.features.crushed_room):
             pressing |= lattice.scratch.presses[b, i, k]

@@ -109,6 +109,6 @@ def close_step(
     lattice.state.clock[b].speed = ti.sqrt(moved) / clock.step
     if breaks > 0 or 2.0 * lattice.state.clock[b].drift > p.skin:
         lattice.state.clock[b].stale = 1
-    if bad_node < lattice.nodes:
+    if bad_node < lattice.counts[None].nodes:
         lattice.state.clock[b].status = DIVERGED
         lattice.state.clock[b].bad_node = bad_node

@@ -306,9 +306,11 @@ def touch_of(one: ti.f64, two: ti.f64) -> ti.f64:
 @ti.func
 def place_of(lattice: ti.template(), node) -> vec3i:
     """Column, pack and lane of a node that goes by its number."""
-    j = ti.raw_mod(node, lattice.rows)
+    j = ti.raw_mod(node, lattice.counts[None].rows)
     return vec3i(
-        ti.raw_div(node, lattice.rows), lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        ti.raw_div(node, lattice.counts[None].rows),
+        lanes.pack_of(lattice, j),
+        lanes.lane_of(lattice, j),
     )
 
 
@@ -331,7 +333,7 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
     """Whether the pushes on a pack may be other than zero."""
     may_be = 0
     if ti.static(lattice.on_gpu):
-        may_be = ti.i32(lattice.state.partner_count[b, i * lattice.rows + k] > 0)
+        may_be = ti.i32(lattice.state.partner_count[b, i * lattice.counts[None].rows + k] > 0)
     else:
         may_be = ti.i32(lattice.state.column_candidates[b, i] > 0)
     return may_be
@@ -349,10 +351,10 @@ def piece_push(
     [m]. There are no branches: a processor could not predict which candidates touch.
     """
     gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
-    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
+    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.counts[None].rows), p)
     stress = lattice.law.contact_stress(c, gap, touch, p.piece_length)
     if ti.static(lattice.features.foams > 1):
-        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.rows), p)
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.counts[None].rows), p)
         stress = ti.max(stress, lattice.law.contact_stress(other, gap, touch, p.piece_length))
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
@@ -380,10 +382,10 @@ def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
 @ti.func
 def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.template()):
     """Energy [J] that the contact of two nodes stores, see `piece_push`."""
-    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.rows), p)
+    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.counts[None].rows), p)
     energy = lattice.law.contact_energy(c, gap, touch, p.piece_length)
     if ti.static(lattice.features.foams > 1):
-        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.rows), p)
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.counts[None].rows), p)
         energy = ti.min(energy, lattice.law.contact_energy(other, gap, touch, p.piece_length))
     return p.piece_area * p.piece_length * _share_of_pair(lattice, b, one, two) * energy
 
@@ -443,7 +445,11 @@ def refresh_radii(lattice: ti.template(), b, p: ti.template()):
     for n in range(lattice.state.clock[b].candidates):
         node = lattice.state.candidate_node[b, n]
         radius = piece_radius(
-            lattice, b, ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows), p
+            lattice,
+            b,
+            ti.raw_div(node, lattice.counts[None].rows),
+            ti.raw_mod(node, lattice.counts[None].rows),
+            p,
         )
         lattice.state.candidate[b, n].radius = radius
 
@@ -455,9 +461,9 @@ def bin_of(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.ve
     Clamping brings no two points further apart, so no neighbour is missed.
     """
     size = p.cell.max() + p.skin
-    half = 0.5 * size * lattice.bins_x
-    x = ti.math.clamp((point.x + half) / size, 0.0, lattice.bins_x - 1.0)
-    y = ti.math.clamp(point.y / size + 2.0, 0.0, lattice.bins_y - 1.0)
+    half = 0.5 * size * lattice.counts[None].bins_x
+    x = ti.math.clamp((point.x + half) / size, 0.0, lattice.counts[None].bins_x - 1.0)
+    y = ti.math.clamp(point.y / size + 2.0, 0.0, lattice.counts[None].bins_y - 1.0)
     return ti.Vector([ti.i32(x), ti.i32(y)])
 
 
@@ -472,26 +478,26 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
         lattice.scratch.push[b, place[0], place[1]].x[place[2]] = 0.0
         lattice.scratch.push[b, place[0], place[1]].y[place[2]] = 0.0
-    for n in range(lattice.bins_x * lattice.bins_y):
+    for n in range(lattice.counts[None].bins_x * lattice.counts[None].bins_y):
         lattice.scratch.bin_head[b, n] = -1
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         lattice.state.column_candidates[b, i] = 0
-        for j in range(lattice.rows):
+        for j in range(lattice.counts[None].rows):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
             lattice.scratch.radius[b, i, k][lane] = full_radius(lattice, b, i, j, p)
             lattice.state.surface[b, i, k][lane] = looked_at(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
             )
-            node = i * lattice.rows + j
+            node = i * lattice.counts[None].rows + j
             cell = bin_of(lattice, lanes.position(lattice, lattice.state.motion, b, i, j), p)
-            head = cell.x * lattice.bins_y + cell.y
+            head = cell.x * lattice.counts[None].bins_y + cell.y
             lattice.scratch.next_in_bin[b, node] = lattice.scratch.bin_head[b, head]
             if makeup.is_there(lattice, b, i, j):
                 lattice.scratch.bin_head[b, head] = node
     found = 0
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
             if (
                 lattice.state.surface[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
                 != INSIDE
@@ -504,8 +510,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         lattice.state.clock[b].status = CROWDED
     _list_candidates(lattice, b)
     _make_room(lattice, b)
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             lattice.state.surface[b, i, k][lane] = listed(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
@@ -519,22 +525,24 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
 
     Of two surface nodes the one with the lower number lists the pair.
     """
-    node = i * lattice.rows + j
+    node = i * lattice.counts[None].rows + j
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
     own = lattice.scratch.radius[b, here[0], here[1]][here[2]]
     count = found
-    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
-        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
-            other = lattice.scratch.bin_head[b, bx * lattice.bins_y + by]
+    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
+        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
+            other = lattice.scratch.bin_head[b, bx * lattice.counts[None].bins_y + by]
             while other >= 0:
                 there = place_of(lattice, other)
                 listed = (
                     lattice.state.surface[b, there[0], there[1]][there[2]] != INSIDE
                     and other < node
                 )
-                steps = ti.abs(there[0] - i) + ti.abs(ti.raw_mod(other, lattice.rows) - j)
+                steps = ti.abs(there[0] - i) + ti.abs(
+                    ti.raw_mod(other, lattice.counts[None].rows) - j
+                )
                 if not listed and steps > 1:
                     radius = lattice.scratch.radius[b, there[0], there[1]][there[2]]
                     limit = touch_of(own, radius) + p.skin
@@ -610,7 +618,7 @@ def _list_candidates(lattice: ti.template(), b):
                 lattice.scratch.next_in_bin[b, node] = -2 - found
                 if found < lattice.most_candidates:
                     lattice.state.candidate_node[b, found] = node
-                    i = ti.raw_div(node, lattice.rows)
+                    i = ti.raw_div(node, lattice.counts[None].rows)
                     lattice.state.column_candidates[b, i] = (
                         lattice.state.column_candidates[b, i] + 1
                     )

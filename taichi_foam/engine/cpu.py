@@ -62,23 +62,23 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
     crush = 0.0
     breaks = 0
     diverged = 0.0
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         moved = ti.max(moved, lattice.scratch.tally[b, strip].moved.max())
         stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, strip])
         crush = ti.max(crush, -lattice.scratch.tally[b, strip].least.min())
         diverged += lattice.scratch.tally[b, strip].diverged.sum()
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         breaks += lattice.scratch.column_breaks[b, i]
-    bad_node = lattice.nodes
+    bad_node = lattice.counts[None].nodes
     if diverged > 0.0:
         bad_node = nodes.first_diverged(lattice, b)
     clock.close_step(lattice, b, moved, stiffest, crush, breaks, bad_node, p)
     if ti.static(lattice.features.softens):
-        for i in range(lattice.columns):
+        for i in range(lattice.counts[None].columns):
             if lattice.scratch.column_softens[b, i] > 0:
                 breaking.soften_bonds(lattice, b, i, p)
     if breaks > 0:
-        for i in range(lattice.columns):
+        for i in range(lattice.counts[None].columns):
             if lattice.scratch.column_breaks[b, i] > 0:
                 breaking.break_bonds(lattice, b, i, p)
 
@@ -89,7 +89,7 @@ def _stage(lattice: ti.template(), b, stage, p: ti.template()):
     if ti.static(lattice.features.self_contact):
         contact.push_pieces(lattice, b, stage, p)
     sweep = b * lattice.sweeps
-    columns = lattice.columns
+    columns = lattice.counts[None].columns
     _sweep(lattice, b, stage, sweep, 0, columns, 0, columns, p)
     nodes.stage_of_strips(lattice, b, stage, p)
 
@@ -99,19 +99,19 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
     """One step of one lattice on one thread."""
     clock.take_stock(lattice, b, p)
     if clock.row_is_due(lattice, b):
-        for i in range(lattice.columns):
+        for i in range(lattice.counts[None].columns):
             ledger.energy_column(lattice, b, i, p)
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.state.clock[b].status == RUNNING:
         if ti.static(lattice.law.heeds_rate):
-            for i in range(lattice.columns):
+            for i in range(lattice.counts[None].columns):
                 bonds.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
             _stage(lattice, b, stage, p)
         _end_step(lattice, b, p)
         if ti.static(lattice.features.cells):
-            for i in range(lattice.columns):
+            for i in range(lattice.counts[None].columns):
                 cells.look_column(lattice, b, i, True, p)
 
 
@@ -121,11 +121,11 @@ def prepare(lattice: ti.template(), b: ti.i32):
     for _ in range(1):
         p = lattice.model.parameters[b]
         if ti.static(lattice.features.cells):
-            for i in range(lattice.columns):
+            for i in range(lattice.counts[None].columns):
                 cells.look_column(lattice, b, i, False, p)
         if lattice.state.clock[b].stiffest < 0.0:
             stiffest = 0.0
-            for i in range(lattice.columns):
+            for i in range(lattice.counts[None].columns):
                 bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, p)
                 stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, i])
             lattice.state.clock[b].stiffest = stiffest
@@ -145,13 +145,22 @@ def advance_fused(lattice: ti.template(), most_steps: ti.i32):
 
 
 @ti.func
+def _is_swept(lattice: ti.template(), sweep) -> ti.i32:
+    """Whether a sweep has columns, and its lattice takes this step."""
+    active = lattice.state.clock[sweep // lattice.sweeps].active
+    return ti.i32(active and sweep % lattice.sweeps < lattice.counts[None].sweeps)
+
+
+@ti.func
 def _first_column(lattice: ti.template(), sweep) -> ti.i32:
-    return sweep % lattice.sweeps * lattice.columns // lattice.sweeps
+    counts = lattice.counts[None]
+    return sweep % lattice.sweeps * counts.columns // counts.sweeps
 
 
 @ti.func
 def _end_column(lattice: ti.template(), sweep) -> ti.i32:
-    return (sweep % lattice.sweeps + 1) * lattice.columns // lattice.sweeps
+    counts = lattice.counts[None]
+    return (sweep % lattice.sweeps + 1) * counts.columns // counts.sweeps
 
 
 @ti.kernel
@@ -166,7 +175,7 @@ def _begin_staged(lattice: ti.template()):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.state.clock[b].active and clock.row_is_due(lattice, b):
+            if _is_swept(lattice, sweep) and clock.row_is_due(lattice, b):
                 p = lattice.model.parameters[b]
                 for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                     ledger.energy_column(lattice, b, i, p)
@@ -184,7 +193,7 @@ def _begin_staged(lattice: ti.template()):
             if q % GRAIN == 0:
                 sweep = q // GRAIN
                 b = sweep // lattice.sweeps
-                if lattice.state.clock[b].active:
+                if _is_swept(lattice, sweep):
                     p = lattice.model.parameters[b]
                     for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                         bonds.flow_column(lattice, b, i, p)
@@ -201,22 +210,24 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.state.clock[b].active:
+            if _is_swept(lattice, sweep):
                 p = lattice.model.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
                 for n in range(4):
                     i = ti.select(n < 2, start - 1 + n, end - 3 + n)
-                    if i >= 0 and i < lattice.columns:
+                    if i >= 0 and i < lattice.counts[None].columns:
                         slot = bonds.slot_of(lattice, i, end - 1)
                         own = start <= i and i < end
-                        strip = ti.select(own, i, lattice.strips + sweep % lattice.sweeps)
+                        strip = ti.select(
+                            own, i, lattice.counts[None].strips + sweep % lattice.sweeps
+                        )
                         bonds.bond_column(lattice, stage, b, i, strip, sweep, slot, p)
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.state.clock[b].active:
+            if _is_swept(lattice, sweep):
                 p = lattice.model.parameters[b]
                 start = _first_column(lattice, sweep)
                 end = _end_column(lattice, sweep)
@@ -238,7 +249,7 @@ def _look_staged(lattice: ti.template()):
         if q % GRAIN == 0:
             sweep = q // GRAIN
             b = sweep // lattice.sweeps
-            if lattice.state.clock[b].active:
+            if _is_swept(lattice, sweep):
                 p = lattice.model.parameters[b]
                 for i in range(_first_column(lattice, sweep), _end_column(lattice, sweep)):
                     cells.look_column(lattice, b, i, True, p)

@@ -118,8 +118,8 @@ def advance_blocks(lattice: Lattice, most_steps: int) -> None:
     """Up to `most_steps` steps of every lattice that goes on, each in one block of threads."""
     most = max(most_steps, 1)
     if runtime.settings()["arch"] == "vulkan":
-        turns = -(-lattice.nodes // THREADS)
-        most = max(1, MOST_ITERATIONS // (PER_TURN * turns + lattice.nodes + THREADS))
+        turns = -(-lattice.size.nodes // THREADS)
+        most = max(1, MOST_ITERATIONS // (PER_TURN * turns + lattice.size.nodes + THREADS))
     for taken in range(0, max(most_steps, 1), most):
         _advance_blocks(lattice, min(most, most_steps - taken))
 

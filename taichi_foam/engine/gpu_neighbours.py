@@ -21,7 +21,7 @@ NOBODY = -1  # ends the list of a bin
 
 @ti.func
 def _place(lattice: ti.template(), n):
-    return ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    return ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
 
 
 @ti.func
@@ -34,18 +34,18 @@ def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
 def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Part 1: empty bins; each node's bin and full radius, and whether it is at a surface now."""
     n = strip
-    while n < lattice.bins_x * lattice.bins_y:
+    while n < lattice.counts[None].bins_x * lattice.counts[None].bins_y:
         lattice.scratch.bin_head[b, n] = NOBODY
         n += width
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)
         lattice.state.radius[b, i, j][0] = contact.full_radius(lattice, b, i, j, p)
         lattice.state.surface[b, i, j][0] = contact.looked_at(
             lattice, b, i, j, lattice.state.surface[b, i, j][0]
         )
         cell = contact.bin_of(lattice, _point(lattice, lattice.state.motion, b, n), p)
-        lattice.scratch.bin_of_node[b, n] = cell.x * lattice.bins_y + cell.y
+        lattice.scratch.bin_of_node[b, n] = cell.x * lattice.counts[None].bins_y + cell.y
         lattice.scratch.next_in_bin[b, n] = NOBODY
         n += width
     if strip == 0:
@@ -58,7 +58,7 @@ def fill_own_bins(lattice: ti.template(), b, strip, width):
 
     Each bin has one strip, the one that emptied it. All strips read all nodes: for few nodes only.
     """
-    for n in range(lattice.nodes):
+    for n in range(lattice.counts[None].nodes):
         cell = lattice.scratch.bin_of_node[b, n]
         if ti.raw_mod(cell, width) == strip:
             lattice.scratch.next_in_bin[b, n] = lattice.scratch.bin_head[b, cell]
@@ -73,7 +73,7 @@ def fill_bins(lattice: ti.template(), b, strip, width):
     and the one that was there goes on to the larger one's bond, until a bond was free.
     """
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         carried = n
         met = ti.atomic_max(lattice.scratch.bin_head[b, lattice.scratch.bin_of_node[b, n]], carried)
         while met != NOBODY:
@@ -88,7 +88,7 @@ def count_partners(lattice: ti.template(), b, strip, width, p: ti.template()) ->
     """Part 3: how many partners each node of a strip has, and all of them together."""
     total = 0
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         count = _search(lattice, b, n, False, 0, p)
         lattice.state.partner_count[b, n] = count
         total += count
@@ -101,7 +101,7 @@ def list_partners(lattice: ti.template(), b, strip, width, start, total, p: ti.t
     """Part 4: list the `total` partners of a strip's nodes from place `start` on."""
     at = start
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         count = ti.select(
             start + total > 2 * lattice.most_pairs, 0, lattice.state.partner_count[b, n]
         )
@@ -133,9 +133,9 @@ def _search(
     inside = lattice.state.surface[b, i, j][0] == INSIDE
     there = makeup.is_there(lattice, b, i, j)
     count = 0
-    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.bins_x)):
-        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.bins_y)):
-            other = lattice.scratch.bin_head[b, bx * lattice.bins_y + by]
+    for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
+        for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
+            other = lattice.scratch.bin_head[b, bx * lattice.counts[None].bins_y + by]
             while other != NOBODY:
                 oi, oj = _place(lattice, other)
                 both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
@@ -155,7 +155,7 @@ def _search(
 def make_room(lattice: ti.template(), b, strip, width):
     """Part 5: which room nodes will have, kept where their pushes will be; see `contact`."""
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)
         radius = _listed_radius(lattice, b, i, j)
         is_new = lattice.state.surface[b, i, j][0] == NEW
@@ -185,7 +185,7 @@ def _listed_radius(lattice: ti.template(), b, i, j) -> ti.f64:
 def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Part 6: what is new is no longer, and the radii heed their room."""
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)
         lattice.state.surface[b, i, j][0] = contact.listed(
             lattice, b, i, j, lattice.state.surface[b, i, j][0]
@@ -200,7 +200,7 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
 def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Bring the radii of the nodes that may touch up to date with their crush."""
     n = strip
-    while n < lattice.nodes:
+    while n < lattice.counts[None].nodes:
         if lattice.state.partner_count[b, n] > 0:
             i, j = _place(lattice, n)
             lattice.state.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)

@@ -72,9 +72,9 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
         lattice.state.work[b, strip][HELD_BY_PIECES] = 0.0
     stiffest = 0.0
     n = strip
-    while n < lattice.nodes:
-        i = ti.raw_div(n, lattice.rows)
-        k = ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i = ti.raw_div(n, lattice.counts[None].rows)
+        k = ti.raw_mod(n, lattice.counts[None].rows)
         a_strain, b_strain = bonds.bond_pack(lattice, stage, b, i, k, strip, b, i, p)
         if ti.static(lattice.law.stiffens):
             stiff = bonds.stiffen_pack(lattice, b, i, k, b, i, a_strain, b_strain, p)
@@ -93,8 +93,8 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
     """`cells.look_column` of a strip's cells."""
     lost = cells.vec2(0.0)
     n = strip
-    while n < lattice.nodes:
-        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
         lost = cells.look_pack(lattice, b, i, k, lost, p)
         n += width
     if ti.static(booked):
@@ -104,8 +104,8 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
 @ti.func
 def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
-    while n < lattice.nodes:
-        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
         bonds.flow_pack(lattice, b, i, k, p)
         n += width
 
@@ -114,12 +114,12 @@ def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
 def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template()) -> ti.i32:
     """A stage of a strip's nodes; the first of them that has diverged comes back."""
     nodes.clear_nodes(lattice, b, strip, stage)
-    diverged = lattice.nodes
+    diverged = lattice.counts[None].nodes
     n = strip
-    while n < lattice.nodes:
-        i = ti.raw_div(n, lattice.rows)
-        k = ti.raw_mod(n, lattice.rows)
-        left_slot = ti.select(i > 0, i - 1, lattice.columns)  # a place of zeros
+    while n < lattice.counts[None].nodes:
+        i = ti.raw_div(n, lattice.counts[None].rows)
+        k = ti.raw_mod(n, lattice.counts[None].rows)
+        left_slot = ti.select(i > 0, i - 1, lattice.counts[None].columns)  # a place of zeros
         nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, p)
         if stage == LAST_STAGE:
             nodes.inspect_pack(lattice, b, i, k, strip)
@@ -176,8 +176,8 @@ def reduce_energies(
     """What a row of the history has to know of all strips."""
     energy = ledger.vec_now(0.0)
     n = strip
-    while n < lattice.nodes:
-        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
         energy += ledger.energy_at(lattice, b, i, k, p)
         if ti.static(lattice.features.cells):
             energy += ledger.energy_of_cells(lattice, b, i, k, p)
@@ -214,8 +214,8 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Take from a strip's bonds what they have lost of their faces."""
     lost = 0.0
     n = strip
-    while n < lattice.nodes:
-        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
         lost = breaking.soften_at(lattice, b, i, k, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)
@@ -227,8 +227,8 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     n = strip
-    while n < lattice.nodes:
-        i, k = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
+    while n < lattice.counts[None].nodes:
+        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
         lost = breaking.break_at(lattice, b, i, k, time, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)

@@ -7,7 +7,7 @@ import taichi as ti
 
 from taichi_foam.engine import runtime
 from taichi_foam.engine.features import Features
-from taichi_foam.engine.layout import Layout
+from taichi_foam.engine.layout import Layout, Size
 from taichi_foam.engine.model import ModelFields
 from taichi_foam.engine.scratch import ScratchFields
 from taichi_foam.engine.state import EMPTY, StateFields
@@ -15,53 +15,101 @@ from taichi_foam.engine.state import EMPTY, StateFields
 LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 
 
+@ti.dataclass
+class Counts:
+    """What kernels know of a lattice's size."""
+
+    columns: ti.i32
+    rows: ti.i32
+    nodes: ti.i32
+    packs: ti.i32  # in a column
+    strips: ti.i32  # that have nodes
+    sweeps: ti.i32  # that have columns
+    bins_x: ti.i32  # of the search grid
+    bins_y: ti.i32
+
+
 @ti.data_oriented
 class Lattice:
-    """Fields for `batch` lattices of `columns` x `rows` nodes; counts as in `Layout`.
+    """Fields for a batch of lattices that have the same size; what is made room for as in `Layout`.
 
+    size      how many lattices there are, and how many nodes each has: less than there is room for
+    counts    the same for kernels, and what follows from it
     model     constants of their scenes
     state     what steps change
     scratch   what steps work in
     """
 
-    def __init__(self, batch: int, columns: int, rows: int, features: Features) -> None:
-        runtime.start()
-        layout = Layout(batch, columns, rows)
+    def __init__(self, room: Size, features: Features) -> None:
+        layout = Layout(room)
         self.features = features
         self.on_gpu, self.blocks = layout.on_gpu, layout.blocks
-        self.batch, self.columns, self.rows, self.nodes = batch, columns, rows, layout.nodes
-        self.lanes, self.packs = layout.lanes, layout.packs
-        self.strips, self.sweeps, self.slots = layout.strips, layout.sweeps, layout.slots
+        self.batch, self.most_rows, self.most_packs = layout.batch, layout.rows, layout.packs
+        self.lanes, self.slots = layout.lanes, layout.slots
+        self.strips, self.sweeps = layout.strips, layout.sweeps
         self.most_pairs, self.most_candidates = layout.most_pairs, layout.most_candidates
-        self.bins_x, self.bins_y = layout.bins_x, layout.bins_y
+        self.counts = Counts.field()
+        layout.of_all(self.counts)
         self.model = ModelFields(layout, features)
         self.law = self.model.law
         self.state = StateFields(layout, features)
         self.scratch = ScratchFields(layout, features)
         layout.finish()
-        self.state.clock.get_member_field("status").fill(EMPTY)
+        self.size = room
+
+    @property
+    def filled_strips(self) -> int:
+        """How many strips have nodes: on a CPU as many as there are columns."""
+        return self.strips if self.on_gpu else self.size.columns
+
+    def resize(self, size: Size) -> None:
+        """Be a batch of this size, all of it empty."""
+        self.size = size
+        sweeps = max(1, min(size.columns // 5, self.sweeps))
+        _put_counts(self, size.columns, size.rows, self.filled_strips, sweeps)
+
+
+@ti.kernel
+def _put_counts(
+    lattice: ti.template(), columns: ti.i32, rows: ti.i32, strips: ti.i32, sweeps: ti.i32
+):
+    for b in range(lattice.batch):
+        lattice.state.clock[b].status = EMPTY
+    for _ in range(1):
+        lattice.counts[None].columns = columns
+        lattice.counts[None].rows = rows
+        lattice.counts[None].nodes = columns * rows
+        lattice.counts[None].packs = (rows + lattice.lanes - 1) // lattice.lanes
+        lattice.counts[None].strips = strips
+        lattice.counts[None].sweeps = sweeps
+        lattice.counts[None].bins_x = columns + columns // 4 + 4
+        lattice.counts[None].bins_y = rows + rows // 4 + 4
 
 
 MOST_IDLE = 12
 """Lattices that are kept while nobody has them. Each takes some 40 MB with its kernels."""
 
-_idle: dict[tuple[int, int, int, Features], list[Lattice]] = {}
+_idle: dict[tuple[Size, Features], list[Lattice]] = {}
 _lent = 0
 
 
 @contextlib.contextmanager
 def borrowed(batch: int, columns: int, rows: int, features: Features) -> Iterator[Lattice]:
-    """A lattice of these counts and features for the time of a run.
+    """A lattice of this size and with these features for the time of a run.
 
-    Lattices are kept and lent again: Taichi compiles its kernels anew for every new set of
-    fields. When many lie idle, all are given up at once: Taichi gives memory of kernels back in no
-    other way.
+    Lattices are kept and lent again, for other sizes too: Taichi compiles its kernels anew for
+    every new set of fields. When many lie idle, all are given up at once: Taichi gives memory of
+    kernels back in no other way.
     """
     global _lent
-    if not _idle.get((batch, columns, rows, features)):
+    runtime.start()
+    size = Size(batch, columns, rows)
+    key = size.room(), features
+    if not _idle.get(key):
         _give_up_idle()
-    kept = _idle.setdefault((batch, columns, rows, features), [])
-    lattice = kept.pop() if kept else Lattice(batch, columns, rows, features)
+    kept = _idle.setdefault(key, [])
+    lattice = kept.pop() if kept else Lattice(*key)
+    lattice.resize(size)
     _lent += 1
     try:
         yield lattice

@@ -1,5 +1,6 @@
 """Layout: how the fields of a batch of lattices with the same counts lie in memory."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import taichi as ti
@@ -28,14 +29,56 @@ BLOCK_NODES = 4_096
 MOST_BLOCKS = 512
 
 
+# Room is made for so many lattices, columns and packs of rows, or twice as many, four times, ...
+ROOM_LATTICES = (1, 16, 64)
+ROOM_COLUMNS = 24
+ROOM_PACKS = 6
+# as long as no more nodes than these have room: bigger lattices have as much as they need
+ROOM_NODES = 400_000
+SWEEPS = 8  # of a lattice that is seldom swept by more than one thread
+
+
+@dataclass(frozen=True)
+class Size:
+    """How many lattices there are side by side, and how many nodes one has."""
+
+    batch: int
+    columns: int
+    rows: int
+
+    @property
+    def nodes(self) -> int:
+        return self.columns * self.rows
+
+    def room(self) -> "Size":
+        """What room is made for, so that lattices of other sizes find theirs in the same fields.
+
+        Kernels are compiled for the room. How many nodes there are they read from the device. A GPU
+        and big lattices have what they need and no more.
+        """
+        if runtime.settings()["arch"] != "cpu" or self.nodes >= SMALL_BLOCK:
+            return self
+        columns = _doubled(ROOM_COLUMNS, self.columns)
+        rows = _doubled(ROOM_PACKS * CPU_LANES, self.rows)
+        most = ROOM_NODES // (columns * rows)
+        found = [batch for batch in ROOM_LATTICES if self.batch <= batch <= most]
+        return Size(found[0] if found else self.batch, columns, rows)
+
+
+def _doubled(room: int, count: int) -> int:
+    while room < count:
+        room *= 2
+    return room
+
+
 class Layout:
-    """Counts, and the trees that fields are placed in.
+    """What there is room for, and the trees that fields are placed in.
 
     batch, columns, rows, nodes   lattices side by side; nodes of one
     lanes, packs      nodes in a pack, packs in a column
     strips            groups of nodes that one thread takes at a time: columns on a CPU, THREADS a
                       block on a GPU
-    sweeps            what the columns of one big lattice are dealt out in on a CPU
+    sweeps            what the columns of one big lattice are dealt out in on a CPU, at most
     slots             columns of forces that are kept at a time
     blocks            of a GPU that one lattice is spread over
     most_pairs, most_candidates, bins_x, bins_y   room for self-contact
@@ -50,11 +93,11 @@ class Layout:
 
     TREES = 2
 
-    def __init__(self, batch: int, columns: int, rows: int) -> None:
+    def __init__(self, room: Size) -> None:
         settings = runtime.settings()
         self.on_gpu = settings["arch"] != "cpu"
-        self.batch, self.columns, self.rows = batch, columns, rows
-        self.nodes = columns * rows
+        batch, columns, rows = room.batch, room.columns, room.rows
+        self.batch, self.columns, self.rows, self.nodes = batch, columns, rows, room.nodes
         self.lanes = 1 if self.on_gpu else CPU_LANES
         self.packs = -(-rows // self.lanes)
         self.blocks = 1
@@ -66,7 +109,8 @@ class Layout:
             self.slots = columns + 1  # all columns at once, and zeros left of the lattice
         else:
             self.strips = columns
-            self.sweeps = max(1, min(columns // 5, 4 * int(settings["threads"])))
+            most = SWEEPS if self.nodes < SMALL_BLOCK else 4 * int(settings["threads"])
+            self.sweeps = max(1, min(columns // 5, most))
             self.slots = SWEEP_SLOTS
         size = "small" if self.nodes < SMALL_BLOCK else "big"
         self.most_pairs = int(PAIRS[size] * self.nodes)
@@ -113,6 +157,10 @@ class Layout:
         """(batch, strips + sweeps): columns at the seams of sweeps are looked at by two."""
         for field in fields:
             self._numbers.dense(ti.ij, (self.batch, self.strips + self.sweeps)).place(field)
+
+    def of_all(self, counts: Any) -> None:
+        """Whole numbers that all lattices share."""
+        self._whole.place(counts)
 
     def of_lattices(self, *fields: Any) -> None:
         """(batch,), side by side: apart, lattices would share cache lines that one thread writes

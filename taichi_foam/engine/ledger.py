@@ -36,10 +36,10 @@ def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
 def energy_column(lattice: ti.template(), b, i, p: ti.template()):
     """Add up the energies of one column of nodes, its bonds and its cells."""
     energy = vec_now(0.0)
-    for j in range(lattice.rows):
+    for j in range(lattice.counts[None].rows):
         energy += energy_at(lattice, b, i, j, p)
     if ti.static(lattice.features.cells):
-        for k in range(lattice.packs):
+        for k in range(lattice.counts[None].packs):
             energy += energy_of_cells(lattice, b, i, k, p)
     lattice.scratch.energy[b, i] = energy
 
@@ -71,7 +71,7 @@ def energy_of_cells(lattice: ti.template(), b, i, k, p: ti.template()) -> vec_no
 def add_strips(lattice: ti.template(), b):
     """Energies and booked works of a lattice [J], from its strips."""
     energy, works = vec_now(0.0), vec_works(0.0)
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         energy += lattice.scratch.energy[b, strip]
         works += lattice.state.work[b, strip]
     return energy, works

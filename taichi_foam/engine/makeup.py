@@ -15,7 +15,7 @@ from taichi_foam.engine.grading import A
 def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
     """The law's constants for a pack of bonds along `axis`: numbers, or packs of them."""
     if ti.static(lattice.features.foams > 1):
-        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.packs) + k].bond
+        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].bond
     return p.bond
 
 
@@ -23,7 +23,7 @@ def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template(
 def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
     """What the length of a pack's bonds along `axis` makes of their limits and dashpots."""
     if ti.static(lattice.features.foams > 1):
-        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.packs) + k].shares
+        return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].shares
     if ti.static(axis == A):
         return p.a
     return p.b
@@ -33,7 +33,7 @@ def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
 def constants_at(lattice: ti.template(), axis, b, j, p: ti.template()):
     """The law's constants for a bond of row `j` along an axis that is known at run time only."""
     if ti.static(lattice.features.foams > 1):
-        foam = lattice.model.foam_of_row[b, axis * lattice.rows + j]
+        foam = lattice.model.foam_of_row[b, axis * lattice.most_rows + j]
         return lattice.model.foams[b, foam].bond
     return p.bond
 

@@ -63,7 +63,7 @@ def node_pack(
     if contact.may_touch_bodies(lattice, b, i, k, now.x, now.y, p):
         for lane in range(lattice.lanes):
             j = k * lattice.lanes + lane
-            if j < lattice.rows:
+            if j < lattice.counts[None].rows:
                 reaction = contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
                 # not by way of memory: a wide load behind a narrow store would wait for it
                 force_x += lanes.only(lattice, lane, reaction.x)
@@ -136,10 +136,10 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
 def node_column(lattice: ti.template(), b, i, stage, sweep, slot, left_slot, p: ti.template()):
     """A stage for one column of nodes."""
     clear_nodes(lattice, b, i, stage)
-    for k in range(lattice.packs):
+    for k in range(lattice.counts[None].packs):
         node_pack(lattice, b, i, k, i, stage, sweep, slot, left_slot, p)
     if stage == LAST_STAGE:
-        for k in range(lattice.packs):
+        for k in range(lattice.counts[None].packs):
             inspect_pack(lattice, b, i, k, i)
     close_nodes(lattice, b, i, stage)
 
@@ -181,13 +181,16 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
 @ti.func
 def first_diverged(lattice: ti.template(), b) -> ti.i32:
     """The node with the lowest number that has diverged."""
-    found = lattice.nodes
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
+    found = lattice.counts[None].nodes
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
             x = lanes.position(lattice, lattice.state.motion, b, i, j)
             v = lanes.velocity(lattice, lattice.state.motion, b, i, j)
-            if found == lattice.nodes and not ti.abs(x).sum() + ti.abs(v).sum() <= DIVERGED_SIZE:
-                found = i * lattice.rows + j
+            if (
+                found == lattice.counts[None].nodes
+                and not ti.abs(x).sum() + ti.abs(v).sum() <= DIVERGED_SIZE
+            ):
+                found = i * lattice.counts[None].rows + j
     return found
 
 
@@ -195,7 +198,7 @@ def first_diverged(lattice: ti.template(), b) -> ti.i32:
 def contact_force_of_strips(lattice: ti.template(), b) -> ti.f64:
     """The nodes' force on the impactor [N]."""
     force = 0.0
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         force += lattice.scratch.contact_force[b, strip]
     return force
 

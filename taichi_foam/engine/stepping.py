@@ -13,8 +13,8 @@ STAGED_NODES = 50_000
 def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
     """The faster way to take up to so many steps of every lattice of a batch that goes on."""
     if lattice.on_gpu:
-        return gpu.advance_blocks if lattice.nodes <= BLOCK_NODES else gpu.advance_wide
-    return cpu.advance_staged if lattice.nodes >= STAGED_NODES else cpu.advance_fused
+        return gpu.advance_blocks if lattice.size.nodes <= BLOCK_NODES else gpu.advance_wide
+    return cpu.advance_staged if lattice.size.nodes >= STAGED_NODES else cpu.advance_fused
 
 
 def prepare(lattice: Lattice, b: int) -> None:

@@ -98,7 +98,7 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
         for c in ti.static(range(3)):
             lattice.model.surface[b, row][c] = surface[row, c]
     if ti.static(not lattice.features.shaped):
-        for k in range(lattice.packs):
+        for k in range(lattice.counts[None].packs):
             p = lattice.model.parameters[b]
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
@@ -107,23 +107,28 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
                 lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
                 if ti.static(lattice.features.shaken):  # noqa: SIM102 - the static test stands alone
-                    if j >= lattice.rows:
+                    if j >= lattice.counts[None].rows:
                         lattice.model.mobility[b, k].y[lane] = 0.0
-                falls = moves_y and j < lattice.rows
+                falls = moves_y and j < lattice.counts[None].rows
                 lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
 
 
 @ti.kernel
 def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
     """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
-    for i in range(-1, lattice.columns + 1):
+    for i in range(-1, lattice.counts[None].columns + 1):
         p = lattice.model.parameters[b]
-        for k in range(-1, lattice.packs + 1):
+        for k in range(-1, lattice.counts[None].packs + 1):
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
                 mass, face_a, face_b, reach, share, cell = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 x, y, gravity = 0.0, 0.0, 0.0
-                if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
+                if (
+                    i >= 0
+                    and i < lattice.counts[None].columns
+                    and j >= 0
+                    and j < lattice.counts[None].rows
+                ):
                     mass, reach, share = filling[i, j, 0], filling[i, j, 3], filling[i, j, 5]
                     face_a, face_b, cell = filling[i, j, 1], filling[i, j, 2], filling[i, j, 6]
                     stands = filling[i, j, 4] > 0.0
@@ -150,15 +155,17 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
             lattice.model.foam_members[n][0][b, foam] = foams[foam, n]
         if ti.static(lattice.features.law.tabulated):
             lattice.model.foams[b, foam].bond.place = b * lattice.features.foams + foam
-    for n in range(2 * lattice.rows):
-        lattice.model.foam_of_row[b, n] = places[n]
-    for k in range(lattice.packs):
+    for j in range(lattice.counts[None].rows):
+        for axis in ti.static(range(2)):
+            place = places[axis * lattice.counts[None].rows + j]
+            lattice.model.foam_of_row[b, axis * lattice.most_rows + j] = place
+    for k in range(lattice.counts[None].packs):
         for lane in range(lattice.lanes):
-            j = ti.min(k * lattice.lanes + lane, lattice.rows - 1)
+            j = ti.min(k * lattice.lanes + lane, lattice.counts[None].rows - 1)
             for axis in ti.static(range(2)):
-                foam = places[axis * lattice.rows + j]
+                foam = places[axis * lattice.counts[None].rows + j]
                 for pair in ti.static(lattice.model.graded_members[axis]):
-                    pair[0][b, axis * lattice.packs + k][lane] = pair[1][b, foam]
+                    pair[0][b, axis * lattice.most_packs + k][lane] = pair[1][b, foam]
 
 
 @ti.kernel
@@ -181,8 +188,8 @@ def _put_support(lattice: ti.template(), b: ti.i32, support: Table):
 
 @ti.kernel
 def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             for axis in ti.static(range(2)):
                 strength = ti.cast(strengths[i, j, axis], ti.f32)
@@ -202,7 +209,7 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
 
 def put(lattice: Lattice, b: int, state: State) -> None:
     """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
-    strips = np.zeros((lattice.strips, WORKS + 1))
+    strips = np.zeros((lattice.filled_strips, WORKS + 1))
     given = len(state.work)
     strips[:given, :WORKS], strips[:given, WORKS] = state.work, state.overlap
     numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
@@ -229,15 +236,22 @@ def _put_nodes(
     break_time_a: Table, break_time_b: Table, intact_a: Table, intact_b: Table,
 ):  # fmt: skip
     """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
-    for i in range(-1, lattice.columns + 1):
+    for i in range(-1, lattice.counts[None].columns + 1):
         p = lattice.model.parameters[b]
-        for k in range(-1, lattice.packs + 1):
+        for k in range(-1, lattice.counts[None].packs + 1):
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
-                x = vec2((i - 0.5 * (lattice.columns - 1)) * p.cell.x, (j + 0.5) * p.cell.y)
+                x = vec2(
+                    (i - 0.5 * (lattice.counts[None].columns - 1)) * p.cell.x, (j + 0.5) * p.cell.y
+                )
                 v, increment, slip = vec2(0.0), vec2(0.0), vec2(0.0)
                 room, surface = NEVER, 0
-                if i >= 0 and i < lattice.columns and j >= 0 and j < lattice.rows:
+                if (
+                    i >= 0
+                    and i < lattice.counts[None].columns
+                    and j >= 0
+                    and j < lattice.counts[None].rows
+                ):
                     x = vec2(position[i, j, 0], position[i, j, 1])
                     v = vec2(velocity[i, j, 0], velocity[i, j, 1])
                     increment = vec2(increments[i, j, 0], increments[i, j, 1])
@@ -258,7 +272,12 @@ def _put_nodes(
                     lattice.scratch.push[b, i, k].x[lane] = 0.0
                     lattice.scratch.push[b, i, k].y[lane] = 0.0
                 hold, grip = 0.0, 0.0
-                if i >= 0 and i < lattice.columns - 1 and j >= 0 and j < lattice.rows - 1:
+                if (
+                    i >= 0
+                    and i < lattice.counts[None].columns - 1
+                    and j >= 0
+                    and j < lattice.counts[None].rows - 1
+                ):
                     hold, grip = holds[i, j], holds[i, j]
                     if ti.static(lattice.features.shaped):
                         grip *= lattice.model.filling[b, i, k].cell[lane]
@@ -273,8 +292,8 @@ def _put_nodes(
                     break_times = ti.static((break_time_a, break_time_b)[axis])
                     condition = ti.cast(ABSENT, ti.f32)
                     worst, broken_at, intact = 0.0, 0.0, 1.0
-                    columns = lattice.columns - ti.static(1 - axis)
-                    rows = lattice.rows - ti.static(axis)
+                    columns = lattice.counts[None].columns - ti.static(1 - axis)
+                    rows = lattice.counts[None].rows - ti.static(axis)
                     if i >= 0 and i < columns and j >= 0 and j < rows:
                         worst = worsts[i, j]
                         broken_at = break_times[i, j]
@@ -299,11 +318,11 @@ def _put_nodes(
 
 @ti.kernel
 def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         for n in ti.static(range(WORKS)):
             lattice.state.work[b, strip][n] = strips[strip, n]
         lattice.state.overlap[b, strip] = strips[strip, WORKS]
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         lattice.scratch.column_breaks[b, i] = 0
     if ti.static(lattice.on_gpu):
         for n in range(SUMS):
@@ -358,9 +377,9 @@ def _turn(lattice: Lattice, b: int) -> dict[str, float]:
 
 def take(lattice: Lattice, b: int) -> State:
     """The state of lattice `b` between two steps."""
-    nodes = np.empty((lattice.columns, lattice.rows, NODE_NUMBERS))
-    bonds = np.empty((lattice.columns, lattice.rows, BOND_NUMBERS))
-    strips = np.empty((lattice.strips, WORKS + 1))
+    nodes = np.empty((lattice.size.columns, lattice.size.rows, NODE_NUMBERS))
+    bonds = np.empty((lattice.size.columns, lattice.size.rows, BOND_NUMBERS))
+    strips = np.empty((lattice.filled_strips, WORKS + 1))
     numbers = np.empty(len(CLOCK) + len(BODY))
     _take_nodes(lattice, b, nodes, bonds)
     _take_rest(lattice, b, strips, numbers)
@@ -389,8 +408,8 @@ def take(lattice: Lattice, b: int) -> State:
 
 def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
     """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
-    nodes = np.empty((lattice.columns, lattice.rows, 4))
-    bonds = np.empty((lattice.columns, lattice.rows, 4))
+    nodes = np.empty((lattice.size.columns, lattice.size.rows, 4))
+    bonds = np.empty((lattice.size.columns, lattice.size.rows, 4))
     _take_nodes(lattice, b, nodes, bonds)
     height, turn = lattice.state.body[b].y, _turn(lattice, b)
     return Snapshot(
@@ -411,8 +430,8 @@ def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapsho
 @ti.kernel
 def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
     """Of each node and its bonds as many numbers as there is room for."""
-    for i in range(lattice.columns):
-        for j in range(lattice.rows):
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             x = lanes.position(lattice, lattice.state.motion, b, i, j)
             v = lanes.velocity(lattice, lattice.state.motion, b, i, j)
@@ -444,7 +463,7 @@ def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
 
 @ti.kernel
 def _take_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         for n in ti.static(range(WORKS)):
             strips[strip, n] = lattice.state.work[b, strip][n]
         strips[strip, WORKS] = lattice.state.overlap[b, strip]
@@ -486,10 +505,10 @@ def _take_neighbours(lattice: Lattice, b: int) -> dict[str, NDArray[Any]]:
     state, kept = lattice.state, {}
     counts = {"candidate_node": state.clock[b].candidates, "partners": 2 * lattice.most_pairs}
     for name, field in _listed(lattice).items():
-        kept[name] = np.zeros(counts.get(name, lattice.nodes), dtype=np.int32)
+        kept[name] = np.zeros(counts.get(name, lattice.size.nodes), dtype=np.int32)
         _take_whole(field, b, kept[name], len(kept[name]))
     if lattice.on_gpu:
-        kept["radius"] = np.zeros(lattice.nodes)
+        kept["radius"] = np.zeros(lattice.size.nodes)
         _take_gpu_radii(lattice, b, kept["radius"])
     else:
         pairs = np.zeros(2 * state.clock[b].pairs, dtype=np.int32)
@@ -514,21 +533,21 @@ def _take_whole(field: ti.template(), b: ti.i32, values: WholeNumbers, count: ti
 @ti.kernel
 def _forget_neighbours(lattice: ti.template(), b: ti.i32):
     if ti.static(lattice.on_gpu):
-        for node in range(lattice.nodes):
+        for node in range(lattice.counts[None].nodes):
             lattice.state.partner_count[b, node] = 0
     else:
-        for i in range(lattice.columns):
+        for i in range(lattice.counts[None].columns):
             lattice.state.column_candidates[b, i] = 0
 
 
 @ti.kernel
 def _put_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: Numbers):
-    for i in range(lattice.columns):
+    for i in range(lattice.counts[None].columns):
         lattice.state.column_candidates[b, i] = 0
     for _ in range(1):
         for n in range(lattice.state.clock[b].candidates):
             lattice.state.candidate[b, n].radius = radius[n]
-            i = ti.raw_div(lattice.state.candidate_node[b, n], lattice.rows)
+            i = ti.raw_div(lattice.state.candidate_node[b, n], lattice.counts[None].rows)
             count = lattice.state.column_candidates[b, i]
             lattice.state.column_candidates[b, i] = count + 1
         for n in range(lattice.state.clock[b].pairs):
@@ -548,29 +567,35 @@ def _take_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: 
 
 @ti.kernel
 def _put_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
-    for node in range(lattice.nodes):
-        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+    for node in range(lattice.counts[None].nodes):
+        i, j = (
+            ti.raw_div(node, lattice.counts[None].rows),
+            ti.raw_mod(node, lattice.counts[None].rows),
+        )
         lattice.state.radius[b, i, j][0] = radius[node]
 
 
 @ti.kernel
 def _take_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
-    for node in range(lattice.nodes):
-        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+    for node in range(lattice.counts[None].nodes):
+        i, j = (
+            ti.raw_div(node, lattice.counts[None].rows),
+            ti.raw_mod(node, lattice.counts[None].rows),
+        )
         radius[node] = lattice.state.radius[b, i, j][0]
 
 
 @ti.kernel
 def set_pause(lattice: ti.template(), times: Numbers):
     """Set the times [s] at which a call hands each lattice back."""
-    for b in range(lattice.batch):
+    for b in range(times.shape[0]):
         lattice.state.clock[b].pause = times[b]
 
 
 def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
     """Where every lattice stands (REPORT), and its rows (n, k) since the last harvest."""
-    report = np.empty((lattice.batch, len(REPORT)))
-    rows = np.empty((lattice.batch, HISTORY_ROWS, len(row_columns(lattice.features.turns))))
+    report = np.empty((lattice.size.batch, len(REPORT)))
+    rows = np.empty((lattice.size.batch, HISTORY_ROWS, len(row_columns(lattice.features.turns))))
     _harvest(lattice, report, rows)
     standing = dict(zip(REPORT, report.T, strict=True))
     return standing, [rows[b, : int(n)].copy() for b, n in enumerate(standing["rows"])]
@@ -578,13 +603,13 @@ def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
 
 @ti.kernel
 def _harvest(lattice: ti.template(), report: Table, rows: Stack):
-    for b in range(lattice.batch):
+    for b in range(report.shape[0]):
         clock = lattice.state.clock[b]
         overlap = 0.0
         if ti.static(lattice.on_gpu):
             overlap = lattice.scratch.totals[b, 0, OVERLAP]
         else:
-            for strip in range(lattice.strips):
+            for strip in range(lattice.counts[None].strips):
                 overlap = ti.max(overlap, lattice.state.overlap[b, strip])
         report[b, 0] = clock.status
         report[b, 1] = clock.time

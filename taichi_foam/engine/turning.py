@@ -103,8 +103,8 @@ def load_of_strips(lattice: ti.template(), b) -> vec3:
     mirror image adds the same numbers.
     """
     load = vec3(0.0)
-    for strip in range((lattice.strips + 1) // 2):
-        mirrored = lattice.strips - 1 - strip
+    for strip in range((lattice.counts[None].strips + 1) // 2):
+        mirrored = lattice.counts[None].strips - 1 - strip
         pair = _load(lattice, b, strip)
         if mirrored != strip:
             pair += _load(lattice, b, mirrored)

@@ -41,7 +41,7 @@ def stresses(lattice: Lattice, b: int, block: Block) -> NDArray[np.float32]:
 
     It is 0 where the `block` has no foam.
     """
-    found = np.zeros((lattice.columns, lattice.rows, 3))
+    found = np.zeros((lattice.size.columns, lattice.size.rows, 3))
     if lattice.on_gpu:
         _gpu_forces(lattice, b, MIDDLE)
         _gpu_sums(lattice, b, MIDDLE, NOTHING, found)
@@ -75,12 +75,12 @@ def _forces(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.te
 def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, found: Stack):
     for _ in range(1):
         p = lattice.model.parameters[b]
-        sweep, last = b * lattice.sweeps, lattice.columns - 1
-        for i in range(lattice.columns):
+        sweep, last = b * lattice.sweeps, lattice.counts[None].columns - 1
+        for i in range(lattice.counts[None].columns):
             slot, left = bonds.slot_of(lattice, i, last), bonds.slot_of(lattice, i - 1, last)
-            for k in range(lattice.packs):
+            for k in range(lattice.counts[None].packs):
                 _forces(lattice, stage, b, i, k, i, sweep, slot, p)
-            for j in range(lattice.rows):
+            for j in range(lattice.counts[None].rows):
                 _add_node(lattice, stage, weight, b, i, j, i, sweep, slot, left, found, p)
         if ti.static(lattice.features.self_contact):
             for n in range(lattice.state.clock[b].pairs):
@@ -94,37 +94,46 @@ def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                 sums = _of_pair(lattice, b, one, two, touch, p)
                 for c in ti.static(range(3)):
                     for node in ti.static((one, two)):
-                        i, j = ti.raw_div(node, lattice.rows), ti.raw_mod(node, lattice.rows)
+                        i, j = (
+                            ti.raw_div(node, lattice.counts[None].rows),
+                            ti.raw_mod(node, lattice.counts[None].rows),
+                        )
                         found[i, j, c] = found[i, j, c] + sums[c]
-        for i in range(lattice.columns):
-            for j in range(lattice.rows):
+        for i in range(lattice.counts[None].columns):
+            for j in range(lattice.counts[None].rows):
                 _divide(lattice, b, i, j, found, p)
 
 
 @ti.kernel
 def _gpu_forces(lattice: ti.template(), b: ti.i32, stage: ti.i32):
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         p = lattice.model.parameters[b]
         n = strip
-        while n < lattice.nodes:
-            i = ti.raw_div(n, lattice.rows)
-            _forces(lattice, stage, b, i, ti.raw_mod(n, lattice.rows), strip, b, i, p)
-            n += lattice.strips
+        while n < lattice.counts[None].nodes:
+            i = ti.raw_div(n, lattice.counts[None].rows)
+            _forces(lattice, stage, b, i, ti.raw_mod(n, lattice.counts[None].rows), strip, b, i, p)
+            n += lattice.counts[None].strips
 
 
 @ti.kernel
 def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, found: Stack):
-    for strip in range(lattice.strips):
+    for strip in range(lattice.counts[None].strips):
         p = lattice.model.parameters[b]
         n = strip
-        while n < lattice.nodes:
-            i, j = ti.raw_div(n, lattice.rows), ti.raw_mod(n, lattice.rows)
-            left = ti.select(i > 0, i - 1, lattice.columns)
+        while n < lattice.counts[None].nodes:
+            i, j = (
+                ti.raw_div(n, lattice.counts[None].rows),
+                ti.raw_mod(n, lattice.counts[None].rows),
+            )
+            left = ti.select(i > 0, i - 1, lattice.counts[None].columns)
             _add_node(lattice, stage, weight, b, i, j, strip, b, i, left, found, p)
             if ti.static(lattice.features.self_contact):
                 for m in range(lattice.state.partner_count[b, n]):
                     other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
-                    oi, oj = ti.raw_div(other, lattice.rows), ti.raw_mod(other, lattice.rows)
+                    oi, oj = (
+                        ti.raw_div(other, lattice.counts[None].rows),
+                        ti.raw_mod(other, lattice.counts[None].rows),
+                    )
                     touch = contact.touch_of(
                         lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
                     )
@@ -132,7 +141,7 @@ def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                     for c in ti.static(range(3)):
                         found[i, j, c] = found[i, j, c] + sums[c]
             _divide(lattice, b, i, j, found, p)
-            n += lattice.strips
+            n += lattice.counts[None].strips
 
 
 @ti.func

@@ -191,7 +191,7 @@ class Slots:
         self._lattice = lattice
         self._wall = wall
         self._advance = stepping.advance_of(lattice)
-        self._places: list[Run | None] = [None] * lattice.batch
+        self._places: list[Run | None] = [None] * lattice.size.batch
         # of the whole batch, from the last call that took all the steps it was to take
         self._steps_per_second = 0.0
         self._is_compiled = False
@@ -212,7 +212,7 @@ class Slots:
         All start `after` another run, if that is given.
         """
         lattice = self._lattice
-        for b in range(lattice.batch):
+        for b in range(lattice.size.batch):
             if self._places[b] is None and waiting:
                 index, scene = waiting.pop()
                 arch = str(runtime.settings()["arch"])
@@ -224,7 +224,7 @@ class Slots:
                     self._places[b] = self._begun(b, index, scene, kept, after)
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
-            transfer.set_pause(lattice, np.zeros(lattice.batch))
+            transfer.set_pause(lattice, np.zeros(lattice.size.batch))
             self._advance(lattice, 1)
             transfer.harvest(lattice)
             self._is_compiled = True
@@ -242,7 +242,12 @@ class Slots:
         state = None if cushion is None else state_after(scene, cushion)
         transfer.load(self._lattice, b, scene, state)
         run = Run(
-            scene, index, replace(self._wall), self._lattice.batch, snapshots=snapshots, after=after
+            scene,
+            index,
+            replace(self._wall),
+            self._lattice.size.batch,
+            snapshots=snapshots,
+            after=after,
         )
         run.record(self._snapshot(b, run))
         return run
@@ -256,7 +261,7 @@ class Slots:
         )
         clock = stored.state.clock
         return Run(
-            scene, index, begun, lattice.batch,
+            scene, index, begun, lattice.size.batch,
             rows=[stored.rows],
             snapshots=stored.snapshots,
             recorded=stored.snapshots[-1].time,
@@ -317,7 +322,7 @@ class Slots:
                 warn_of_run(run.length, LongRunWarning)
             most = max(most, taken)
             self._wall.steps += taken
-            self._wall.node_stages += 4 * self._lattice.nodes * taken
+            self._wall.node_stages += 4 * self._lattice.size.nodes * taken
             if len(rows[b]):
                 run.rows.append(rows[b])
             if run.ended or run.time >= run.next_snapshot:

@@ -120,7 +120,7 @@ for advance in (cpu.advance_fused, cpu.advance_staged):
     for group in groups_of(impacts()):
         with bench(group) as loaded:
             loaded.step(STEPS, advance)
-            for b in range(loaded.lattice.batch):
+            for b in range(loaded.lattice.size.batch):
                 for values in vars(transfer.snapshot(loaded.lattice, b)).values():
                     if values is not None:  # what is not kept has no bytes of its own
                         digest.update(np.asarray(values).tobytes())
