@@ -18,6 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from taichi_foam.engine import shipped
+
 LOCK, INDEX = "ticache.lock", "ticache.tcb"
 LOCK_SECONDS = 60.0
 """A lock is held while files are written, a second or so: one this old has been left behind."""
@@ -31,7 +33,8 @@ _KERNEL = re.compile(rb"T[0-9a-f]{64}")
 def prepared() -> Path | None:
     """The folder for compiled kernels, ready to be used; None: do without.
 
-    It is TI_OFFLINE_CACHE_FILE_PATH, by default `taichi_foam/kernels` in the user's cache.
+    It is TI_OFFLINE_CACHE_FILE_PATH, by default a folder of `taichi_foam/kernels` in the user's
+    cache, one for each set of kernels that packages have brought along (`engine.shipped`).
     TI_OFFLINE_CACHE=0 does without. One line on stderr says what was wrong with it.
     """
     if os.environ.get("TI_OFFLINE_CACHE") == "0":
@@ -63,15 +66,21 @@ def _folder() -> Path | None:
         return Path(given)
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     # relative: a user without a home
-    return Path(caches) / "taichi_foam" / "kernels" if os.path.isabs(caches) else None
+    folder = Path(caches) / "taichi_foam" / "kernels" / shipped.digest()
+    return folder if os.path.isabs(caches) else None
 
 
 def _mend(folder: Path, now: float) -> None:
-    """Remove a lock that was left behind, and all kernels if one of them is damaged."""
+    """Put in what comes with the package if there is nothing yet.
+
+    Remove a lock that was left behind, and all kernels if one of them is damaged.
+    """
     lock = folder / LOCK
     if lock.exists() and now - lock.stat().st_mtime > LOCK_SECONDS:
         lock.unlink()
         _say(f"{lock}: left by a process that was killed; removed")
+    if not (folder / INDEX).exists():
+        _fill(folder)
     if _is_whole(folder):
         checked = folder / _CHECKED
         checked.touch()
@@ -84,9 +93,16 @@ def _mend(folder: Path, now: float) -> None:
             return  # another process was writing it
         for file in (folder / INDEX, *folder.glob("T*.tic")):
             file.unlink(missing_ok=True)
+        _fill(folder)
         _say(f"{folder}: some compiled kernels were damaged; all are compiled again")
     finally:
         lock.unlink(missing_ok=True)
+
+
+def _fill(folder: Path) -> None:
+    """Without kernels that come with the package all are compiled, as others are."""
+    with contextlib.suppress(*shipped.ERRORS):
+        shipped.unpack(folder)
 
 
 def _locked(lock: Path) -> bool:

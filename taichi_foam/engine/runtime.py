@@ -20,6 +20,8 @@ from taichi_foam.errors import UserError
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal")
 
+MOST_THREADS = 64  # of a CPU, that kernels may use
+
 _started: tuple[str, int] | None = None
 _device: Device | None = None
 _aside: list[Callable[[], None]] = []
@@ -136,6 +138,18 @@ def _init(arch: str, threads: int) -> None:
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose
         )
+    _share_kernels()
+
+
+def _share_kernels() -> None:
+    """Let kernels on disk serve any number of threads.
+
+    Taichi writes the number into each kernel that it compiles, as the most that it may use; the
+    threads that there are have been started by then, and no loop gets more of them.
+    """
+    from taichi.lang import impl
+
+    impl.get_runtime().prog.config().cpu_max_num_threads = MOST_THREADS
 
 
 def _remember_positions() -> None:

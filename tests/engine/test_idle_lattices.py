@@ -26,7 +26,7 @@ tf.init(threads=2)
 if sys.argv[1] == "own field":
     mine = ti.field(ti.f64, shape=3)
     mine.fill(7.0)
-for columns in (8, 9, 8):
+for columns in (8, 30, 8):  # there is room for 24, and for 48
     scene = Scene(
         block=Block(mass_points="cells", columns=columns, rows=5),
         impactor=Wedge(), numerics=Numerics(end=5e-4),

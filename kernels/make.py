@@ -1,0 +1,93 @@
+"""Make the kernels that come with the package: `python kernels/make.py`.
+
+It takes ten minutes on two cores. What most people compute first is computed for an instant, with
+nothing in the cache; what Taichi has compiled by then is packed beside the engine (see
+`taichi_foam/engine/shipped.py`). To be done again after a change of a kernel, on a processor that
+LLVM 15 knows and that has vectors of 256 bits.
+"""
+
+import subprocess
+import sys
+import tarfile
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from os import cpu_count, environ
+from pathlib import Path
+
+from taichi_foam.catalogue import list_scenes
+from taichi_foam.engine.shipped import archive_name
+
+ENGINE = Path(__file__).parents[1] / "taichi_foam" / "engine"
+WIDE = b"<4 x double>"  # in the code of a kernel that was made for such vectors
+
+# Scenes of the paper's nine tests that differ in their kernels, by the shape of the impactor.
+PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
+# Beyond the room that the paper's block has: wider, higher, and less of both.
+OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
+SIDE_BY_SIDE = "1,2"  # one, and as many as there is room for then
+
+INSTANT = """
+import sys
+import taichi_foam as tf
+name, counts, *values = sys.argv[1:]
+scene = tf.load_scene(name, overrides=values)
+scene = scene.with_values({"numerics.time_limit": 2e-5, "output.snapshot_interval": 1e-5})
+for count in counts.split(","):
+    tf.run_many([scene] * int(count))
+"""
+
+
+def commands(folder: Path) -> list[list[str]]:
+    """Command lines, each of a process of its own."""
+    gallery = [name for name in list_scenes() if name.startswith("gallery/")]
+    instants = [[name, SIDE_BY_SIDE] for name in (*PAPER, *gallery)]
+    instants += [
+        [name, SIDE_BY_SIDE, room]
+        for name in (PAPER[0], "gallery/own-foam")
+        for room in OTHER_ROOMS
+    ]
+    program = [sys.executable, "-m", "taichi_foam"]
+    return [
+        [*program, "reproduce", "--out", str(folder / "reproduced")],
+        *([sys.executable, "-c", INSTANT, *arguments] for arguments in instants),
+        [*program, "run", PAPER[2], "--out", str(folder / "drawn")],
+    ]
+
+
+def main() -> int:
+    """Returns the exit code: 1, and nothing is written, where something has failed."""
+    target = ENGINE / archive_name()
+    target.unlink(missing_ok=True)  # nothing of it is to be used
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        cache = folder / "cache"
+        settings = {**environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+
+        def run(command: list[str]) -> subprocess.CompletedProcess[str]:
+            done = subprocess.run(
+                command, env=settings, capture_output=True, text=True, check=False
+            )
+            print(f"{'done' if done.returncode == 0 else 'FAILED'}: {' '.join(command[-3:])}")
+            return done
+
+        with ThreadPoolExecutor(max(1, (cpu_count() or 1))) as pool:
+            results = list(pool.map(run, commands(folder)))
+        for failed in (each for each in results if each.returncode != 0):
+            print(failed.stderr, file=sys.stderr)
+            return 1
+        kernels = sorted(cache.glob("T*.tic"))
+        largest = max(kernels, key=lambda path: path.stat().st_size)
+        if largest.read_bytes().count(WIDE) < 100:
+            print("this processor's kernels have no vectors of 256 bits", file=sys.stderr)
+            return 1
+        written = target.with_suffix(".new")
+        with tarfile.open(written, "w:xz", preset=9) as packed:
+            for path in (*kernels, cache / "ticache.tcb"):
+                packed.add(path, path.name)
+        written.replace(target)
+        print(f"{target}: {len(kernels)} kernels, {target.stat().st_size / 1e3:.0f} kB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
