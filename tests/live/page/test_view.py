@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -10,13 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from taichi_foam.live import controller as controller_module
-from taichi_foam.live.controller import MOST_SIZES
+from taichi_foam.live.controller import MOST_SIZES, WAITING
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
 from taichi_foam.live.page.view import PageView
+from taichi_foam.live.pictures import LENGTH
+from taichi_foam.picture.colours import THEMES
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.shim2000.tests import paper_scene
 
@@ -76,6 +80,20 @@ def let(**values: int) -> commands.Drop:
 def moved(**values: float) -> commands.Set:
     named = {f"impactor.{key}": value for key, value in values.items()}
     return commands.Set(do="set", shape="wedge", values=named)
+
+
+def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: PageView) -> None:
+    view.start()
+    wait_until(lambda: "light" in view.view_state.pictures)
+    wait_until(lambda: "numbers" in view.view_state.notes)
+    told = json.loads(view.view_state.notes["numbers"][1])
+    assert (told["state"], told["waiting"]) == ("preparing", WAITING)
+    packed = view.view_state.pictures["light"][1]
+    start = LENGTH.size + LENGTH.unpack_from(packed)[0]
+    assert json.loads(packed[LENGTH.size : start])["time"] == 0.0
+    picture = np.asarray(Image.open(io.BytesIO(packed[start:])).convert("RGB"))
+    for colour in (THEMES["light"].steel, THEMES["light"].field):
+        assert np.any(np.all(picture == colour, axis=2))
 
 
 def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:
