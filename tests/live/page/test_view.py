@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import taichi_foam
 from taichi_foam.live import controller as controller_module
 from taichi_foam.live.controller import MOST_SIZES, WAITING
 from taichi_foam.live.messages import Frame
@@ -94,6 +98,28 @@ def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: 
     picture = np.asarray(Image.open(io.BytesIO(packed[start:])).convert("RGB"))
     for colour in (THEMES["light"].steel, THEMES["light"].field):
         assert np.any(np.all(picture == colour, axis=2))
+
+
+_FIRST_PICTURE = """
+import sys
+from pathlib import Path
+from taichi_foam.live.page.view import PageView
+from taichi_foam.shim2000.tests import paper_scene
+
+view = PageView(paper_scene("paper/wedge-2.86"), Path())
+view._draw()
+assert view.view_state.pictures
+print(*sorted({"scipy.signal", "taichi_foam.engine.cpu", "taichi"} & set(sys.modules)))
+"""
+
+
+def test_the_first_picture_waits_for_no_stepping_and_no_filter() -> None:
+    root = str(Path(taichi_foam.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-c", _FIRST_PICTURE],
+        env={**os.environ, "PYTHONPATH": root}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["taichi"]
 
 
 def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:
