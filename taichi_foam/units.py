@@ -1,4 +1,4 @@
-"""Figures that people read: SI prefixes, numbers as one would write them, and what 1 g is."""
+"""Units of files, SI prefixes, numbers as one would write them, and what 1 g is."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ import math
 
 STANDARD_GRAVITY = 9.80665
 """What an acceleration of 1 g is [m/s2]."""
+
+LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
+STRAIN_UNITS = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01, "percent": 0.01}
+STRESS_UNITS = {
+    "pa": 1.0, "n/m2": 1.0, "n/m^2": 1.0, "kpa": 1e3, "mpa": 1e6, "n/mm2": 1e6, "n/mm^2": 1e6,
+    "gpa": 1e9, "bar": 1e5, "psi": 6894.757293168361,
+}  # fmt: skip
+FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
+"""What a number is multiplied by to be in m, a fraction, in Pa, or in N."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

@@ -8,6 +8,7 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.smoothing import smooth_deceleration
 from taichi_foam.records.history import COLUMNS, History, row_columns
 from taichi_foam.scene import Scene
 
@@ -24,9 +25,6 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     residual is the energy that no column accounts for. What is not said here is the sum of its
     column's `source`.
     """
-    # filters take a second to load: after the run, not before it
-    from taichi_foam.analysis.smoothing import smooth_deceleration
-
     of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity

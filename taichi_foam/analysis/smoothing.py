@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import butter, sosfiltfilt
 
 CHANNEL_CLASS = 180
 """Channel frequency class (Hz): the signal passes unchanged, within 0.5 dB, up to here."""
@@ -38,6 +37,8 @@ def smooth_deceleration(time: ArrayLike, deceleration: ArrayLike) -> NDArray[np.
     widths = np.diff(t)
     if not (widths > 0).all():
         raise ValueError("time must increase from row to row")
+    # here, since it takes half a second to load: what has no rows yet does not wait for it
+    from scipy.signal import butter, sosfiltfilt
 
     # Even resampling that keeps the area (the velocity change) of every row.
     step = min(float(np.median(widths)), _SAMPLE_INTERVAL)

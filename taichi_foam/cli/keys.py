@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console, RenderableType
@@ -13,9 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_foam.cli.outcome import exit_codes
-from taichi_foam.cli.reference import described, keys_of, page
 from taichi_foam.errors import UserError
-from taichi_foam.scene.keys import Key
+
+if TYPE_CHECKING:
+    from taichi_foam.scene.keys import Key
 
 
 def keys_command(
@@ -30,19 +31,21 @@ def keys_command(
     """List the keys of a scene: unit (- is a plain number), default, what is allowed, meaning."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
+        from taichi_foam.cli.reference import described, keys_of, page
+
         if markdown and part is not None:
             raise UserError("--markdown: the page is of all keys; leave out PART")
         if markdown:
             typer.echo(page(), nl=False)
             return
         for name, keys in groupby(keys_of(part), key=lambda key: key.part):
-            for line in _part(name, list(keys)):
+            for line in _part(f"{name}: {described(name)}", list(keys)):
                 console.print(line)
 
 
-def _part(name: str, keys: Sequence[Key]) -> Iterator[RenderableType]:
+def _part(title: str, keys: Sequence[Key]) -> Iterator[RenderableType]:
     """A heading, then two rows for each key: what fits into columns, and the meaning below."""
-    yield Text(f"{name}: {described(name)}", style="bold")
+    yield Text(title, style="bold")
     heads = ("key", "unit", "default", "allowed")
     rows = [(key.key, key.unit, key.default, key.allowed) for key in keys]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)][:-1]

@@ -1,4 +1,8 @@
-"""Options that more than one command has."""
+"""Options that more than one command has.
+
+These modules load with the command line, for help and for completion. What computes or draws is
+imported by a command when it runs.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,13 @@ from typing import Annotated, get_args
 
 import typer
 
-from taichi_foam.catalogue import list_scenes
-from taichi_foam.scene import CHOICE_SETS
-from taichi_foam.scene.options import Output
-
-
-def _words(key: str) -> str:
-    """The words that an option of `Output` takes, for help texts."""
-    return "|".join(get_args(Output.model_fields[key].annotation))
+from taichi_foam import choices
 
 
 def _scenes_begun(word: str) -> list[tuple[str, str]]:
     """Built-in scenes that a word may become, each with what it is; files the shell completes."""
+    from taichi_foam.catalogue import list_scenes
+
     return [(name, about) for name, about in list_scenes().items() if name.startswith(word)]
 
 
@@ -36,7 +35,7 @@ Set = Annotated[
 Choices = Annotated[
     str | None,
     typer.Option(
-        metavar="|".join(CHOICE_SETS),
+        metavar="|".join(choices.CHOICE_SETS),
         help="Model choices: a named set of options for what the paper leaves open.",
     ),
 ]
@@ -76,10 +75,14 @@ Live = Annotated[
 # of what draws stored runs
 Mode = Annotated[
     str | None,
-    typer.Option(metavar=_words("mode"), help="What the colours show; default as the run says."),
+    typer.Option(
+        metavar="|".join(get_args(choices.Mode)),
+        help="What the colours show; default as the run says.",
+    ),
 ]
 Theme = Annotated[
-    str | None, typer.Option(metavar=_words("theme"), help="Tones; default as the run says.")
+    str | None,
+    typer.Option(metavar="|".join(get_args(choices.Theme)), help="Tones; default as the run says."),
 ]
 Size = Annotated[
     str | None,

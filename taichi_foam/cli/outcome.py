@@ -17,8 +17,6 @@ from rich.text import Text
 
 from taichi_foam.errors import LongRunWarning, RunError, RunWarning, SceneNote, UserError
 from taichi_foam.interrupts import heard_once
-from taichi_foam.results.folders import UNFINISHED
-from taichi_foam.results.manifest import MANIFEST
 
 if TYPE_CHECKING:
     from taichi_foam.results.result import Result
@@ -82,6 +80,9 @@ def _ask_for_patience() -> None:
 
 def say_where(console: Console, folder: str) -> None:
     """Name the files just written, those for people first."""
+    from taichi_foam.results.folders import UNFINISHED
+    from taichi_foam.results.manifest import MANIFEST
+
     order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
     names = [name for name in os.listdir(folder) if name not in (UNFINISHED, MANIFEST)]
     names.sort(key=lambda n: (order.index(n) if n in order else 99, n))

@@ -11,12 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from taichi_foam.cli.delivery import Job, deliver
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError
-from taichi_foam.results.files import whole_file
-from taichi_foam.results.result import Result
 from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
@@ -25,6 +22,9 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
+
+    from taichi_foam.cli.delivery import Job
+    from taichi_foam.results.result import Result
 
 _RUN = "Folder of a stored run."
 
@@ -71,7 +71,8 @@ def render_command(
         for option, given in (("--size", size), ("--theme", theme)):
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
-        # names and values are right: now what loads Taichi and Matplotlib
+        # names and values are right: now what loads Matplotlib
+        from taichi_foam.cli.delivery import Job
         from taichi_foam.picture import films, montage, printed
         from taichi_foam.shim2000 import tests
 
@@ -133,6 +134,7 @@ def compare_command(
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
+        from taichi_foam.cli.delivery import Job
         from taichi_foam.picture import comparison, films, montage
         from taichi_foam.shim2000 import tests
 
@@ -183,6 +185,8 @@ def _loaded(
     curve: bool | None = None,
 ) -> Result:
     """A stored run, its scene asking for the pictures that the options give."""
+    from taichi_foam.results.result import Result
+
     result = Result.load(folder)
     if not result.snapshots:
         raise UserError(f"{folder}: the run has no snapshots to draw. Fix: run its scene again.")
@@ -198,9 +202,12 @@ def _loaded(
 
 def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
     """A picture as a PNG."""
+    from taichi_foam.cli.delivery import Job
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from PIL import Image
+
+        from taichi_foam.results.files import whole_file
 
         picture = Image.fromarray(draw())
         with whole_file(folder / name) as partial_:
@@ -212,6 +219,7 @@ def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
 
 def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     """A figure for print."""
+    from taichi_foam.cli.delivery import Job
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from taichi_foam.picture import style
@@ -226,5 +234,7 @@ def _deliver(
     jobs: list[Job], folder: str, overwrite: bool, console: Console, errors: Console
 ) -> None:
     """Draw, and name what was written."""
+    from taichi_foam.cli.delivery import deliver
+
     names = deliver(jobs, folder, overwrite, Bars(errors))
     console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)

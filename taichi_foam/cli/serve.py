@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.options import Arch, Choices, Dt, SceneName, Set, Threads
 from taichi_foam.cli.outcome import INTERRUPTED, exit_codes
 from taichi_foam.errors import installed
@@ -32,6 +31,8 @@ def serve_command(
     """Show a scene in the browser while it computes: picture, curve, controls, downloads."""
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
+        from taichi_foam.catalogue import load_scene
+
         overrides = [] if dt is None else [f"numerics.dt={dt}"]
         checked = load_scene(scene, choices, [*overrides, *(set_ or [])])
         # the scene is right: now what brings Taichi along

@@ -13,9 +13,6 @@ from typer.core import TyperGroup
 from taichi_foam.cli.options import Arch, Choices, OverwriteFiles, Set, Threads
 from taichi_foam.cli.outcome import exit_codes
 from taichi_foam.errors import UserError, installed
-from taichi_foam.results.files import file_name
-from taichi_foam.results.folders import check_output_folder
-from taichi_foam.results.result import storage_bytes
 from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
@@ -92,6 +89,7 @@ def run_command(
     with exit_codes(errors):
         with installed("a sweep", "taichi-foam[sweep]"):
             from taichi_foam.sweeps import run
+        from taichi_foam.results.files import file_name
         from taichi_foam.sweeps.plan import Plan, axis_of
 
         if vary or repeat != 1:
@@ -195,13 +193,15 @@ def again_command(
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     with exit_codes(errors):
         found = _opened(folder)
+        from taichi_foam.cli import tables
+        from taichi_foam.results.folders import check_output_folder
+        from taichi_foam.results.result import storage_bytes
+
         scene = found.member(member).scene
         target = out or f"{Path(folder)}-{member}"
         check_output_folder(target, needed_bytes=storage_bytes(scene))
         with Bars(errors).computing(f"member {member}") as on_progress:
             result = found.again(member, on_progress, threads=threads)
-        from taichi_foam.cli import tables
-
         result.save(target)
         console.print(tables.key_figures(result.scene, result.summary))
         console.print(f"in {target}", soft_wrap=True, markup=False)

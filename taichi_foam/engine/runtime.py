@@ -9,7 +9,10 @@ import contextlib
 import gc
 import io
 import os
+import textwrap
 from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import taichi as ti
@@ -71,6 +74,7 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             argument="arch='cpu'",
         )
     _init(*wanted)
+    _remember_sources()
     _remember_positions()
     _started = wanted
 
@@ -120,7 +124,7 @@ def has_only(trees: int) -> bool:
 
 
 def _init(arch: str, threads: int) -> None:
-    cache = kernel_cache.prepared()
+    folder = kernel_cache.prepared()
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, arch),
@@ -128,9 +132,9 @@ def _init(arch: str, threads: int) -> None:
             default_ip=ti.i32,
             cpu_max_num_threads=threads,
             fast_math=False,
-            offline_cache=cache is not None,
+            offline_cache=folder is not None,
             # at its end Taichi makes this folder in any case, and a refusal ends the process
-            offline_cache_file_path=str(cache or os.path.abspath(os.sep)),
+            offline_cache_file_path=str(folder or os.path.abspath(os.sep)),
             # takes longer than LLVM, and makes kernels slower. Taichi's other passes stay on: they
             # merge what each access to a field loads, which LLVM cannot. TI_ADVANCED_OPTIMIZATION=0
             # leaves them out: kernels compile in half the time and run a fifth slower
@@ -150,6 +154,18 @@ def _share_kernels() -> None:
     from taichi.lang import impl
 
     impl.get_runtime().prog.config().cpu_max_num_threads = MOST_THREADS
+
+
+def _remember_sources() -> None:
+    """Read the source of each function once, not for every time that it is inlined.
+
+    This is a quarter of what Taichi does with the sources of kernels, in each process anew.
+    """
+    from taichi.lang import kernel_impl
+
+    kernel_impl.getsourcefile = cache(kernel_impl.getsourcefile)
+    kernel_impl.getsourcelines = cache(kernel_impl.getsourcelines)
+    kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
 
 
 def _remember_positions() -> None:

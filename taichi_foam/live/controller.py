@@ -44,6 +44,8 @@ PACE = 1e-2
 PATIENCE = 30.0
 #: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
+#: What a drop that is being prepared waits for.
+WAITING = "compiling kernels: 10 to 20 s the first time for a scene of this kind, later 2 to 3 s"
 # A poll of a session whose process is gone waits no longer than this [s].
 _TURN = 0.1
 
@@ -165,6 +167,11 @@ class Controller:
         if self._session is None or self._session.last is None:
             return "preparing"
         return "paused" if self._session.paused else "running"
+
+    @property
+    def waiting(self) -> str:
+        """What the current drop waits for; empty once it has begun."""
+        return WAITING if self.state == "preparing" else ""
 
     @property
     def ended(self) -> bool:

@@ -92,8 +92,8 @@ class Screen:
             snapshot, scene, size, look=self.look, title=tests.title(scene), note=note,
             curve=curve, threads=1,
         )  # fmt: skip
-        if self.message:
-            strip(image, self.message, self.look.theme)
+        if words := self.message or self.controller.waiting:
+            strip(image, words, self.look.theme)
         return image
 
     # what keys do

@@ -132,6 +132,7 @@ class _Window:
 
     def run(self) -> None:
         """Draw and obey until the window is closed."""
+        self._draw()  # where it starts, whatever that waits for
         while True:
             is_stale = self._screen.update(0.5 / FPS)
             for event in self._pygame.event.get():

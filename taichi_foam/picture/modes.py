@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from taichi_foam.analysis.crush import by_foam, over_bonds, worst_strain
 from taichi_foam.analysis.presence import apart, bonded
-from taichi_foam.engine.stresses import cell_stresses
 from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -117,6 +116,9 @@ def _stress_key(scene: Scene) -> Key:
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
     """The principal stress of each node that is larger in size, tension positive."""
+    # here, since it loads the engine: the first picture of a live view does not wait for that
+    from taichi_foam.engine.stresses import cell_stresses
+
     found = cell_stresses(scene, snapshot).astype(np.float64)
     xx, yy, xy = np.moveaxis(found, -1, 0)
     mean = 0.5 * (xx + yy)

@@ -5,6 +5,7 @@ A value that is not allowed raises `pydantic.ValidationError`; `scene.messages.e
 into text for people.
 """
 
+from taichi_foam.choices import CHOICE_SETS
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
@@ -20,7 +21,7 @@ from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.pulse import Pulse
 from taichi_foam.scene.support import Support
-from taichi_foam.scene.whole import CHOICE_SETS, Scene
+from taichi_foam.scene.whole import Scene
 
 __all__ = [
     "CHOICE_SETS",

@@ -9,25 +9,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 from pydantic import Field, ValidationError
 
+from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
-
-PAPERS_FOAM: Mapping[str, float] = MappingProxyType(
-    {
-        "yield_strain": -0.042,  # of a plateau of 0.117 MPa; 0.12 MPa was measured
-        "fracture_energy": 70.0,
-        "shear_fracture_energy": 100.0,
-        "crush_band": 0.005,
-    }
-)
-"""What was measured or calibrated of the paper's foam, where it is not what Table 1 gives."""
 
 _READINGS = frozenset({"crush_band"})
 """Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""

@@ -20,9 +20,6 @@ from taichi_foam.scene.messages import shown
 
 MOST_BYTES = 20_000_000
 
-LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
-"""What a number is multiplied by to be in metres."""
-
 IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 """A unit in a header."""
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from taichi_foam.errors import UserError
 from taichi_foam.scene.csv_file import (
     IN_BRACKETS,
-    LENGTH_UNITS,
     number_in,
     read_rows,
     units_in_brackets,
 )
 from taichi_foam.scene.messages import shown
+from taichi_foam.units import LENGTH_UNITS
 
 
 def read_corners(path: Path) -> list[tuple[float, float]]:

@@ -20,24 +20,15 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.parts import is_number as is_finite
 from taichi_foam.scene.csv_file import (
     IN_BRACKETS,
-    LENGTH_UNITS,
     Row,
     number_in,
     plain_unit,
     read_rows,
 )
 from taichi_foam.scene.messages import shown
-from taichi_foam.units import STANDARD_GRAVITY
+from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UNITS
 
 Array = NDArray[np.float64]
-
-STRAIN_UNITS = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01, "percent": 0.01}
-STRESS_UNITS = {
-    "pa": 1.0, "n/m2": 1.0, "n/m^2": 1.0, "kpa": 1e3, "mpa": 1e6, "n/mm2": 1e6, "n/mm^2": 1e6,
-    "gpa": 1e9, "bar": 1e5, "psi": 6894.757293168361,
-}  # fmt: skip
-FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
-"""What a number is multiplied by to be a fraction, in Pa, or in N."""
 
 FINEST = 500
 """A test of more points is read as means of so many equal parts of its strain."""

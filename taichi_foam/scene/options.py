@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from taichi_foam.choices import Mode, Theme
 from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.scene.pulse import Pulse, Shape
 from taichi_foam.units import STANDARD_GRAVITY
@@ -264,14 +265,12 @@ class Output(Part):
     snapshot_precision: Literal["double", "single"] = choice(
         "double", "numbers of a snapshot: 64 bits, or 32, which take half the room"
     )
-    mode: Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"] = (
-        choice("worst-strain", "what the colours of the pictures show")
-    )
+    mode: Mode = choice("worst-strain", "what the colours of the pictures show")
     stress: bool = choice(
         False,
         "keep the stress about each mass point in snapshots; always kept where mode is stress",
     )
-    theme: Literal["light", "dark"] = choice("light", "tones of the pictures")
+    theme: Theme = choice("light", "tones of the pictures")
     curve: bool = choice(False, "draw the deceleration so far into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
     film: bool = choice(True, "write a GIF and an MP4")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,50 +23,6 @@ from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
 from taichi_foam.scene.support import Support
 from taichi_foam.scene.values import changed
-
-CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
-    {
-        "calibrated": MappingProxyType(
-            {
-                "block.mass_points": "faces",
-                **{f"foam.{key}": value for key, value in assumed.PAPERS_FOAM.items()},
-                "foam.softening": True,
-                "base.kind": "gripped",
-                "impactor.friction": 0.14,
-                "model.damping": "stiffness",
-                "model.shear": "cell",
-                "model.shear_failure": "pressure-dependent",
-                "model.shear_pressure_coefficient": 0.7,
-                "model.broken_contact": "reload",
-                "model.self_contact": True,
-                "model.crushed_room": True,
-            }
-        ),
-        "paper-literal": MappingProxyType(
-            {
-                "block.mass_points": "cells",
-                "foam.yield_strain": -0.05,
-                "foam.fracture_energy": None,
-                "foam.shear_fracture_energy": None,
-                "foam.crush_band": None,
-                "foam.softening": False,
-                "base.kind": "held",
-                "impactor.friction": 0.0,
-                "model.damping": "absolute",
-                "model.shear": "face",
-                "model.shear_failure": "always",
-                "model.broken_contact": "jump",
-                "model.self_contact": False,
-                "model.crushed_room": False,
-            }
-        ),
-    }
-)
-"""Named sets of model choices, for what the paper leaves open: dotted keys and their values.
-
-Those of `block`, and of `foam` but for softening, are the paper's own specimens.
-"""
-
 
 _OPTIONS = {
     "heeds_rate": "rate, which is given in the one only",

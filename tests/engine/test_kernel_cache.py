@@ -12,14 +12,14 @@ import time
 from pathlib import Path
 
 import pytest
+import taichi as ti
 
 import taichi_foam
-from taichi_foam.engine import shipped
+from taichi_foam.engine import runtime, shipped
 from taichi_foam.engine.kernel_cache import INDEX, LOCK
 
 PROGRAM = """
 import taichi as ti
-from taichi_foam.engine import runtime
 
 runtime.start(threads=1)
 
@@ -138,3 +138,21 @@ def test_damage_is_mended_once(damage: str, tmp_path: Path, cache: Path) -> None
     assert "some compiled kernels were damaged; all are compiled again" in again(tmp_path, cache)
     assert kernels(cache).keys() == whole.keys()
     assert again(tmp_path, cache) == ""
+
+
+def test_a_source_is_read_once_however_often_it_is_inlined() -> None:
+    runtime.start()
+    from taichi.lang.kernel_impl import getsourcelines
+
+    @ti.func
+    def doubled(number):
+        return 2.0 * number
+
+    @ti.kernel
+    def eightfold():
+        _ = doubled(doubled(doubled(5.0)))
+
+    before = getsourcelines.cache_info()
+    eightfold()
+    after = getsourcelines.cache_info()
+    assert (after.misses - before.misses, after.hits - before.hits) == (2, 2)

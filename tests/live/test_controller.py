@@ -16,7 +16,8 @@ import pytest
 
 import taichi_foam as tf
 from taichi_foam.errors import UserError
-from taichi_foam.live.controller import PACES, Controller, Outcome
+from taichi_foam.live import screen as screen_module
+from taichi_foam.live.controller import PACES, WAITING, Controller, Outcome
 from taichi_foam.live.pictures import panel, strip
 from taichi_foam.live.screen import VELOCITY_STEP, Screen, pace_words
 from taichi_foam.picture.colours import THEMES
@@ -99,10 +100,18 @@ def field(screen: Screen) -> np.ndarray:
     return screen.picture(SIZE)[40:340, 12:500]
 
 
-def test_the_start_is_shown_before_anything_is_computed(screen: Screen) -> None:
+def test_the_start_is_shown_before_anything_is_computed(
+    screen: Screen, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert screen.state == "preparing"
-    before = screen.picture(SIZE)
+    assert screen.controller.waiting == WAITING
+    said: list[str] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(screen_module, "strip", lambda image, text, theme: said.append(text))
+        before = screen.picture(SIZE)
+    assert said == [WAITING]
     wait(screen, lambda: screen.state == "full speed")
+    assert screen.controller.waiting == ""
     assert np.any(screen.picture(SIZE) != before)
 
 

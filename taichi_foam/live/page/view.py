@@ -52,7 +52,7 @@ class PageView:
         self._look, self._theme = Look(scene.output.mode, words=False), "auto"
         self._numbers = Numbers(0)
         self._drawn: dict[Tone, tuple[Any, ...]] = {}
-        self._wanted: set[Tone] = set()
+        self._wanted: set[Tone] = {"light"}  # viewers find a picture when they come
         self._next_look = self._next_numbers = 0.0  # on the monotonic clock [s]
         self._was_cut = False  # closing has cut a drop short
         self._inbox = commands.Inbox()
@@ -98,8 +98,8 @@ class PageView:
             if message != self.controller.message:
                 traceback.print_exc()  # in full, and once
             self.controller.fail(message)
-            empty = Numbers(self.controller.number).told()
-            self.view_state.post("numbers", {"state": "failed", "message": message, **empty})
+            told = {"state": "failed", "waiting": "", "message": message}
+            self.view_state.post("numbers", told | Numbers(self.controller.number).told())
             return False
         return True
 
@@ -202,7 +202,12 @@ class PageView:
         at_rest = controller.settled or controller.ended
         self._numbers.read(controller.so_far, controller.result is not None, at_rest)
         self.view_state.set_curve(self._numbers.curve)
-        told = {"state": controller.state, "message": controller.message, **self._numbers.told()}
+        told = {
+            "state": controller.state,
+            "waiting": controller.waiting,
+            "message": controller.message,
+            **self._numbers.told(),
+        }
         self.view_state.post("numbers", told)
 
     def _post_scene(self) -> None:

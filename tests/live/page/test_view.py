@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,13 +14,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+import taichi_foam
 from taichi_foam.live import controller as controller_module
-from taichi_foam.live.controller import MOST_SIZES
+from taichi_foam.live.controller import MOST_SIZES, WAITING
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
 from taichi_foam.live.page.view import PageView
+from taichi_foam.live.pictures import LENGTH
+from taichi_foam.picture.colours import THEMES
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.shim2000.tests import paper_scene
 
@@ -76,6 +84,42 @@ def let(**values: int) -> commands.Drop:
 def moved(**values: float) -> commands.Set:
     named = {f"impactor.{key}": value for key, value in values.items()}
     return commands.Set(do="set", shape="wedge", values=named)
+
+
+def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: PageView) -> None:
+    view.start()
+    wait_until(lambda: "light" in view.view_state.pictures)
+    wait_until(lambda: "numbers" in view.view_state.notes)
+    told = json.loads(view.view_state.notes["numbers"][1])
+    assert (told["state"], told["waiting"]) == ("preparing", WAITING)
+    packed = view.view_state.pictures["light"][1]
+    start = LENGTH.size + LENGTH.unpack_from(packed)[0]
+    assert json.loads(packed[LENGTH.size : start])["time"] == 0.0
+    picture = np.asarray(Image.open(io.BytesIO(packed[start:])).convert("RGB"))
+    for colour in (THEMES["light"].steel, THEMES["light"].field):
+        assert np.any(np.all(picture == colour, axis=2))
+
+
+_FIRST_PICTURE = """
+import sys
+from pathlib import Path
+from taichi_foam.live.page.view import PageView
+from taichi_foam.shim2000.tests import paper_scene
+
+view = PageView(paper_scene("paper/wedge-2.86"), Path())
+view._draw()
+assert view.view_state.pictures
+print(*sorted({"scipy.signal", "taichi_foam.engine.cpu", "taichi"} & set(sys.modules)))
+"""
+
+
+def test_the_first_picture_waits_for_no_stepping_and_no_filter() -> None:
+    root = str(Path(taichi_foam.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-c", _FIRST_PICTURE],
+        env={**os.environ, "PYTHONPATH": root}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["taichi"]
 
 
 def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:

@@ -149,7 +149,8 @@ function tell(message) {
   const remedy = state === "died" ? ". Drop starts it again." : "";
   alarm(message.message ? `${message.message}${remedy}` : "");
   $("fraction").value = message.fraction;
-  $("speed").textContent = state === "running" ? speedWords(message) : `${message.steps.toLocaleString("en")} steps`;
+  const stands = message.waiting || `${message.steps.toLocaleString("en")} steps`;
+  $("speed").textContent = state === "running" ? speedWords(message) : stands;
   tables.tell(message);
 }
 

@@ -1,0 +1,252 @@
+"""A foam file made of a compression test, and a picture of both; what was read and what follows."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taichi_foam.cli.foam_tables import percent, pressure
+from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import BondFoam
+from taichi_foam.laws.bond.fit import CrushableFit
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.results.files import partial_name, whole_file
+from taichi_foam.scene.library import FoamFile
+from taichi_foam.scene.measured import FINEST, Column, CompressionTest
+from taichi_foam.scene.messages import explain, shown
+from taichi_foam.units import plain
+
+_HEADER = """\
+# A constant that you know better goes into the table [foam]; then take its [[assumed]] table out.
+# A scene that says foam = "{name}" has this foam and its density.
+
+"""
+
+_OPTIONS = {"title": "name"}
+"""Keys of a foam file whose option is called otherwise."""
+
+_FEWEST = 20
+"""Parts of its strain, at least, that a test is thinned to."""
+
+_BRANCHES = 5
+"""So many branches are named at most."""
+
+_NOISY = 1.3
+"""So many times the modulus of the fit, that of the curve is one of its noise."""
+
+
+def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
+    """The foam file and the picture that will be written.
+
+    Raises UserError: names that are taken or cannot be, a folder that cannot be written to.
+    """
+    target = Path(f"{test.stem}.toml") if out is None else path_of(out)
+    if target.suffix != ".toml" or not target.stem:
+        raise UserError(f"--out {shown(str(target))}: the name of a foam file must end in .toml")
+    for path in (target, picture := target.with_suffix(".png")):
+        if path.is_dir():
+            raise UserError(f"{path}: that is a folder. Fix: choose another name with --out")
+        if path.exists() and test.exists() and path.samefile(test):
+            raise UserError(f"{path}: that is the test itself. Fix: choose another name with --out")
+        if os.path.lexists(path) and not overwrite:
+            raise UserError(
+                f"{path}: it is there already. Fix: pass --overwrite to replace it, or choose "
+                "another name with --out"
+            )
+    try:
+        # permission bits do not tell all (root, /proc, read-only disks): try it
+        probe = partial_name(target)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise UserError(
+            f"{target}: cannot be written ({error.strerror}). Fix: choose a folder that is there "
+            "and that you may write to, with --out"
+        ) from None
+    return target, picture
+
+
+def path_of(name: str) -> Path:
+    if not name.strip() or "\0" in name:
+        raise UserError(f"{shown(name)}: not the name of a file")
+    return Path(name)
+
+
+def finest(points: int | None) -> int:
+    """How many parts a test is thinned to, at most. Raises UserError."""
+    if points is None:
+        return FINEST
+    if not _FEWEST <= points <= FINEST:
+        raise UserError(f"--points = {points}: must be at least {_FEWEST}, at most {FINEST}")
+    return points
+
+
+def number(given: str | None) -> float | str | None:
+    """A number; text that is none is refused with all else that is wrong with the options."""
+    try:
+        return None if given is None else float(given)
+    except ValueError:
+        return given
+
+
+def column(given: str | None) -> str | int | None:
+    """A column by name, or by number from 1."""
+    return int(given) if given is not None and re.fullmatch(r"[0-9]{1,6}", given) else given
+
+
+def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
+    """The foam file of a test. Raises UserError: options or a curve that cannot be."""
+    curve = read.curve
+    measured = [f"stress to {curve.tested:.3g} of strain, {read.strain.size:,} points"]
+    measured += [
+        _column_in_words(key, column)
+        for key, column in zip(("strain", "stress"), read.columns, strict=True)
+        if column.over is not None
+    ]
+    measured += _left_out(read)
+    if len(curve.strain) < read.loading.sum():
+        measured.append(f"thinned to {len(curve.strain):,} points, means of those around them")
+    if curve.smoothing > 0.0:
+        part = 100.0 * curve.smoothing / curve.plateau_stress
+        measured.append(
+            f"smoothed by at most {pressure(curve.smoothing)}, {part:.2g} % of the plateau, so "
+            "that no stress falls"
+        )
+    assumed = [
+        {"key": f"foam.{key}", "why": why} for key, why in TabulatedFoam.unless_given.items()
+    ]
+    data = {
+        **{key: value for key, value in known.items() if value is not None},
+        "measured": measured,
+        "assumed": assumed,
+        "foam": {"law": "tabulated", "curve": curve},
+    }
+    try:
+        return FoamFile.model_validate(data)
+    except ValidationError as error:
+        lines = [
+            re.sub(r"^\w+", lambda key: f"--{_OPTIONS.get(key[0], key[0])}", line)
+            if line.partition(" ")[0].rstrip(":") in FoamFile.model_fields
+            else line
+            for line in explain(error, FoamFile).splitlines()
+        ]
+        raise UserError("\n".join(lines)) from None
+
+
+def write(
+    file: FoamFile, read: CompressionTest, fit: CrushableFit, target: Path, picture: Path
+) -> None:
+    """Write the foam file and its picture, both or neither. Raises UserError, OSError."""
+    from taichi_foam.picture import style
+    from taichi_foam.picture.foam_figure import compression_test
+
+    assert isinstance(file.foam, TabulatedFoam)
+    text = _HEADER.format(name=_one_line(target.name)) + file.to_toml()
+    figure = compression_test(read.strain, read.stress, read.loading, file.foam, fit, file.title)
+    with whole_file(target) as foam_file, whole_file(picture) as drawing:
+        foam_file.write_text(text, encoding="utf-8")
+        try:
+            style.save(figure, drawing)
+        except UserError as error:  # it names the name that the file has until it is whole
+            raise UserError(str(error).replace(str(drawing), str(picture))) from error
+
+
+def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]:
+    """Points, encoding, columns with their units, and what of it the curve leaves out."""
+    curve = read.curve
+    encoding = "" if read.encoding == "UTF-8" else f", read as {read.encoding}"
+    yield Text(f"{path}{encoding}: {read.strain.size:,} points, to a strain of {curve.tested:.3g}")
+    if read.skipped:
+        lines = "1 line" if read.skipped == 1 else f"{read.skipped:,} lines"
+        yield Text(f"{lines} of text above the header skipped")
+    for key, column in zip(("strain", "stress"), read.columns, strict=True):
+        yield Text(_column_in_words(key, column))
+    yield Text(f"largest stress {pressure(float(read.stress.max()))}")
+    for text in _left_out(read):
+        yield Text(text)
+    if len(curve.strain) < read.loading.sum():
+        yield Text(f"thinned to {len(curve.strain):,} points")
+    if curve.smoothing > 0.0:
+        yield Text(f"smoothed by at most {pressure(curve.smoothing)}, so that no stress falls")
+    yield Text()
+
+
+def _column_in_words(key: str, column: Column) -> str:
+    """Where strain or stress are from: column, unit, and what it was divided by."""
+    kind, over = column.kind, column.over
+    what = key if over is None else f"{key}: {kind.name}"
+    unit = f"in {column.unit}" if column.unit is not None else f"in {kind.si}, as no unit is given"
+    head = "" if column.head is None else f", {shown(column.head)}"
+    size = "" if over is None else f", over {plain(over)} {'m' if key == 'strain' else 'm2'}"
+    return f"{what} {unit} (column {column.number}{head}){size}"
+
+
+def _left_out(read: CompressionTest) -> Iterator[str]:
+    """What the loading envelope leaves out of a test: branches, and strains met before."""
+    ways = [f"from {each.start:.3g} to {each.lowest:.3g}" for each in read.branches]
+    if ways:
+        points = sum(each.points for each in read.branches)
+        which = "1 unloading branch" if len(ways) == 1 else f"{len(ways)} unloading branches"
+        more = ", ..." if len(ways) > _BRANCHES else ""
+        yield (
+            f"left out of the curve: {which} ({points:,} points, with reloading), strain "
+            f"{', '.join(ways[:_BRANCHES])}{more}"
+        )
+    rest = int((~read.loading).sum()) - sum(each.points for each in read.branches)
+    if rest:
+        yield f"left out of the curve: {rest:,} points whose strain was reached before"
+
+
+def derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
+    """What follows from the curve, beside the constants of Eq. 26 fitted to it."""
+    assert isinstance(foam, TabulatedFoam)
+    fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("", no_wrap=True)
+    table.add_column("from the curve", justify="right", no_wrap=True)
+    table.add_column("Eq. 26 fitted", justify="right", no_wrap=True)
+    beyond = "not tested"
+    rows = [
+        ("Young's modulus K", pressure(foam.youngs_modulus), pressure(fitted.youngs_modulus)),
+        ("shear modulus", pressure(foam.shear_modulus), pressure(fitted.shear_modulus)),
+        ("plateau", pressure(marks.plateau_stress), pressure(fitted.plateau_stress)),
+        ("crush starts", percent(marks.crush_start), percent(theirs.crush_start)),
+        (
+            "densification" if fit.densifies else "densification, where the test ends",
+            percent(marks.crush_end),
+            percent(theirs.crush_end) if fit.densifies else beyond,
+        ),
+        ("locking", percent(marks.limit), percent(theirs.limit) if fit.densifies else beyond),
+        ("breaks in tension", percent(marks.tensile), percent(theirs.tensile)),
+        ("breaks in shear", percent(marks.shear), percent(theirs.shear)),
+        ("constant a", "", f"{fitted.densification_a:.4g}" if fit.densifies else beyond),
+        ("constant b", "", f"{fitted.densification_b:.4g}" if fit.densifies else beyond),
+        ("median error in stress", "", f"{100 * fit.error:.2g} %"),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    yield table
+    yield Text()
+
+
+def doubts(foam: BondFoam, fit: CrushableFit) -> Iterator[str]:
+    """What to warn of: a modulus that may be noise, of which the steepest slope has the worst."""
+    times = foam.youngs_modulus / fit.foam.youngs_modulus
+    if times > _NOISY:
+        yield (
+            f"Young's modulus is the steepest slope of the curve, {times:.2g} times that of the "
+            "fit; if that is noise, fewer --points take it out"
+        )
+
+
+def _one_line(text: str) -> str:
+    """Text as a comment of TOML may hold it."""
+    return "".join(c if c.isprintable() else "?" for c in text)
