@@ -11,15 +11,16 @@ softening (`check`); Lammps is another model of the same size.
 
 from .constants import Case, Skipped, State
 from .lammps_peer import PLASTIC, ROTATIONAL, Lammps
-from .native import Plain, Vectors
+from .native import Batch, Plain, Vectors
 from .numba_peer import Numba
-from .scenes import CASE, EXTENTS, Choices, Extent, lattice_of, scene_with, updated
+from .scenes import CASE, EXTENTS, Choices, Extent, batch_of, lattice_of, scene_with, updated
 
 __all__ = [
     "CASE",
     "EXTENTS",
     "PLASTIC",
     "ROTATIONAL",
+    "Batch",
     "Case",
     "Choices",
     "Extent",
@@ -29,6 +30,7 @@ __all__ = [
     "Skipped",
     "State",
     "Vectors",
+    "batch_of",
     "lattice_of",
     "scene_with",
     "updated",
