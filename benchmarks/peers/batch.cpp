@@ -69,6 +69,13 @@ struct Face {  // of the cells of a column: their columns along x, and which cel
     Lanes x, y, counts;
 };
 
+struct Factors {  // that every node needs, by the constants
+    Lanes elasticity, viscosity;  // of a cell, over its squares [N/m3, N s/m3]
+    Lanes tau;                    // shear modulus over a cell's sides [Pa/m2]
+    Lanes per_mass, beside;       // 1 / mass, and half of a cell's height
+    Lanes weight, ahead;          // of this stage [s]
+};
+
 struct LanesEdge {
     Lanes nx, ny, offset;
 };
@@ -102,7 +109,7 @@ class Lattices {
              const double* const* edges, const double* const* starts, const double* const* bodies)
         : columns(columns), rows(rows), state(columns * rows), trial(columns * rows),
           rate(columns * rows), links(columns * rows), rare(columns * rows), left(rows),
-          behind(rows), edges(edge_count), body{}, time{}, lift{}, densified{}, astray{},
+          behind(rows), edges(edge_count), body{}, time{}, step{}, lift{}, densified{}, astray{},
           power{}, work{} {
         for (int lane = 0; lane < WIDTH; ++lane) {
             of_lane[lane] = constants_from(constants[lane]);
@@ -119,6 +126,13 @@ class Lattices {
             body.y[lane] = body.trial_y[lane] = bodies[lane][0];
             body.v[lane] = body.trial_v[lane] = bodies[lane][1];
         }
+        // thickness times stress, halved, is a force over a diagonal's length
+        const Lanes per_area = c.per_length[A] * c.per_length[B];
+        f.elasticity = 0.125 * c.thickness * c.shear_modulus * per_area;
+        f.viscosity = 0.25 * c.thickness * c.shear_viscosity * per_area;
+        f.tau = c.shear_modulus * per_area;
+        f.per_mass = 1.0 / c.node_mass;
+        f.beside = 0.5 * c.cell[B];
         for (int i = 0; i < columns; ++i)
             for (int j = 0; j < rows; ++j) {
                 Links& mine = links[at(i, j)];
@@ -161,6 +175,7 @@ class Lattices {
     int columns, rows;
     Constants of_lane[WIDTH];
     Pack c;
+    Factors f;
     Array<Motion> state, trial, rate;
     Array<Links> links;
     Array<Rare> rare;
@@ -178,19 +193,20 @@ class Lattices {
 
     // What the rows of a strip hand up.
     struct Climb {
-        Motion here, right;  // the nodes of the next row
-        Push to_here, to_right;
+        Push to_here, to_right;  // on the nodes of the next row [N]
         Face below;  // the cell under them, with its column along y
+        Lanes taken, sheared, damped;  // powers so far [W]
     };
 
     template <int stage>
     void run_stage() {
+        f.weight = stage_weight(stage, step), f.ahead = stage_ahead(stage, step);
         lift = densified = Lanes{};
         for (Lanes& each : power) each = Lanes{};
         for (int j = 0; j < rows; ++j) left[j] = Push{}, behind[j] = Face{};
         for (int i = 0; i < columns - 1; ++i) strip<stage, false>(i);
         strip<stage, true>(columns - 1);
-        const Lanes weight = stage_weight(stage, step), ahead = stage_ahead(stage, step);
+        const Lanes weight = f.weight, ahead = f.ahead;
         for (int k = 0; k < WORKS; ++k) work[k] += weight * power[k];
         // the support stops the impactor once it has gone right through the block
         const Lanes force = lift + c.support_stiffness * most(-body.trial_y, Lanes{});
@@ -210,10 +226,11 @@ class Lattices {
     void strip(int i) {
         const Array<Motion>& now = stage == 0 ? state : trial;
         Climb climb = {};
-        climb.here = now[at(i, 0)];
-        if (!last_column) climb.right = now[at(i + 1, 0)];
         for (int j = 0; j < rows - 1; ++j) row<stage, last_column, false>(now, i, j, climb);
         row<stage, last_column, true>(now, i, rows - 1, climb);
+        power[BONDS] += climb.taken;
+        power[SHEAR] += climb.sheared;
+        power[DASHPOTS] += climb.damped;
     }
 
     // The bonds of node (i, j), the cell between them, and its stage.
@@ -221,11 +238,10 @@ class Lattices {
     __attribute__((always_inline)) void row(const Array<Motion>& now, int i, int j, Climb& climb) {
         constexpr bool has_cell = !last_column && !last_row;
         const int k = at(i, j);
-        const Motion here = climb.here, right = climb.right;
         Links& mine = links[k];
-        Motion up = {}, far = {};
-        if (!last_row) up = now[k + 1];
-        if (has_cell) far = now[k + rows + 1];
+        // where there is no such node it is not used
+        const Motion &here = now[k], &right = now[last_column ? k : k + rows];
+        const Motion &up = now[last_row ? k : k + 1], &far = now[has_cell ? k + rows + 1 : k];
         Push on_here = {left[j].x + climb.to_here.x, left[j].y + climb.to_here.y};
         Push on_right = climb.to_right, on_up = {}, on_far = {};
         Face along_x = {}, along_y = {};  // the cell's columns
@@ -235,17 +251,13 @@ class Lattices {
             if (stage == 0) look_at_cell(k, d1x, d1y, d2x, d2y);
             const Lanes d1u = far.vx - here.vx, d1v = far.vy - here.vy;
             const Lanes d2u = up.vx - right.vx, d2v = up.vy - right.vy;
-            const Lanes per_area = c.per_length[A] * c.per_length[B];
-            // thickness times stress, halved, is a force over a diagonal's length
-            const Lanes elasticity = 0.125 * c.thickness * c.shear_modulus * per_area;
-            const Lanes viscosity = 0.25 * c.thickness * c.shear_viscosity * per_area;
             const Lanes squares = (d1x * d1x + d1y * d1y) - (d2x * d2x + d2y * d2y);
             const Lanes closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v);
             const Lanes grip = mine.grip;
-            const Lanes elastic = grip * (elasticity * squares);
-            const Lanes viscous = grip * (viscosity * closing);
-            power[SHEAR] += elastic * closing;
-            power[DASHPOTS] += viscous * closing;
+            const Lanes elastic = grip * (f.elasticity * squares);
+            const Lanes viscous = grip * (f.viscosity * closing);
+            climb.sheared += elastic * closing;
+            climb.damped += viscous * closing;
             const Lanes pull = elastic + viscous;
             Push first = {pull * d1x, pull * d1y}, second = {pull * d2x, pull * d2y};
             if (HAS_ROOM && rare[k].presses) {
@@ -268,18 +280,20 @@ class Lattices {
             }
         }
         if (!last_column) {
-            const Push pull = bond<A, stage>(k, mine.bond[A], here, right, along_y, climb.below);
+            const Push pull = bond<A, stage>(k, mine.bond[A], here, right, along_y, climb.below, climb.damped);
             on_here.x += pull.x, on_here.y += pull.y;
             on_right.x -= pull.x, on_right.y -= pull.y;
         }
         if (!last_row) {
-            const Push pull = bond<B, stage>(k, mine.bond[B], here, up, along_x, behind[j]);
+            const Push pull = bond<B, stage>(k, mine.bond[B], here, up, along_x, behind[j], climb.damped);
             on_here.x += pull.x, on_here.y += pull.y;
             on_up.x -= pull.x, on_up.y -= pull.y;
         }
         left[j] = on_right;
         if (stage == LAST_STAGE) behind[j] = along_x;
-        climb = {up, far, on_up, on_far, along_y};
+        climb.to_here = on_up, climb.to_right = on_far;
+        if (stage == LAST_STAGE) climb.below = along_y;
+        climb.taken -= on_here.x * here.vx + on_here.y * here.vy;
         move<stage>(i, j, k, here, on_here);
     }
 
@@ -288,7 +302,7 @@ class Lattices {
     template <int axis, int stage>
     __attribute__((always_inline)) Push bond(int k, Bond& mine, const Motion& from,
                                              const Motion& to, const Face& ahead,
-                                             const Face& behind) {
+                                             const Face& behind, Lanes& damped) {
         const Lanes zero = {}, one = all(1.0);
         const Lanes rx = to.x - from.x, ry = to.y - from.y;
         const Lanes length = root(rx * rx + ry * ry), per_reach = one / length;
@@ -302,7 +316,7 @@ class Lattices {
         const Lanes rate =
             (rx * (to.vx - from.vx) + ry * (to.vy - from.vy)) * per_reach;
         const Lanes drag = intact * c.dashpot[axis] * rate;
-        power[DASHPOTS] += drag * rate;
+        damped += drag * rate;
         Lanes stress = closed + intact * opened;
         if (any_below(e, c.densification_strain))
             stress += densify<stage>(e, c.area[axis] * c.per_length[axis]);
@@ -320,8 +334,7 @@ class Lattices {
             const Lanes limit = met < c.yield_strain ? c.crushed_strain : c.tensile_strain;
             const Lanes differences = 2.0 * most(ahead.counts + behind.counts, one);
             const Lanes across = rx * (ahead.x + behind.x) + ry * (ahead.y + behind.y);
-            const Lanes modulus = c.shear_modulus * c.per_length[A] * c.per_length[B];
-            const Lanes tau = magnitude(modulus * across / differences);
+            const Lanes tau = magnitude(f.tau * across / differences);
             const Lanes pressure = e < zero ? magnitude(closed + opened) : zero;
             const Lanes strength = c.shear_strength + c.pressure_coefficient * pressure;
             const Lanes beyond = most(e - limit, tau - strength);
@@ -443,21 +456,20 @@ class Lattices {
 
     template <int stage>
     __attribute__((always_inline)) void move(int i, int j, int k, const Motion& now, Push force) {
-        const Lanes weight = stage_weight(stage, step), ahead = stage_ahead(stage, step);
-        power[BONDS] -= force.x * now.vx + force.y * now.vy;
+        const Lanes weight = f.weight, ahead = f.ahead;
         Lanes may_x = all(1.0), may_y = all(1.0);
         if (j == 0) may_x -= c.hold_x, may_y -= c.hold_y;
         const Lanes inside = least(now.y - body.trial_y,
                                    c.impactor_half_width - magnitude(now.x - c.impactor_x));
-        const Lanes within = most(inside, 0.5 * c.cell[B] - now.y) * may_y;
+        const Lanes within = most(inside, f.beside - now.y) * may_y;
         if (any_below(Lanes{}, within)) {
             touch<stage>(i, j, now, may_y, force);
         } else if (stage == 0 && rare[k].slips) {
             rare[k].impactor_slip = rare[k].floor_slip = Lanes{};
             rare[k].slips = false;
         }
-        const Lanes ax = force.x / c.node_mass * may_x;
-        const Lanes ay = (force.y / c.node_mass - c.gravity) * may_y;
+        const Lanes ax = force.x * f.per_mass * may_x;
+        const Lanes ay = (force.y * f.per_mass - c.gravity) * may_y;
         Motion sum = {weight * now.vx, weight * now.vy, weight * ax, weight * ay};
         if (stage > 0) {
             const Motion& before = rate[k];
