@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from peers import CASE, Extent, lattice_of, scene_with, updated
+from peers import CASE, Extent, batch_of, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
@@ -68,6 +68,7 @@ class Subject:
     counts: tuple[int, int] = SMALL
     batch: int = 1
     threads: int = 1
+    case: str = CASE
     extent: Extent = "peers"
     peer: str = ""
     start: float = 0.0  # s
@@ -81,11 +82,16 @@ class Subject:
 
     def scene(self) -> Scene:
         """The case with this subject's cells, and no end in sight."""
-        scene = updated(scene_with("calibrated", extent=self.extent), {"numerics": {"end": 1.0}})
+        scene = scene_with("calibrated", self.case, self.extent)
+        scene = updated(scene, {"numerics": {"end": 1.0}})
         if self.worker.endswith(NO_LEDGER):
             rare = {"history_interval": 0.01, "snapshot_interval": 0.01}
             scene = updated(scene, {"output": rare})
         return lattice_of(scene, *self.counts)
+
+    def scenes(self) -> list[Scene]:
+        """Of each lattice: those of a batch differ, as drops do."""
+        return batch_of(self.scene(), self.batch)
 
 
 def subjects(mode: Mode, threads: int) -> list[Subject]:
