@@ -116,6 +116,7 @@ class Vectors(_Native):
 
     name = "C++, vectors"
     source = "vectors.cpp"
+    knows = Features(rate=True, room=True, softening=True)
 
 
 class Batch:

@@ -6,8 +6,8 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from peers import Choices, Plain, Skipped, Vectors, native, scene_with, updated
-from peers.check import CASES, PEERS, compare
+from peers import Batch, Choices, Extent, Plain, Skipped, Vectors, native, scene_with, updated
+from peers.check import BATCH_EXTENTS, CASES, PEERS, WIDTHS, compare, compare_batch
 from peers.compile import CompileError
 from peers.constants import case_of
 
@@ -27,6 +27,32 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     assert outcome.broken > 10, "too few bonds have broken to see what follows"
     # without a rate the worst strain is behind by the last step at most
     assert (outcome.lagging > 6e-3) == (choices == "rated")
+
+
+@pytest.mark.parametrize("extent", BATCH_EXTENTS)
+@pytest.mark.parametrize("bits", WIDTHS)
+@pytest.mark.parametrize("name", CASES)
+def test_each_lane_moves_its_lattice_as_the_engine_does(
+    name: str, bits: int, extent: Extent
+) -> None:
+    peer = Batch.load(bits)
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    outcomes = compare_batch(peer, name, extent, threads=1, count=3)
+    assert all(outcome.passed for outcome in outcomes), outcomes
+    assert all(outcome.intact > 1 for outcome in outcomes)
+    # by when softening foam has to be left, few of its bonds have broken
+    assert all(outcome.broken > (10 if extent == "peers" else 2) for outcome in outcomes)
+    assert len({outcome.broken for outcome in outcomes}) > 1, "the lattices do not differ"
+
+
+def test_batch_refuses_lattices_that_differ_in_their_choices() -> None:
+    peer = Batch.load()
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    scenes = [scene_with("calibrated", extent=extent) for extent in BATCH_EXTENTS]
+    with pytest.raises(ValueError, match="one size and one set of choices"):
+        peer.prepare(scenes)
 
 
 @pytest.mark.parametrize("kind", [Plain, Vectors])

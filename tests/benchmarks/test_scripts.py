@@ -59,6 +59,13 @@ def test_parts_times_every_part_of_a_step() -> None:
     assert "a whole run of the whole model" in shown
 
 
+def test_batches_steps_the_engine_and_the_prototype() -> None:
+    shown = run_script("batches.py")
+    rows = [line for line in shown.splitlines() if line.startswith("| rectangular-3.03")]
+    assert len(rows) == 2
+    assert "skipped" in shown or all(" |  |" not in row for row in rows), "a figure is missing"
+
+
 def test_frames_draws_and_watches() -> None:
     shown = run_script("frames.py")
     assert "| 3,360 |" in shown
