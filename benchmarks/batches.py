@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from peers import CASE, Extent
-from timing.rounds import Record, Spread, cpu_ns, measure, prepare, wall_ns
+from timing.rounds import Record, Spread, cpu_ns, measure, prepare
 from timing.subjects import Subject
 from timing.table import Table, write
 from timing.tables import environment
@@ -30,7 +30,11 @@ class Mode:
     """How much is measured."""
 
     rounds: int = 5
-    batches: tuple[tuple[str, int, float], ...] = ((CASE, 8, 2e-3), (WEDGE, 8, 2e-3), (CASE, 64, 3e-4))
+    batches: tuple[tuple[str, int, float], ...] = (
+        (CASE, 8, 2e-3),
+        (WEDGE, 8, 2e-3),
+        (CASE, 64, 3e-4),
+    )
     """Case, lattices, and simulated time of a measurement [s]."""
     threads: tuple[int, ...] = (1, 2)
     start: float = 8e-3  # s
@@ -59,7 +63,7 @@ def subjects(mode: Mode) -> list[tuple[Subject, list[Subject]]]:
 
 
 def table(record: Record, pairs: list[tuple[Subject, list[Subject]]]) -> Table:
-    """A row for each batch: ns of wall time per node-stage, and ratios of processor time."""
+    """A row for each batch: ns of processor time per node-stage, by all threads together."""
     heads = ["case", "room and softening", "lattices", "threads", "this engine, ns"]
     found = Table([*heads, *(f"{bits} bits, {what}" for bits in BITS for what in ("ns", "ratio"))])
     for engine, lanes in pairs:
@@ -75,7 +79,7 @@ def table(record: Record, pairs: list[tuple[Subject, list[Subject]]]) -> Table:
 
 
 def _ns(record: Record, subject: Subject) -> str:
-    values = record.values(subject.key, wall_ns)
+    values = record.values(subject.key, cpu_ns)
     if not values:
         return ""
     spread = Spread.of(values)
@@ -94,8 +98,9 @@ def main() -> None:
         measure(workers, record, None, mode.rounds, lambda what: None)
     about = environment()
     text = (
-        f"{about['processor']}, {about['cores']} cores, {about['versions']['compiler']}; medians"
-        f" and quartiles of {mode.rounds} rounds.\n\n{table(record, pairs).markdown()}\n"
+        f"{about['processor']}, {about['cores']} cores, {about['versions']['compiler']}; ns of"
+        f" processor time for a node and stage, by all threads; medians and quartiles of"
+        f" {mode.rounds} rounds.\n\n{table(record, pairs).markdown()}\n"
     )
     print(text)
     for key, reason in record.skipped.items():

@@ -30,6 +30,7 @@ END_SOFTENING = 6.4e-3
 INTERVAL = 2e-4  # s between comparisons
 TOLERANCE = 1e-9  # m: the same numbers but for the last bits, about 1e-16 m, which the motion grows
 PEERS = (Plain, Vectors, Numba)
+SOFTENING = (Vectors,)  # those of them that have room and softening
 WIDTHS = (256, 512)  # bits of vectors with a lattice in each lane
 BATCH_EXTENTS: tuple[Extent, ...] = ("peers", "room")
 LATTICES = 5  # of a batch: two vectors of 256 bits, with spare lanes
@@ -69,6 +70,8 @@ def check() -> Iterator[Outcome | Skipped]:
             for name in CASES:
                 for threads in (1, 2):
                     yield compare(peer, name, choices, threads)
+                    if kind in SOFTENING:
+                        yield compare(peer, name, choices, threads, "room")
     for bits in WIDTHS:
         batch = Batch.load(bits)
         if isinstance(batch, Skipped):

@@ -10,6 +10,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
 
 SMALL = (40, 20)
+ROOM = "room and softening"
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
 LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
 PEERS = {"Plain": "C++, plain", "Vectors": "C++, vectors by hand", "Numba": "Numba"}
@@ -109,11 +110,20 @@ def _small(mode: Mode) -> list[Subject]:
     worker, name = f"engine-1-{NO_LEDGER}", f"{fused.name}, no ledger"
     return [
         fused,
+        replace(fused, key="fused room", name=f"{fused.name}, {ROOM}", extent="room"),
         replace(fused, key="fused whole", name=whole, extent="whole"),
         replace(fused, key="fused no ledger", name=name, worker=worker),
         *(
             replace(fused, key=peer.lower(), name=name, worker="peers", peer=peer)
             for peer, name in PEERS.items()
+        ),
+        replace(
+            fused,
+            key="vectors room",
+            name=f"{PEERS['Vectors']}, {ROOM}",
+            worker="peers",
+            peer="Vectors",
+            extent="room",
         ),
         *(_lammps(key, peer, mode) for key, peer in LAMMPS.items()),
     ]

@@ -7,7 +7,15 @@ from typing import get_args
 import numpy as np
 import pytest
 from peers import Batch, Choices, Extent, Plain, Skipped, Vectors, native, scene_with, updated
-from peers.check import BATCH_EXTENTS, CASES, PEERS, WIDTHS, compare, compare_batch
+from peers.check import (
+    BATCH_EXTENTS,
+    CASES,
+    PEERS,
+    SOFTENING,
+    WIDTHS,
+    compare,
+    compare_batch,
+)
 from peers.compile import CompileError
 from peers.constants import case_of
 
@@ -27,6 +35,19 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     assert outcome.broken > 10, "too few bonds have broken to see what follows"
     # without a rate the worst strain is behind by the last step at most
     assert (outcome.lagging > 6e-3) == (choices == "rated")
+
+
+@pytest.mark.parametrize("kind", SOFTENING)
+@pytest.mark.parametrize("name", CASES)
+def test_peer_keeps_room_and_softens_as_the_engine_does(name: str, kind: type) -> None:
+    peer = kind.load()
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    outcome = compare(peer, name, "calibrated", threads=1, extent="room")
+    assert outcome.passed, outcome
+    assert outcome.intact > 1
+    assert outcome.broken > 2, "bonds hold longer, but some have to have gone"
+    assert peer.state().works["room"] > 0.0, "no cell has pressed"
 
 
 @pytest.mark.parametrize("extent", BATCH_EXTENTS)
