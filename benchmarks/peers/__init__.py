@@ -5,8 +5,9 @@
     peer.advance(steps, threads=1)
     peer.state()                      # positions, velocities, impactor, time, ledger
 
-Plain, Vectors and Numba compute what the engine computes without contact of pieces, room and
-softening (`check`); Lammps is another model of the same size.
+Plain, Vectors and Numba compute what the engine computes without contact of pieces, Vectors with
+room and softening where asked (`check`). Batch is a prototype, with many lattices side by side:
+one in each lane of a vector. Lammps is another model of the same size.
 """
 
 from .constants import Case, Skipped, State

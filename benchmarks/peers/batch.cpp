@@ -280,12 +280,14 @@ class Lattices {
             }
         }
         if (!last_column) {
-            const Push pull = bond<A, stage>(k, mine.bond[A], here, right, along_y, climb.below, climb.damped);
+            const Push pull = bond<A, stage>(k, mine.bond[A], here, right, along_y, climb.below,
+                                             climb.damped);
             on_here.x += pull.x, on_here.y += pull.y;
             on_right.x -= pull.x, on_right.y -= pull.y;
         }
         if (!last_row) {
-            const Push pull = bond<B, stage>(k, mine.bond[B], here, up, along_x, behind[j], climb.damped);
+            const Push pull = bond<B, stage>(k, mine.bond[B], here, up, along_x, behind[j],
+                                             climb.damped);
             on_here.x += pull.x, on_here.y += pull.y;
             on_up.x -= pull.x, on_up.y -= pull.y;
         }
@@ -344,7 +346,7 @@ class Lattices {
         return {pull * rx, pull * ry};
     }
 
-    // What densification adds to the stress; b = 1 in every lane, see `prepare`.
+    // What densification adds to the stress, of a constant b of 1: native.py refuses others.
     template <int stage>
     __attribute__((noinline)) Lanes densify(Lanes e, Lanes area_per_length) {
         const Lanes dense = c.densification_strain, locking = c.locking_strain;
@@ -583,7 +585,6 @@ class Batch {
 extern "C" {
 int constants_count() { return peer::CONSTANTS; }
 int summary_count() { return 5 + peer::WORKS; }
-int width() { return peer::WIDTH; }
 void* create_batch(int count, int columns, int rows, const double* const* constants,
                    int edge_count, const double* const* edges, const double* const* starts,
                    const double* const* bodies) {

@@ -27,7 +27,7 @@ using std::sqrt;
 
 constexpr bool HAS_RATE = RATE;  // the plateau's stress grows with the strain rate
 constexpr bool HAS_ROOM = ROOM;  // cells keep the room that their bonds have left them
-constexpr bool SOFTENS = SOFTENING;  // bonds hold beyond their limits, with ever less of their faces
+constexpr bool SOFTENS = SOFTENING;  // beyond its limit a bond holds with ever less of its face
 
 constexpr int A = 0, B = 1, LAST_STAGE = 3;
 constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole bonds, and of none

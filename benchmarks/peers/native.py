@@ -136,18 +136,16 @@ class Batch:
         """The peer, if there is a compiler."""
         return cls(bits) if compiling.compiler() else Skipped(compiling.ABSENT)
 
-    @property
-    def width(self) -> int:
-        """Lattices in a vector, once there are any."""
-        return self._library.width()
-
     def prepare(self, scenes: list[Scene]) -> None:
         """Stand at the scenes' starts, compiled for their choices.
 
         Raises:
-            ValueError: they differ in their counts, choices or number of edges; or see `case_of`.
+            ValueError: they differ in their counts, choices or number of edges; densification_b
+                is not 1; or see `case_of`.
         """
         cases = [case_of(scene, self.knows) for scene in scenes]
+        if any(case.constants.densification_b != 1.0 for case in cases):
+            raise ValueError("a batch knows no densification_b other than 1")
         kinds = {(case.columns, case.rows, case.features, case.edges.shape) for case in cases}
         if len(kinds) > 1:
             raise ValueError("the lattices of a batch have one size and one set of choices")

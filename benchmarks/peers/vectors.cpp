@@ -65,7 +65,7 @@ struct Bonds {
     Array permanent;  // strain without stress; with a rate it is worked out anew each time
     Array tension;    // modulus beyond it [Pa]; 0 tells that a bond is broken
     Array worst, break_time;
-    Array intact, left;  // of bonds that soften: part of the face that pulls, now and after the step
+    Array intact, left;  // part of the face that pulls, now and after the step
 };
 
 struct Column {
@@ -83,7 +83,8 @@ class Lattice {
         : columns(columns), rows(rows), padded((rows + WIDTH - 1) / WIDTH * WIDTH),
           stride(padded + WIDTH), c(constants_from(constants)), state(size()), even(size()),
           odd(size()), rate(size()), bonds{Bonds(size()), Bonds(size())},
-          hold(size()), grip(size()), worn(size()), presses(HAS_ROOM ? size() / WIDTH : 0), latched(size()), push(size()), impactor_slip(size()),
+          hold(size()), grip(size()), worn(size()), presses(HAS_ROOM ? size() / WIDTH : 0),
+          latched(size()), push(size()), impactor_slip(size()),
           floor_slip(size()), free_x(stride), free_y(stride), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
             this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});

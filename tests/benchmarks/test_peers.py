@@ -75,6 +75,9 @@ def test_batch_refuses_lattices_that_differ_in_their_choices() -> None:
     scenes = [scene_with("calibrated", extent=extent) for extent in BATCH_EXTENTS]
     with pytest.raises(ValueError, match="one size and one set of choices"):
         peer.prepare(scenes)
+    other = updated(scenes[0], {"foam": {"densification_b": 2.0}})
+    with pytest.raises(ValueError, match="densification_b"):
+        peer.prepare([other])
 
 
 @pytest.mark.parametrize("kind", [Plain, Vectors])
