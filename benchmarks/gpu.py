@@ -67,7 +67,7 @@ def measure(scene: Scene, lattices: int, seconds: float, most_steps: int) -> Rat
     with ExitStack() as stack:
         counts = (scene.block.columns, scene.block.rows)
         loaded = Loaded(stack, lattices, counts, features_of(scene))
-        loaded.start(scene)
+        loaded.start([scene] * lattices)
         loaded.run_steps(2)
         taken, spent, call = 0, 0.0, 1
         while spent < seconds and taken < most_steps:

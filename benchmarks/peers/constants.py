@@ -33,6 +33,10 @@ class Constants(NamedTuple):
     densification_b: float
     crushed_strain: float
     crushed_stress: float
+    tensile_tail_a: float
+    tensile_tail_b: float
+    shear_tail_a: float
+    shear_tail_b: float
     rate: float
     cell_a: float
     cell_b: float
@@ -66,6 +70,13 @@ class Features(NamedTuple):
 
     rate: bool
     """The plateau's stress grows with the strain rate."""
+    room: bool = False
+    """Cells keep the room that their bonds have left them."""
+    softening: bool = False
+    """Bonds hold beyond their limits, with ever less of their faces."""
+
+
+RATE_ONLY = Features(rate=True)
 
 
 @dataclass(frozen=True)
@@ -95,7 +106,7 @@ class State:
     works: dict[str, float]  # in the order of WORKS
 
 
-WORKS = ("bonds", "shear", "dashpots", "contact", "friction")
+WORKS = ("bonds", "shear", "dashpots", "contact", "friction", "room")
 
 
 @dataclass(frozen=True)
@@ -111,13 +122,18 @@ class Skipped:
         return False
 
 
-def case_of(scene: Scene) -> Case:
-    """The scene's numbers, without contact of pieces.
+def case_of(scene: Scene, known: Features = RATE_ONLY) -> Case:
+    """The scene's numbers, without contact of pieces, for a peer that has the features `known`.
 
     Raises:
-        ValueError: the scene asks for a choice that the peers do not have.
+        ValueError: the scene asks for a choice that the peer does not have.
     """
-    _check(scene)
+    features = Features(
+        rate=scene.foam.rate is not None,
+        room=scene.model.crushed_room,
+        softening=scene.foam.softening,
+    )
+    _check(scene, known)
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     base, impactor = scene.base, scene.impactor
     assert impactor is not None
@@ -126,6 +142,7 @@ def case_of(scene: Scene) -> Case:
     along = numerics.damping_time * foam.youngs_modulus
     crushed_strain = foam.crushed_tensile_fraction * foam.tensile_strain
     crushed_stress = foam.crushed_tensile_stress
+    (tension_a, shear_a), (tension_b, shear_b) = foam.limits(block.dx), foam.limits(block.dy)
     contact = numerics.contact_stiffness * foam.youngs_modulus * block.depth
     touching = max(
         min(block.columns, math.floor(impactor.extent / block.dx) + 1),
@@ -150,6 +167,10 @@ def case_of(scene: Scene) -> Case:
         crushed_stress=(
             foam.youngs_modulus * crushed_strain if crushed_stress is None else crushed_stress
         ),
+        tensile_tail_a=tension_a.tail,
+        tensile_tail_b=tension_b.tail,
+        shear_tail_a=shear_a.tail,
+        shear_tail_b=shear_b.tail,
         rate=foam.rate or 0.0,
         cell_a=block.dx,
         cell_b=block.dy,
@@ -179,15 +200,14 @@ def case_of(scene: Scene) -> Case:
         largest_step=0.5 * scene.output.history_interval,
         safety=numerics.safety,
     )
-    features = Features(rate=foam.rate is not None)
     start = np.zeros((block.columns, block.rows, 4))
     start[..., :2] = block.positions
     body = np.array([scene.contact_height + impactor.gap, -impactor.velocity])
     return Case(block.columns, block.rows, features, constants, _edges(outline), start, body)
 
 
-def _check(scene: Scene) -> None:
-    """Refuse a scene that the peers would compute otherwise than the engine."""
+def _check(scene: Scene, known: Features) -> None:
+    """Refuse a scene that a peer would compute otherwise than the engine."""
     foam, model = scene.foam, scene.model
     if not isinstance(foam, Foam):
         raise ValueError(f"the peers do not know the bond law {foam.law!r}")
@@ -204,13 +224,14 @@ def _check(scene: Scene) -> None:
         f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
         f"shear {model.shear!r}": model.shear != "cell",
         "contact of pieces": model.self_contact,
-        "the room of crushed foam": model.crushed_room,
+        "the room of crushed foam": model.crushed_room and not known.room,
+        "a plateau that heeds the rate": foam.rate is not None and not known.rate,
         f"piece size {model.piece_size:g}": model.piece_size != 1.0,
         f"rate exponent {foam.rate_exponent:g}": (
             foam.rate is not None and foam.rate_exponent != 1.0
         ),
         "crushed foam without tensile stress": foam.crushed_tensile_stress == 0.0,
-        "bonds that soften": foam.softening,
+        "bonds that soften": foam.softening and not known.softening,
         "limits that are not those of the law": any(
             each.share != 1.0
             for length in (scene.block.dx, scene.block.dy)

@@ -4,13 +4,13 @@
 namespace peer {
 
 // Works [J] that the lattice adds up in the same Runge-Kutta sum as the motion.
-enum { BONDS, SHEAR, DASHPOTS, CONTACT, FRICTION, WORKS };
+enum { BONDS, SHEAR, DASHPOTS, CONTACT, FRICTION, PRESSING, WORKS };
 
 }  // namespace peer
 
 #define PEER_INTERFACE(Lattice)                                                                  \
     extern "C" {                                                                                 \
-    int constants_count() { return int(sizeof(peer::Constants) / sizeof(peer::Real)); }          \
+    int constants_count() { return peer::CONSTANTS; }                                            \
     int summary_count() { return 5 + peer::WORKS; }                                              \
     void* create(int columns, int rows, const double* constants, int edge_count,                 \
                  const double* edges, const double* start, const double* body) {                 \

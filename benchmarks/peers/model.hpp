@@ -11,8 +11,8 @@
 #endif
 
 // What a scene's choices ask for; native.py compiles a library for each set of them.
-#if !defined(RATE)
-#error "native.py defines RATE as 0 or 1"
+#if !defined(RATE) || !defined(ROOM) || !defined(SOFTENING)
+#error "native.py defines RATE, ROOM and SOFTENING as 0 or 1"
 #endif
 
 namespace peer {
@@ -26,6 +26,8 @@ using std::pow;
 using std::sqrt;
 
 constexpr bool HAS_RATE = RATE;  // the plateau's stress grows with the strain rate
+constexpr bool HAS_ROOM = ROOM;  // cells keep the room that their bonds have left them
+constexpr bool SOFTENS = SOFTENING;  // beyond its limit a bond holds with ever less of its face
 
 constexpr int A = 0, B = 1, LAST_STAGE = 3;
 constexpr double INTACT = -1.0, NEVER = 1e30;  // break times of whole bonds, and of none
@@ -35,6 +37,8 @@ constexpr double PACKED = 4.0;       // slope of packed foam against the floor, 
 constexpr double HOLDS_TO = 2.0;     // a torn cell lets go between these diagonals, in cells
 constexpr double FREE_FROM = 4.0;
 constexpr double OPEN_AREA = 1.5;    // and at once by this area, over that at rest
+constexpr double NEAR = 0.05;        // a cell with so much more area than it keeps may not press
+constexpr double ROUNDING = 1e-9;    // what a cell may lack of its room without pressure
 constexpr double RK4_RADIUS = 2.61;  // |h lambda| of the classical Runge-Kutta method
 constexpr double RK4_DECAY = 2.785;  // the same on the real axis
 constexpr double ASTRAY = 1e5;       // [m, m/s]: a node beyond has blown up
@@ -47,26 +51,32 @@ inline Real dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y; }
 inline Real cross(Vec a, Vec b) { return a.x * b.y - a.y * b.x; }
 inline Real clamp(Real value, Real low, Real high) { return min(max(value, low), high); }
 
-// In the order of constants.py, which fills it from a flat array.
-struct Constants {
-    Real youngs_modulus, shear_modulus, yield_strain, tensile_strain;
-    Real shear_strength, pressure_coefficient;
-    Real densification_strain, locking_strain, densification_a, densification_b;
-    Real crushed_strain, crushed_stress;  // where crushed foam breaks in tension
-    Real rate;  // at which the plateau's stress has doubled [1/s]
-    Real cell[2], per_length[2], area[2], thickness;
-    Real dashpot[2];       // along a bond [N s/m]
-    Real shear_viscosity;  // of a cell [Pa s]
-    Real node_mass, gravity, hold_x, hold_y, floor_friction;
-    Real contact_stiffness, contact_dashpot, support_stiffness;
-    Real impactor_x, impactor_half_width, impactor_mass, impactor_friction;
-    Real step, largest_step, safety;  // step 0: automatic
+// In the order of constants.py, which fills it from a flat array. Of one lattice, or with a vector
+// of numbers for each of several.
+template <class Number>
+struct ConstantsOf {
+    Number youngs_modulus, shear_modulus, yield_strain, tensile_strain;
+    Number shear_strength, pressure_coefficient;
+    Number densification_strain, locking_strain, densification_a, densification_b;
+    Number crushed_strain, crushed_stress;  // where crushed foam breaks in tension
+    Number tensile_tail[2], shear_tail[2];  // how far a bond holds beyond its limit, over the limit
+    Number rate;  // at which the plateau's stress has doubled [1/s]
+    Number cell[2], per_length[2], area[2], thickness;
+    Number dashpot[2];       // along a bond [N s/m]
+    Number shear_viscosity;  // of a cell [Pa s]
+    Number node_mass, gravity, hold_x, hold_y, floor_friction;
+    Number contact_stiffness, contact_dashpot, support_stiffness;
+    Number impactor_x, impactor_half_width, impactor_mass, impactor_friction;
+    Number step, largest_step, safety;  // step 0: automatic
 };
+
+using Constants = ConstantsOf<Real>;
+constexpr int CONSTANTS = sizeof(Constants) / sizeof(Real);
 
 inline Constants constants_from(const double* values) {
     Constants c;
     Real* members = reinterpret_cast<Real*>(&c);
-    for (unsigned k = 0; k < sizeof(Constants) / sizeof(Real); ++k) members[k] = values[k];
+    for (int k = 0; k < CONSTANTS; ++k) members[k] = values[k];
     return c;
 }
 
@@ -212,8 +222,11 @@ inline Real stable_step(const Constants& c, Real densified) {
     const Real elastic = modulus * aspect;
     // with a rate, the overstress comes on top
     const Real stiffest = HAS_RATE ? elastic + densified : max(elastic, densified);
-    const Real stiffness =
-        4.0 * stiffest + 4.0 * c.shear_modulus * aspect + c.contact_stiffness;
+    Real stiffness = 4.0 * stiffest + 4.0 * c.shear_modulus * aspect + c.contact_stiffness;
+    if (HAS_ROOM) {
+        const Real ratio = max(c.cell[0], c.cell[1]) / min(c.cell[0], c.cell[1]);
+        stiffness += 4.0 * ratio * PACKED * c.youngs_modulus * c.thickness;
+    }
     const Real decay = 4.0 * (c.dashpot[0] + c.dashpot[1] + c.shear_viscosity * aspect);
     const Real rate = max(sqrt(stiffness / c.node_mass),
                           decay / c.node_mass * (RK4_RADIUS / RK4_DECAY));
@@ -221,10 +234,14 @@ inline Real stable_step(const Constants& c, Real densified) {
 }
 
 // A stage's share of the step in the weighted sum, and how far ahead the next stage looks.
-inline Real stage_weight(int stage, Real step) {
+template <class Number>
+Number stage_weight(int stage, Number step) {
     return step / (stage == 0 || stage == LAST_STAGE ? 6.0 : 3.0);
 }
-inline Real stage_ahead(int stage, Real step) { return stage < 2 ? 0.5 * step : step; }
+template <class Number>
+Number stage_ahead(int stage, Number step) {
+    return stage < 2 ? 0.5 * step : step;
+}
 
 // The impactor's stage, given the nodes' force on it.
 inline void body_stage(const Constants& c, Body& body, int stage, Real step, Real lift) {

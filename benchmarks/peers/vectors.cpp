@@ -60,16 +60,20 @@ struct ColumnForces {
 
 struct Bonds {
     explicit Bonds(int size)
-        : permanent(HAS_RATE ? WIDTH : size), tension(size), worst(size), break_time(size, NEVER) {}
+        : permanent(HAS_RATE ? WIDTH : size), tension(size), worst(size), break_time(size, NEVER),
+          intact(SOFTENS ? size : WIDTH), left(SOFTENS ? size : WIDTH) {}
     Array permanent;  // strain without stress; with a rate it is worked out anew each time
     Array tension;    // modulus beyond it [Pa]; 0 tells that a bond is broken
     Array worst, break_time;
+    Array intact, left;  // part of the face that pulls, now and after the step
 };
 
 struct Column {
-    double densified, lift, shear_power, dashpot_power, breaks, astray;
+    double densified, lift, shear_power, dashpot_power, room_power, astray;
+    double breaks;  // bonds that break in this step, or lose a part of their faces
     double work[WORKS];
-    bool slips;  // one of its friction springs may be stretched
+    bool slips;    // one of its friction springs may be stretched
+    bool presses;  // one of its cells may have less area than room in this step
 };
 
 class Lattice {
@@ -79,7 +83,8 @@ class Lattice {
         : columns(columns), rows(rows), padded((rows + WIDTH - 1) / WIDTH * WIDTH),
           stride(padded + WIDTH), c(constants_from(constants)), state(size()), even(size()),
           odd(size()), rate(size()), bonds{Bonds(size()), Bonds(size())},
-          hold(size()), grip(size()), latched(size()), push(size()), impactor_slip(size()),
+          hold(size()), grip(size()), worn(size()), presses(HAS_ROOM ? size() / WIDTH : 0),
+          latched(size()), push(size()), impactor_slip(size()),
           floor_slip(size()), free_x(stride), free_y(stride), column(columns), body{} {
         for (int k = 0; k < edge_count; ++k)
             this->edges.push_back({edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]});
@@ -100,8 +105,11 @@ class Lattice {
                 if (i < columns - 1) bonds[A].break_time[k] = INTACT;
                 if (j < rows - 1) bonds[B].break_time[k] = INTACT;
                 hold[k] = grip[k] = i < columns - 1 && j < rows - 1;
-                for (const Bonds& axis : bonds)
-                    axis.tension[k] = axis.break_time[k] == INTACT ? c.youngs_modulus : 0.0;
+                for (const Bonds& axis : bonds) {
+                    const bool there = axis.break_time[k] == INTACT;
+                    axis.tension[k] = there ? c.youngs_modulus : 0.0;
+                    if (SOFTENS) axis.intact[k] = axis.left[k] = there;
+                }
             }
         for (int j = 0; j < rows; ++j) {
             free_x[j] = j > 0 || c.hold_x == 0.0;
@@ -113,6 +121,8 @@ class Lattice {
         while (int(scratch.size()) < threads) scratch.emplace_back(stride);
         for (long n = 0; n < steps; ++n) {
             take_stock();
+            for (const int k : torn) let_go(k);
+            if (HAS_ROOM) over_columns(columns - 1, threads, [this](int i) { look_column(i); });
             over_columns(columns, threads,
                          [this](int i) { forces_of<0>(state, i, {latched, at(i, 0)}); });
             run_stage<0>(state, even, threads);
@@ -121,7 +131,6 @@ class Lattice {
             run_stage<LAST_STAGE>(even, state, threads);
             time += step;
             break_bonds();
-            for (const int k : torn) let_go(k);
             for (const Column& sums : column)
                 if (sums.astray > 0.0) return n;
         }
@@ -165,7 +174,9 @@ class Lattice {
     Array impactor_slip, floor_slip;  // stretch of the friction springs [m]
     Array free_x, free_y;             // by row: 1 where a node may move, else 0
     std::vector<Column> column;
-    std::vector<int> torn;         // cells with a broken side
+    std::vector<char> worn;        // 1 of each cell in `torn`
+    std::vector<int> torn;         // cells with a side that is broken, or only a part of it whole
+    std::vector<char> presses;     // by vectors of cells, see Column
     std::vector<Scratch> scratch;  // one for each thread
     std::vector<Edge> edges;
     Body body;
@@ -188,6 +199,7 @@ class Lattice {
         const Bonds& mine = bonds[axis];
         double *permanent = mine.permanent + first, *tension = mine.tension + first;
         double *worst = mine.worst + first, *break_time = mine.break_time + first;
+        const double* intact = SOFTENS ? mine.intact + first : nullptr;
         const Lanes zero = {}, one = all(1.0), modulus = all(c.youngs_modulus);
         const Lanes yield = all(c.yield_strain), damping = all(c.dashpot[axis]);
         const Lanes densified = all(c.densification_strain);
@@ -204,6 +216,7 @@ class Lattice {
             const Lanes e = length * per_length - 1.0;
             Lanes opening = load(tension + j), elastic, pressed;
             const Lanes whole = opening > zero ? one : zero;
+            const Lanes holds = SOFTENS ? load(intact + j) : whole;  // part of its face
             if (HAS_RATE) {
                 Lanes met = load(worst + j);
                 if (stage == 0) {
@@ -225,20 +238,23 @@ class Lattice {
                 elastic = e - load(permanent + j);
                 pressed = most(elastic, yield);
             }
-            const Lanes stress = modulus * least(pressed, zero) + opening * most(elastic, zero);
+            const Lanes closed = modulus * least(pressed, zero);
+            const Lanes opened = opening * most(elastic, zero);
+            const Lanes stress = closed + opened;  // of a whole bond
+            const Lanes held = SOFTENS ? closed + holds * opened : stress;
             const Lanes per_reach = one / length;
             const Lanes relative_x = load(vx + end) - load(vx + j);
             const Lanes relative_y = load(vy + end) - load(vy + j);
             const Lanes closing = rx * relative_x + ry * relative_y;
             const Lanes rate = closing * per_reach;
-            const Lanes pull = (area * stress + whole * damping * rate) * per_reach;
+            const Lanes pull = (area * held + holds * damping * rate) * per_reach;
             store(force_x + j, pull * rx);
             store(force_y + j, pull * ry);
             deepest = least(deepest, e);
             if (!recording) continue;
             // not by way of the drag: whether a compiler fuses a product with a sum hangs on who else
             // wants the product, and a column that is not recorded has to get the same forces
-            dashpot_power += whole * rate * rate;
+            dashpot_power += holds * rate * rate;
             if (stage == 0 && !HAS_RATE) {
                 const Lanes deeper = least(load(worst + j), e);
                 const Lanes rest = least(most(deeper, densified), yield) - yield;
@@ -263,6 +279,12 @@ class Lattice {
                 const Lanes tau = modulus_per_area * (rx * across_x + ry * across_y) / differences;
                 const Lanes pressure = e < zero ? magnitude(stress) : zero;
                 const Lanes strength = c.shear_strength + c.pressure_coefficient * pressure;
+                if (SOFTENS) {
+                    const Lanes beyond = most(e - limit, magnitude(tau) - strength);
+                    if (any_below(zero, whole * beyond))
+                        breaks += soften<axis>(first + j, e / limit, magnitude(tau) / strength);
+                    continue;
+                }
                 const auto fails = most(e - limit, magnitude(tau) - strength) > zero;
                 const Lanes failed = fails ? whole : zero;
                 store(break_time + j, failed > zero ? all(BREAKING) : load(break_time + j));
@@ -278,6 +300,22 @@ class Lattice {
             column[i].breaks += sum(breaks);
         }
         return least_of(deepest);
+    }
+
+    // Beyond its limit a bond holds ever less. How many of a vector of bonds lose a part.
+    template <int axis>
+    Lanes soften(int k, Lanes pulled, Lanes sheared) {
+        const Bonds& mine = bonds[axis];
+        const Lanes one = all(1.0), intact = load(mine.intact + k);
+        const auto holds = [&](Lanes overload, double tail) {
+            const Lanes fallen = (tail - overload) / (overload * max(tail - 1.0, 1e-9));
+            return overload > one ? most(fallen, Lanes{}) : one;
+        };
+        Lanes left = least(holds(pulled, c.tensile_tail[axis]), holds(sheared, c.shear_tail[axis]));
+        for (int n = 0; n < WIDTH; ++n) left[n] = float(left[n]);
+        left = least(left, intact);
+        store(mine.left + k, left);
+        return left < intact ? one : Lanes{};
     }
 
     // Forces of a column's cells along their diagonals: elastic and viscous.
@@ -317,6 +355,78 @@ class Lattice {
         }
     }
 
+    // Room of a vector of cells by the strains along their sides, over their area at rest.
+    static Lanes room_of(Lanes below, Lanes above, Lanes left, Lanes right) {
+        return (1.0 + 0.5 * (below + above)) * (1.0 + 0.5 * (left + right));
+    }
+
+    Lanes room_stress(Lanes area, Lanes room) const {
+        const Lanes yielded = (room - 1.0 - c.yield_strain) / c.yield_strain;
+        const Lanes share = least(most(yielded, Lanes{}), all(1.0));
+        const Lanes kept = least(room, all(1.0 + c.densification_strain));
+        return PACKED * c.youngs_modulus * share * most(kept - area - ROUNDING, Lanes{});
+    }
+
+    // Before a step: which of a column's cells may have less area than room in it.
+    void look_column(int i) {
+        const int first = at(i, 0);
+        const double *x = state.x + first, *y = state.y + first, *held = hold + first;
+        const double *a = bonds[A].worst + first, *b = bonds[B].worst + first;
+        const Lanes zero = {}, yields = all(1.0 + c.yield_strain);
+        column[i].presses = false;
+        for (int j = 0; j < padded; j += WIDTH) {
+            const int right = j + stride, up = j + 1, far = right + 1;
+            const Lanes room = room_of(load(a + j), load(a + up), load(b + j), load(b + right));
+            char& found = presses[(first + j) / WIDTH];
+            found = any_below(room, yields);
+            if (!found) continue;
+            const Lanes d1x = load(x + far) - load(x + j), d1y = load(y + far) - load(y + j);
+            const Lanes d2x = load(x + up) - load(x + right), d2y = load(y + up) - load(y + right);
+            const Lanes area =
+                (d1x * d2y - d1y * d2x) * (0.5 * c.per_length[A] * c.per_length[B]);
+            found = any_below(zero, room_stress(area - NEAR, room) * load(held + j));
+            column[i].presses |= found;
+        }
+    }
+
+    // Add the forces by which a column's cells keep their room.
+    template <bool recording>
+    void press_column(const Nodes& now, int i, const ColumnForces& to) {
+        if (!column[i].presses) return;
+        const int first = at(i, 0);
+        const double *x = now.x + first, *y = now.y + first;
+        const double *vx = now.vx + first, *vy = now.vy + first;
+        const double *a = bonds[A].worst + first, *b = bonds[B].worst + first;
+        const double* held = hold + first;
+        Lanes power = {};
+        for (int j = 0; j < padded; j += WIDTH) {
+            if (!presses[(first + j) / WIDTH]) continue;
+            const int right = j + stride, up = j + 1, far = right + 1;
+            const auto crushed = [&](int axis, const double* worst, int from, int to) {
+                const Lanes rx = load(x + to) - load(x + from), ry = load(y + to) - load(y + from);
+                const Lanes e = root(rx * rx + ry * ry) * c.per_length[axis] - 1.0;
+                return least(e, load(worst + from));
+            };
+            const Lanes d1x = load(x + far) - load(x + j), d1y = load(y + far) - load(y + j);
+            const Lanes d2x = load(x + up) - load(x + right), d2y = load(y + up) - load(y + right);
+            const Lanes area =
+                (d1x * d2y - d1y * d2x) * (0.5 * c.per_length[A] * c.per_length[B]);
+            const Lanes room = room_of(crushed(A, a, j, right), crushed(A, a, up, far),
+                                       crushed(B, b, j, up), crushed(B, b, right, far));
+            const Lanes half = 0.5 * c.thickness * load(held + j) * room_stress(area, room);
+            store(to.far_x + j, load(to.far_x + j) + half * d2y);
+            store(to.far_y + j, load(to.far_y + j) - half * d2x);
+            store(to.up_x + j, load(to.up_x + j) - half * d1y);
+            store(to.up_y + j, load(to.up_y + j) + half * d1x);
+            if (!recording) continue;
+            const Lanes d1u = load(vx + far) - load(vx + j), d1v = load(vy + far) - load(vy + j);
+            const Lanes d2u = load(vx + up) - load(vx + right);
+            const Lanes d2v = load(vy + up) - load(vy + right);
+            power -= half * ((d2y * d1u - d2x * d1v) + (d1x * d2v - d1y * d2u));
+        }
+        if (recording) column[i].room_power += sum(power);
+    }
+
     // Add densification to the forces of a column's bonds; the stiffest [N/m] comes back.
     template <int axis>
     double densify(const Nodes& now, int i, double* force_x, double* force_y) {
@@ -352,6 +462,7 @@ class Lattice {
         if (i >= 0 && i < columns - 1) {
             bonds_of<A, stage, recording>(now, i, to.a_x, to.a_y);
             cell_column<recording>(now, i, to);
+            if (HAS_ROOM) press_column<recording>(now, i, to);
             return;
         }
         for (double* none : {to.a_x, to.a_y, to.far_x, to.far_y, to.up_x, to.up_y})
@@ -361,7 +472,8 @@ class Lattice {
     template <int stage>
     void forces_of(const Nodes& now, int i, const ColumnForces& to) {
         Column& sums = column[i];
-        sums.densified = sums.breaks = sums.shear_power = sums.dashpot_power = 0.0;
+        sums.densified = sums.breaks = 0.0;
+        sums.shear_power = sums.dashpot_power = sums.room_power = 0.0;
         right_of<stage, true>(now, i, to);
         bonds_of<B, stage, true>(now, i, to.b_x, to.b_y);
     }
@@ -379,33 +491,43 @@ class Lattice {
         double breaks = 0.0;
         for (const Column& sums : column) breaks += sums.breaks;
         if (breaks == 0.0) return;
-        broken += int(breaks);
-        for (const Bonds& axis : bonds)
-            for (int k = 0; k < size(); ++k)
-                if (axis.break_time[k] == BREAKING)
-                    axis.break_time[k] = time, axis.tension[k] = 0.0;
-        list_torn();
+        for (int i = 0; i < columns; ++i) {
+            if (column[i].breaks == 0.0) continue;
+            for (int axis : {A, B})
+                for (int k = at(i, 0); k < at(i, rows); ++k) take_from(axis, k);
+        }
     }
 
-    void list_torn() {
-        torn.clear();
-        for (int i = 0; i < columns - 1; ++i)
-            for (int j = 0; j < rows - 1; ++j) {
-                const int k = at(i, j);
-                if (!(whole(A, k) && whole(A, k + 1) && whole(B, k) && whole(B, k + stride)))
-                    torn.push_back(k);
-            }
+    void take_from(int axis, int k) {
+        const Bonds& mine = bonds[axis];
+        bool breaks = mine.break_time[k] == BREAKING;
+        if (SOFTENS) {
+            if (!(mine.left[k] < mine.intact[k])) return;
+            mine.intact[k] = mine.left[k];
+            breaks = mine.left[k] == 0.0;
+        } else if (!breaks) {
+            return;
+        }
+        if (breaks) mine.break_time[k] = time, mine.tension[k] = 0.0, ++broken;
+        for (int cell : {k, k - (axis == A ? 1 : stride)})
+            if (hold[cell] > 0.0 && !worn[cell]) worn[cell] = 1, torn.push_back(cell);
     }
 
-    // Between two steps: a cell lets go as cracks pull it apart. What it holds only falls.
+    // Part of a bond's face that pulls.
+    double pulls(int axis, int k) const {
+        return SOFTENS ? bonds[axis].intact[k] : whole(axis, k);
+    }
+
+    // Before a step: a cell lets go as cracks pull it apart. What it holds only falls.
     void let_go(int k) {
         const int right = k + stride, up = k + 1, far = right + 1;
         const Vec d1 = {state.x[far] - state.x[k], state.y[far] - state.y[k]};
         const Vec d2 = {state.x[up] - state.x[right], state.y[up] - state.y[right]};
-        hold[k] = hold_left(c, d1, d2, hold[k]);
+        const bool is_whole = whole(A, k) && whole(A, up) && whole(B, k) && whole(B, right);
+        if (!is_whole) hold[k] = hold_left(c, d1, d2, hold[k]);
         // it hangs together by one of its two sides along each axis
-        const bool along_x = whole(A, k) || whole(A, up), along_y = whole(B, k) || whole(B, right);
-        grip[k] = along_x && along_y ? hold[k] : 0.0;
+        const double along_x = max(pulls(A, k), pulls(A, up));
+        grip[k] = hold[k] * along_x * max(pulls(B, k), pulls(B, right));
     }
 
     // One stage of all columns, cut into a piece for each thread.
@@ -453,6 +575,7 @@ class Lattice {
         }
         power[SHEAR] = sums.shear_power;
         power[DASHPOTS] = sums.dashpot_power;
+        if (HAS_ROOM) power[PRESSING] = sums.room_power;
         const double weight = stage_weight(stage, step);
         for (int k = 0; k < WORKS; ++k) sums.work[k] += weight * power[k];
     }

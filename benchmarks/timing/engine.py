@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -40,9 +41,9 @@ class Loaded:
         self.batch, self.nodes = batch, counts[0] * counts[1]
         self.holds = ""
 
-    def start(self, scene: Scene, name: str = "") -> None:
-        """Set all lattices to the start of the scene."""
-        for b in range(self.batch):
+    def start(self, scenes: Sequence[Scene], name: str = "") -> None:
+        """Set each lattice to the start of its scene."""
+        for b, scene in enumerate(scenes):
             transfer.load(self._lattice, b, scene)
         self.holds = name
         self._standing, _ = transfer.harvest(self._lattice)
@@ -133,7 +134,7 @@ class Engine:
         return loaded
 
     def _begin(self, loaded: Loaded, subject: Subject) -> None:
-        loaded.start(subject.scene(), subject.key)
+        loaded.start(subject.scenes(), subject.key)
         if subject.span:
             loaded.run_to(subject.start)
         else:
@@ -166,9 +167,9 @@ class Engine:
         if end is not None:
             scene = updated(scene, {"numerics": {"end": end}})
         loaded = self._loaded(1, scene)
-        loaded.start(scene)
+        loaded.start([scene])
         loaded.run_steps(1)  # an extent that nothing else is timed for compiles here
-        loaded.start(scene)
+        loaded.start([scene])
         total = Measurement(0.0, 0.0, 0.0, 0.0)
         while loaded.is_running:  # calls end with a full history
             total += loaded.run_to(1.0)
@@ -209,6 +210,6 @@ def stepped(subject: Subject) -> int:
     with ExitStack() as stack:
         scene = subject.scene()
         loaded = Loaded(stack, subject.batch, subject.counts, features_of(scene))
-        loaded.start(scene)
+        loaded.start(subject.scenes())
         loaded.run_steps(LEAST_STEPS)
         return resident()

@@ -56,6 +56,8 @@ def figures(record: Record, threads: int) -> list[Figure]:
     add(f"{small}fused / plain C++", "", plain, at_most=0.6)
     vectors = record.ratio("fused", "vectors", cpu_ns)
     add(f"{small}fused / C++ vectors", "", vectors, at_most=1.3)
+    room = record.ratio("fused room", "vectors room", cpu_ns)
+    add(f"{small}fused / C++ vectors, room and softening", "", room, at_most=1.15)
     add(f"{small}Numba / fused", "", record.ratio("numba", "fused", cpu_ns))
     rotational = record.ratio("lammps", "fused", wall_ns)
     add(f"{small}LAMMPS bpm/rotational / fused", "", rotational, at_least=10.0)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from peers import PLASTIC, ROTATIONAL, Lammps, Numba, Plain, Skipped, Vectors
+from peers import PLASTIC, ROTATIONAL, Batch, Lammps, Numba, Plain, Skipped, State, Vectors
 from peers.lammps_peer import TIME_STEP
 
 from .measurement import Measurement, better_steps
@@ -22,25 +22,27 @@ LOADERS: dict[str, Callable[[], Any]] = {
     "Plain": Plain.load,
     "Vectors": Vectors.load,
     "Numba": Numba.load,
+    "Batch 256": lambda: Batch.load(256),
+    "Batch 512": lambda: Batch.load(512),
     "Rotational": lambda: Lammps.load(ROTATIONAL),
     "Plastic": lambda: Lammps.load(PLASTIC),
 }
 
 
 class Peers:
-    """The peers of one worker; a lattice of each size, shared by the thread counts."""
+    """The peers of one worker; lattices of each size and number, shared by the thread counts."""
 
     def __init__(self) -> None:
         self._peers: dict[tuple, Any] = {}
         self._steps: dict[str, tuple[int, int]] = {}  # before a measurement, and in it
 
     def _peer(self, subject: Subject) -> Any:
-        key = (subject.peer, subject.counts)
+        key = (subject.peer, subject.counts, subject.batch)
         if key not in self._peers:
             peer = LOADERS[subject.peer]()
             if isinstance(peer, Skipped):
                 raise AbsentError(peer.reason)
-            peer.prepare(subject.scene())
+            _begin(peer, subject)
             self._peers[key] = peer
         return self._peers[key]
 
@@ -59,11 +61,11 @@ class Peers:
             self._steps[subject.key] = (0, better_steps(1, took, subject.seconds))
 
     def _count(self, peer: Any, subject: Subject) -> tuple[int, int]:
-        peer.prepare(subject.scene())
+        _begin(peer, subject)
         counts = []
         for moment in (subject.start, subject.start + subject.span):
             steps = 0
-            while peer.state().time < moment:
+            while _states(peer)[0].time < moment:
                 steps += peer.advance(BLOCK, subject.threads)
             counts.append(steps)
         return counts[0], counts[1]
@@ -75,17 +77,24 @@ class Peers:
             return _lammps(peer, subject)
         before, steps = self._steps[subject.key]
         if subject.span:
-            peer.prepare(subject.scene())
+            _begin(peer, subject)
             peer.advance(before, subject.threads)
-        since = peer.state().time if subject.span else 0.0
-        step = peer.state().step if not subject.span else 0.0
+        since = sum(state.time for state in _states(peer))
         cpu, wall = time.process_time(), time.perf_counter()
         taken = peer.advance(steps, subject.threads)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         if not subject.span:
             self._steps[subject.key] = (0, better_steps(steps, wall, subject.seconds))
-        simulated = peer.state().time - since if subject.span else taken * step
-        return Measurement(wall, cpu, 4.0 * subject.nodes * taken, simulated)
+        simulated = sum(state.time for state in _states(peer)) - since
+        return Measurement(wall, cpu, 4.0 * subject.nodes * taken * subject.batch, simulated)
+
+
+def _begin(peer: Any, subject: Subject) -> None:
+    peer.prepare(subject.scenes() if isinstance(peer, Batch) else subject.scene())
+
+
+def _states(peer: Any) -> list[State]:
+    return peer.states() if isinstance(peer, Batch) else [peer.state()]
 
 
 def _lammps(peer: Lammps, subject: Subject) -> Measurement:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from peers import CASE, Extent, lattice_of, scene_with, updated
+from peers import CASE, Extent, batch_of, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.tests import NAMES
 
 SMALL = (40, 20)
+ROOM = "room and softening"
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
 LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
 PEERS = {"Plain": "C++, plain", "Vectors": "C++, vectors by hand", "Numba": "Numba"}
@@ -68,6 +69,7 @@ class Subject:
     counts: tuple[int, int] = SMALL
     batch: int = 1
     threads: int = 1
+    case: str = CASE
     extent: Extent = "peers"
     peer: str = ""
     start: float = 0.0  # s
@@ -81,11 +83,16 @@ class Subject:
 
     def scene(self) -> Scene:
         """The case with this subject's cells, and no end in sight."""
-        scene = updated(scene_with("calibrated", extent=self.extent), {"numerics": {"end": 1.0}})
+        scene = scene_with("calibrated", self.case, self.extent)
+        scene = updated(scene, {"numerics": {"end": 1.0}})
         if self.worker.endswith(NO_LEDGER):
             rare = {"history_interval": 0.01, "snapshot_interval": 0.01}
             scene = updated(scene, {"output": rare})
         return lattice_of(scene, *self.counts)
+
+    def scenes(self) -> list[Scene]:
+        """Of each lattice: those of a batch differ, as drops do."""
+        return batch_of(self.scene(), self.batch)
 
 
 def subjects(mode: Mode, threads: int) -> list[Subject]:
@@ -103,11 +110,20 @@ def _small(mode: Mode) -> list[Subject]:
     worker, name = f"engine-1-{NO_LEDGER}", f"{fused.name}, no ledger"
     return [
         fused,
+        replace(fused, key="fused room", name=f"{fused.name}, {ROOM}", extent="room"),
         replace(fused, key="fused whole", name=whole, extent="whole"),
         replace(fused, key="fused no ledger", name=name, worker=worker),
         *(
             replace(fused, key=peer.lower(), name=name, worker="peers", peer=peer)
             for peer, name in PEERS.items()
+        ),
+        replace(
+            fused,
+            key="vectors room",
+            name=f"{PEERS['Vectors']}, {ROOM}",
+            worker="peers",
+            peer="Vectors",
+            extent="room",
         ),
         *(_lammps(key, peer, mode) for key, peer in LAMMPS.items()),
     ]

@@ -6,8 +6,16 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from peers import Choices, Plain, Skipped, Vectors, native, scene_with, updated
-from peers.check import CASES, PEERS, compare
+from peers import Batch, Choices, Extent, Plain, Skipped, Vectors, native, scene_with, updated
+from peers.check import (
+    BATCH_EXTENTS,
+    CASES,
+    PEERS,
+    SOFTENING,
+    WIDTHS,
+    compare,
+    compare_batch,
+)
 from peers.compile import CompileError
 from peers.constants import case_of
 
@@ -27,6 +35,49 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     assert outcome.broken > 10, "too few bonds have broken to see what follows"
     # without a rate the worst strain is behind by the last step at most
     assert (outcome.lagging > 6e-3) == (choices == "rated")
+
+
+@pytest.mark.parametrize("kind", SOFTENING)
+@pytest.mark.parametrize("name", CASES)
+def test_peer_keeps_room_and_softens_as_the_engine_does(name: str, kind: type) -> None:
+    peer = kind.load()
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    outcome = compare(peer, name, "calibrated", threads=1, extent="room")
+    assert outcome.passed, outcome
+    assert outcome.intact > 1
+    assert outcome.broken > 2, "bonds hold longer, but some have to have gone"
+    assert peer.state().works["room"] > 0.0, "no cell has pressed"
+
+
+@pytest.mark.parametrize("extent", BATCH_EXTENTS)
+@pytest.mark.parametrize("bits", WIDTHS)
+@pytest.mark.parametrize("name", CASES)
+def test_each_lane_moves_its_lattice_as_the_engine_does(
+    name: str, bits: int, extent: Extent
+) -> None:
+    peer = Batch.load(bits)
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    outcomes = compare_batch(peer, name, extent, threads=1, count=3)
+    assert all(outcome.passed for outcome in outcomes), outcomes
+    assert all(outcome.intact > 1 for outcome in outcomes)
+    # by when softening foam has to be left, few of its bonds have broken
+    assert all(outcome.broken > (10 if extent == "peers" else 2) for outcome in outcomes)
+    heights = {state.impactor_y for state in peer.states()}
+    assert len(heights) == 3, "the lattices do not differ"
+
+
+def test_batch_refuses_lattices_that_differ_in_their_choices() -> None:
+    peer = Batch.load()
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    scenes = [scene_with("calibrated", extent=extent) for extent in BATCH_EXTENTS]
+    with pytest.raises(ValueError, match="one size and one set of choices"):
+        peer.prepare(scenes)
+    other = updated(scenes[0], {"foam": {"densification_b": 2.0}})
+    with pytest.raises(ValueError, match="densification_b"):
+        peer.prepare([other])
 
 
 @pytest.mark.parametrize("kind", [Plain, Vectors])

@@ -59,6 +59,13 @@ def test_parts_times_every_part_of_a_step() -> None:
     assert "a whole run of the whole model" in shown
 
 
+def test_batches_steps_the_engine_and_the_prototype() -> None:
+    shown = run_script("batches.py")
+    rows = [line for line in shown.splitlines() if line.startswith("| rectangular-3.03")]
+    assert len(rows) == 2
+    assert "skipped" in shown or all(" |  |" not in row for row in rows), "a figure is missing"
+
+
 def test_frames_draws_and_watches() -> None:
     shown = run_script("frames.py")
     assert "| 3,360 |" in shown
@@ -137,6 +144,7 @@ def test_every_goal_is_among_the_figures() -> None:
     assert goals == {
         "800 nodes: fused / plain C++": "≤ 0.6",
         "800 nodes: fused / C++ vectors": "≤ 1.3",
+        "800 nodes: fused / C++ vectors, room and softening": "≤ 1.15",
         "800 nodes: LAMMPS bpm/rotational / fused": "≥ 10",
         "batch of 8: throughput of 2 threads / 1": "≥ 1.9",
         "batch of 64: throughput of 2 threads / 1": "≥ 1.9",
