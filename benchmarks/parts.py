@@ -118,7 +118,7 @@ def bodies(lattice: ti.template(), p: ti.template()):
             if contact.may_touch_bodies(lattice, 0, i, k, now.x, now.y, p):
                 for lane in range(lattice.lanes):
                     j = k * lattice.lanes + lane
-                    if j < lattice.rows:
+                    if j < lattice.counts[None].rows:
                         contact.touch_bodies(lattice, 0, i, j, i, 1, 0.0, p)
 
 
@@ -184,7 +184,7 @@ def cost(kernel: Callable, lattice: Lattice, mode: Mode) -> float:
         start = time.process_time()
         kernel(lattice, mode.repeats)
         times.append(time.process_time() - start)
-    return 1e9 * min(times) / mode.repeats / lattice.nodes
+    return 1e9 * min(times) / mode.repeats / lattice.size.nodes
 
 
 def part_costs(mode: Mode) -> dict[str, float]:

@@ -45,7 +45,7 @@ PATIENCE = 30.0
 #: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
 #: What a drop that is being prepared waits for.
-WAITING = "compiling kernels: 10 to 20 s the first time for a scene of this kind, later 2 to 3 s"
+WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once where they have to be compiled"
 # A poll of a session whose process is gone waits no longer than this [s].
 _TURN = 0.1
 
