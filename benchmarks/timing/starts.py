@@ -23,7 +23,7 @@ def starts(mode: Mode, on_next: Callable[[str], None]) -> dict[str, float]:
     """Seconds that `import taichi_foam` takes, and until the first step, cold and warm.
 
     Cold: with an empty folder for compiled kernels, as after installing; the same folder is then
-    warm. Without warm starts to measure there is one, with the folder that everybody uses.
+    warm. Compiling is told by `timing.compiling`, a ratio. Without warm starts to measure there is one, with the folder that everybody uses.
     """
     found: dict[str, float] = {}
     on_next("import taichi_foam")
@@ -40,6 +40,8 @@ def starts(mode: Mode, on_next: Callable[[str], None]) -> dict[str, float]:
         found["warm"] = statistics.median(
             _first_step(cache, SMALL_RUN) for _ in range(mode.warm_starts)
         )
+        on_next("compiling the nine tests' kernels")
+        found["compiling"] = _number([sys.executable, "-m", "timing.compiling"])
         if mode.all_sizes:
             on_next("first step of 80,000 nodes, cold")
             found["cold, 80,000 nodes"] = _first_step(cache, BIG_RUN)
