@@ -106,6 +106,20 @@ def test_cells_that_share_corners_leave_no_hole_and_draw_no_sample_twice() -> No
     assert single == pytest.approx(260 * 160, abs=1e-9)
 
 
+def test_a_pixel_counts_the_samples_whose_middles_lie_in_a_shape() -> None:
+    """Rectangles that begin and end at any sample, of one sample and more, also at the rims."""
+    rng = np.random.default_rng(8)
+    middles_x, middles_y = np.arange(600) / 2 + 0.25, 200 - (np.arange(400) / 2 + 0.25)
+    for _ in range(40):
+        left, low = rng.uniform(-4, 298), rng.uniform(-4, 198)
+        right, high = left + rng.choice([0.5, 1.0, 1.7, 40]), low + rng.choice([0.5, 1.2, 30])
+        quad = np.array([[left, low], [right, low], [right, high], [left, high]])
+        across = (middles_x >= left) & (middles_x < right)
+        up = (middles_y >= low) & (middles_y < high)
+        covered = np.outer(up, across).reshape(200, 2, 300, 2).mean(axis=(1, 3))
+        np.testing.assert_array_equal(painted(quad[None]), covered)
+
+
 def field_of(snapshot, scene, size=(640, 360), look: Look | None = None) -> np.ndarray:
     """Only block and impactor on white, the block's middle on the middle of the picture."""
     image = annotate.blank(*size, LIGHT.field)
