@@ -275,6 +275,16 @@ def test_the_same_picture_again() -> None:
     np.testing.assert_array_equal(raster.frame(shattered(scene), scene), first)
 
 
+@pytest.mark.parametrize("columns", [40, 200])
+def test_an_instant_drawn_at_several_sizes_looks_as_drawn_for_each(columns: int) -> None:
+    scene = scene_of(columns, columns // 2)
+    snapshot = shattered(scene)
+    shown = raster.Shown.of(snapshot, scene)
+    for size in ((640, 360), (320, 180), (640, 360)):
+        fresh = raster.frame(snapshot, scene, size)
+        np.testing.assert_array_equal(raster.frame(snapshot, scene, size, shown=shown), fresh)
+
+
 _DIGEST = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[2])
