@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 from math import ceil, prod, sqrt
@@ -101,21 +101,23 @@ class _Reel:
         full = len(self.instants) if names.mp4 or names.frames else 0
         return full + (len(self.instants[:: self.stride]) if names.gif else 0)
 
-    def write(
+    @contextmanager
+    def drawn(
         self,
         folder: Path,
         names: Names,
         on_frame: Callable[[], object],
         overwrite: bool,
         gif_every: int = 1,
-    ) -> list[Path]:
-        """Write all that has a name; each appears when it is complete or not at all.
+    ) -> Iterator[list[Path]]:
+        """Draw all that has a name; each appears at the block's end, complete or not at all.
 
-        All films are made in one pass, encoders working while the next frames are drawn. The GIF
-        shows one of every `gif_every` of its frames.
+        All films are made in one pass, encoders working while the next frames are drawn, and on
+        while the block lasts. The GIF shows one of every `gif_every` of its frames.
         """
         if not self.instants:
-            return []
+            yield []
+            return
         output, stride = self.output, self.stride * gif_every
         full = _Screen((output.width, output.height), 1, [])
         small = _Screen(scaled(*full.size, self.gif_width), stride, [])
@@ -138,7 +140,7 @@ class _Reel:
             self._show([screen for screen in (full, small) if screen.take], on_frame)
             for film in open_films:
                 film.end()
-        return written
+            yield written
 
     def _show(self, screens: list[_Screen], on_frame: Callable[[], object]) -> None:
         """Draw all instants that any of the screens shows."""
@@ -156,18 +158,19 @@ def frames_to_draw(result: Result, names: Names | None = None) -> int:
     return _reel(result).frames_to_draw(names or Names.of(result.scene.output))
 
 
-def write(
+def drawn(
     result: Result,
     folder: Path,
     on_frame: Callable[[], object] = lambda: None,
     names: Names | None = None,
     overwrite: bool = False,
     title: str | None = None,
-) -> list[Path]:
-    """Draw a run into an existing folder; return the paths.
+) -> AbstractContextManager[list[Path]]:
+    """Draw a run into an existing folder; the context's value are the paths.
 
-    Size, pace, mode and theme are those of `result.scene.output`. Each film and the folder of
-    frames appears when it is complete or not at all.
+    Once all is drawn the block begins; encoders work on meanwhile. At its end each film and the
+    folder of frames appears when it is complete or not at all. Size, pace, mode and theme are
+    those of `result.scene.output`.
 
     Args:
         on_frame: called after each frame drawn, `frames_to_draw` times.
@@ -180,14 +183,29 @@ def write(
         OSError: a frame that cannot be written.
     """
     names = names or Names.of(result.scene.output)
-    return _reel(result, title).write(folder, names, on_frame, overwrite)
+    return _reel(result, title).drawn(folder, names, on_frame, overwrite)
+
+
+def write(
+    result: Result,
+    folder: Path,
+    on_frame: Callable[[], object] = lambda: None,
+    names: Names | None = None,
+    overwrite: bool = False,
+    title: str | None = None,
+) -> list[Path]:
+    """Draw a run, to the end; return the paths. Arguments and errors as for `drawn`."""
+    with drawn(result, folder, on_frame, names, overwrite, title) as written:
+        pass
+    return written
 
 
 def write_gif(result: Result, path: Path, width: int, every: int, title: str | None = None) -> Path:
     """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
-    reel = replace(_reel(result, title), gif_width=width)
-    names = Names(gif=path.name)
-    return reel.write(path.parent, names, lambda: None, overwrite=False, gif_every=every)[0]
+    reel, names = replace(_reel(result, title), gif_width=width), Names(gif=path.name)
+    with reel.drawn(path.parent, names, lambda: None, overwrite=False, gif_every=every):
+        pass
+    return path
 
 
 def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
@@ -205,7 +223,9 @@ def write_lineup(
 
     Size, pace, mode and theme are those of the first run's scene.
     """
-    return _lineup_reel(lineup).write(folder, names, on_frame, overwrite=False)
+    with _lineup_reel(lineup).drawn(folder, names, on_frame, overwrite=False) as written:
+        pass
+    return written
 
 
 def _reel(result: Result, title: str | None = None) -> _Reel:
