@@ -176,7 +176,10 @@ def test_ctrl_c_among_the_films_keeps_the_results_and_whole_films(
 ) -> None:
     """It comes in the first frame of the second test, while the films of the first are encoded."""
 
+    paint = raster.paint
+
     def pressed(*arguments: object, **options: object) -> None:
+        monkeypatch.setattr(raster, "paint", paint)  # the report has pictures, too
         raise KeyboardInterrupt
 
     draw, begun = films.drawn, []
