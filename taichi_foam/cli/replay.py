@@ -78,20 +78,17 @@ def render_command(
 
         title = tests.title(result.scene)
         shown, jobs = result.scene.output.mode, []
-        moving = [
-            films.Names(
+        if film or frames:
+            names = films.Names(
                 mp4=f"film-{shown}.mp4" if mp4 else None,
+                gif=f"film-{shown}.gif" if gif else None,
                 frames=f"frames-{shown}" if frames else None,
-            ),
-            films.Names(gif=f"film-{shown}.gif" if gif else None),
-        ]
-        for names in moving:
+            )
             written = [name for name in (names.mp4, names.gif) if name]
-            written += [f"{names.frames}/"] if names.frames else []
-            if written:
-                pieces = films.frames_to_draw(result, names)
-                write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
-                jobs.append(Job(tuple(written), pieces, write))
+            written += [f"{names.frames}/"] if frames else []
+            pieces = films.frames_to_draw(result, names)
+            write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
+            jobs.append(Job(tuple(written), pieces, write))
         if png:
             width = result.scene.output.width if size else montage.WIDTH
             montage.check_width(width)
@@ -143,14 +140,11 @@ def compare_command(
         output = results[0].scene.output
         name = f"comparison-{output.mode}"
         jobs = []
-        for wanted, names in (
-            (mp4, films.Names(mp4=f"{name}.mp4")),
-            (gif, films.Names(gif=f"{name}.gif")),
-        ):
-            if wanted:
-                pieces = films.lineup_frames_to_draw(lineup, names)
-                write = partial(films.write_lineup, lineup, names=names)
-                jobs.append(Job((str(names.mp4 or names.gif),), pieces, write))
+        if gif or mp4:
+            names = films.Names(f"{name}.mp4" if mp4 else None, f"{name}.gif" if gif else None)
+            written = tuple(each for each in (names.mp4, names.gif) if each)
+            pieces = films.lineup_frames_to_draw(lineup, names)
+            jobs.append(Job(written, pieces, partial(films.write_lineup, lineup, names=names)))
         if png:
             width = output.width if size else montage.WIDTH
             montage.check_width(width)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import count
 from math import ceil, prod, sqrt
 from pathlib import Path
 from typing import Any
@@ -39,9 +39,9 @@ _PNG_BYTES, _FILM_BYTES = 0.3, 0.05
 def storage_bytes(scene: Scene) -> int:
     """The most that the pictures of a run will take (bytes)."""
     output = scene.output
-    count = scene.numerics.latest_end / output.snapshot_interval + 2
+    frames = scene.numerics.latest_end / output.snapshot_interval + 2
     each = _PNG_BYTES * output.frames + _FILM_BYTES * output.film
-    return int(count * output.width * output.height * each)
+    return int(frames * output.width * output.height * each)
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,29 @@ LINEUP_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
 
 
 @dataclass(frozen=True)
+class _Screen:
+    """Where frames of one size are wanted.
+
+    size   [pixels]
+    every  of how many instants one is shown
+    take   each gets the frames
+    """
+
+    size: tuple[int, int]
+    every: int
+    take: list[Callable[[Image8], object]]
+
+
+@dataclass(frozen=True)
 class _Reel:
-    """What a film shows: its instants in order, and how one is drawn at a size [pixels].
+    """What a film shows: its instants in order, and how one is drawn at some sizes [pixels].
 
     gif_width  of its GIF [pixels]
     """
 
     output: Output
     instants: Sequence[Any]
-    draw: Callable[[Any, tuple[int, int]], Image8]
+    draw: Callable[[Any, Sequence[tuple[int, int]]], Iterable[Image8]]
     gif_width: int = movie.GIF_WIDTH
 
     @property
@@ -87,45 +101,56 @@ class _Reel:
         full = len(self.instants) if names.mp4 or names.frames else 0
         return full + (len(self.instants[:: self.stride]) if names.gif else 0)
 
-    def frames(
-        self, every: int, size: tuple[int, int], on_frame: Callable[[], object]
-    ) -> Iterator[Image8]:
-        """Every so many instants, drawn as they are asked for."""
-        for instant in self.instants[::every]:
-            picture = self.draw(instant, size)
-            on_frame()
-            yield picture
+    @contextmanager
+    def drawn(
+        self,
+        folder: Path,
+        names: Names,
+        on_frame: Callable[[], object],
+        overwrite: bool,
+        gif_every: int = 1,
+    ) -> Iterator[list[Path]]:
+        """Draw all that has a name; each appears at the block's end, complete or not at all.
 
-    def write(
-        self, folder: Path, names: Names, on_frame: Callable[[], object], overwrite: bool
-    ) -> list[Path]:
-        """Write all that has a name; each appears when it is complete or not at all."""
+        All films are made in one pass, encoders working while the next frames are drawn, and on
+        while the block lasts. The GIF shows one of every `gif_every` of its frames.
+        """
         if not self.instants:
-            return []
-        output, written = self.output, []
-        if names.mp4 or names.frames:
-            pictures = self.frames(1, (output.width, output.height), on_frame)
-            with ExitStack() as open_:
-                if names.frames:
-                    written.append(folder / names.frames)
-                    pictures = open_.enter_context(
-                        closing(_stored(pictures, written[0], overwrite))
-                    )
-                if names.mp4:
-                    written.append(movie.save_mp4(pictures, folder / names.mp4, output.fps))
-                else:
-                    for _ in pictures:
-                        pass
-        if names.gif:
-            written.append(self.write_gif(folder / names.gif, 1, on_frame))
-        return written
+            yield []
+            return
+        output, stride = self.output, self.stride * gif_every
+        full = _Screen((output.width, output.height), 1, [])
+        small = _Screen(scaled(*full.size, self.gif_width), stride, [])
+        written, open_films = [], []
+        with ExitStack() as open_:
+            if names.frames:
+                written.append(folder / names.frames)
+                full.take.append(open_.enter_context(_stored(written[-1], overwrite)))
+            if names.mp4:
+                written.append(folder / names.mp4)
+                film = movie.mp4(written[-1], output.fps)
+                open_films.append(open_.enter_context(film))
+                full.take.append(open_films[-1].send)
+            if names.gif:
+                written.append(folder / names.gif)
+                fps = max(1, round(output.fps / stride))  # the pace stays that of the film
+                film = movie.gif(written[-1], fps, self.gif_width)
+                open_films.append(open_.enter_context(film))
+                small.take.append(open_films[-1].send)
+            self._show([screen for screen in (full, small) if screen.take], on_frame)
+            for film in open_films:
+                film.end()
+            yield written
 
-    def write_gif(self, path: Path, every: int, on_frame: Callable[[], object]) -> Path:
-        """Write a GIF of every so many of its frames."""
-        output, stride = self.output, self.stride * every
-        fps = max(1, round(output.fps / stride))  # the pace stays that of the film
-        size = scaled(output.width, output.height, self.gif_width)
-        return movie.save_gif(self.frames(stride, size, on_frame), path, fps, self.gif_width)
+    def _show(self, screens: list[_Screen], on_frame: Callable[[], object]) -> None:
+        """Draw all instants that any of the screens shows."""
+        for number, instant in enumerate(self.instants):
+            due = [screen for screen in screens if number % screen.every == 0]
+            pictures = self.draw(instant, [screen.size for screen in due])
+            for screen, picture in zip(due, pictures, strict=True):
+                on_frame()
+                for take in screen.take:
+                    take(picture)
 
 
 def frames_to_draw(result: Result, names: Names | None = None) -> int:
@@ -133,18 +158,19 @@ def frames_to_draw(result: Result, names: Names | None = None) -> int:
     return _reel(result).frames_to_draw(names or Names.of(result.scene.output))
 
 
-def write(
+def drawn(
     result: Result,
     folder: Path,
     on_frame: Callable[[], object] = lambda: None,
     names: Names | None = None,
     overwrite: bool = False,
     title: str | None = None,
-) -> list[Path]:
-    """Draw a run into an existing folder; return the paths.
+) -> AbstractContextManager[list[Path]]:
+    """Draw a run into an existing folder; the context's value are the paths.
 
-    Size, pace, mode and theme are those of `result.scene.output`. Each film and the folder of
-    frames appears when it is complete or not at all.
+    Once all is drawn the block begins; encoders work on meanwhile. At its end each film and the
+    folder of frames appears when it is complete or not at all. Size, pace, mode and theme are
+    those of `result.scene.output`.
 
     Args:
         on_frame: called after each frame drawn, `frames_to_draw` times.
@@ -157,12 +183,29 @@ def write(
         OSError: a frame that cannot be written.
     """
     names = names or Names.of(result.scene.output)
-    return _reel(result, title).write(folder, names, on_frame, overwrite)
+    return _reel(result, title).drawn(folder, names, on_frame, overwrite)
+
+
+def write(
+    result: Result,
+    folder: Path,
+    on_frame: Callable[[], object] = lambda: None,
+    names: Names | None = None,
+    overwrite: bool = False,
+    title: str | None = None,
+) -> list[Path]:
+    """Draw a run, to the end; return the paths. Arguments and errors as for `drawn`."""
+    with drawn(result, folder, on_frame, names, overwrite, title) as written:
+        pass
+    return written
 
 
 def write_gif(result: Result, path: Path, width: int, every: int, title: str | None = None) -> Path:
     """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
-    return replace(_reel(result, title), gif_width=width).write_gif(path, every, lambda: None)
+    reel, names = replace(_reel(result, title), gif_width=width), Names(gif=path.name)
+    with reel.drawn(path.parent, names, lambda: None, overwrite=False, gif_every=every):
+        pass
+    return path
 
 
 def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
@@ -180,7 +223,9 @@ def write_lineup(
 
     Size, pace, mode and theme are those of the first run's scene.
     """
-    return _lineup_reel(lineup).write(folder, names, on_frame, overwrite=False)
+    with _lineup_reel(lineup).drawn(folder, names, on_frame, overwrite=False) as written:
+        pass
+    return written
 
 
 def _reel(result: Result, title: str | None = None) -> _Reel:
@@ -193,12 +238,14 @@ def _reel(result: Result, title: str | None = None) -> _Reel:
             world, raster.Layout((scene.output.width, scene.output.height)).field
         )
 
-    def draw(snapshot: Snapshot, size: tuple[int, int]) -> Image8:
+    def draw(snapshot: Snapshot, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
         so_far = curve and curve.until(snapshot.time)
-        sunk = result.displacement(snapshot)
-        return raster.frame(
-            snapshot, scene, size, title=title, displacement=sunk, world=world, curve=so_far
-        )
+        sunk, shown = result.displacement(snapshot), raster.Shown.of(snapshot, scene)
+        for size in sizes:
+            yield raster.frame(
+                snapshot, scene, size, title=title, displacement=sunk, world=world,
+                curve=so_far, shown=shown,
+            )  # fmt: skip
 
     return _Reel(scene.output, result.snapshots, draw)
 
@@ -213,7 +260,11 @@ def _lineup_reel(lineup: Lineup) -> _Reel:
     output = lineup.runs[0].scene.output
     share = sqrt(prod(LINEUP_GIF) / (output.width * output.height))
     width = scaled(output.width, output.height, round(share * output.width))[0]
-    return _Reel(output, lineup.times, partial(comparison.frame, lineup), width)
+
+    def draw(time: float, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
+        return (comparison.frame(lineup, time, size) for size in sizes)
+
+    return _Reel(output, lineup.times, draw, width)
 
 
 def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
@@ -222,11 +273,14 @@ def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
     return max(narrowest, 2 * round(share * width / 2)), max(lowest, 2 * round(share * height / 2))
 
 
-def _stored(
-    pictures: Iterable[Image8], folder: Path, overwrite: bool
-) -> Generator[Image8, None, None]:
-    """Write each picture as a PNG on its way."""
+@contextmanager
+def _stored(folder: Path, overwrite: bool) -> Iterator[Callable[[Image8], object]]:
+    """Write a PNG of each picture that is handed over."""
     with output_folder(folder, overwrite) as staging:
-        for number, picture in enumerate(pictures):
-            Image.fromarray(picture).save(staging / f"frame_{number:05d}.png", compress_level=3)
-            yield picture
+        numbers = count()
+
+        def store(picture: Image8) -> None:
+            name = f"frame_{next(numbers):05d}.png"
+            Image.fromarray(picture).save(staging / name, compress_level=3)
+
+        yield store

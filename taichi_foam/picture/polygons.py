@@ -75,7 +75,7 @@ def paint(
         np.ascontiguousarray(sides, dtype=np.int32),
         np.ascontiguousarray(strokes, dtype=np.int32),
         order,
-        np.empty((len(shapes), 2), dtype=np.int32),
+        np.empty((len(shapes), 4), dtype=np.int32),
         # An array without elements cannot be passed; the count says how many are meant.
         np.ascontiguousarray(outer) if len(outer) else np.zeros((1, 2)),
         np.ascontiguousarray(inner) if len(inner) else np.zeros((1, 2)),
@@ -97,9 +97,13 @@ def paint(
 
 
 @lru_cache(maxsize=2)
-def _scratch(height: int, width: int) -> NDArray[np.int32]:
-    """The samples, kept between frames: asking for fresh memory costs as much as filling it."""
-    return np.empty((FINE * height, FINE * width), dtype=np.int32)
+def _scratch(height: int, width: int) -> NDArray[np.int64]:
+    """The samples, kept between frames: asking for fresh memory costs as much as filling it.
+
+    The two of a row that lie in one pixel are the halves of one number, the first the lower half:
+    most of the work is storing samples, and so they are stored two at a time.
+    """
+    return np.empty((FINE * height, width), dtype=np.int64)
 
 
 def _bands(height: int, threads: int | None) -> tuple[int, int]:
@@ -150,8 +154,17 @@ def _crossing(xa: ti.f64, ya: ti.f64, xb: ti.f64, yb: ti.f64, y: ti.f64) -> ti.f
 
 @ti.func
 def _fill_row(samples: ti.template(), row: int, start: float, end: float, clip, colour: int):
-    for column in range(ti.max(clip[0], _sample(start)), ti.min(clip[2], _sample(end))):
-        samples[row, column] = colour
+    first, last = ti.max(clip[0], _sample(start)), ti.min(clip[2], _sample(end))
+    if first < last:
+        lower = ti.cast(colour, ti.i64)
+        upper = lower << 32
+        keep_upper = ti.cast(-1, ti.i64) << 32
+        if first & 1 == 1:
+            samples[row, first >> 1] = upper | (samples[row, first >> 1] & ~keep_upper)
+        for column in range((first + 1) >> 1, last >> 1):
+            samples[row, column] = upper | lower
+        if last & 1 == 1:
+            samples[row, last >> 1] = (samples[row, last >> 1] & keep_upper) | lower
 
 
 @ti.func
@@ -285,13 +298,39 @@ def _corners(shapes: ti.template(), p, scale, x_zero, y_zero):
 
 
 @ti.func
+def _touched(
+    span: ti.template(), reach: int, outer: ti.template(), inner: ti.template(), n: int, band
+):
+    """What cells, with lines that reach beyond them, and outlines may touch of a band.
+
+    Left, top, right and bottom, the last two exclusive, like those of `band`: samples that make
+    whole pixels. All else stays as it is, and that is half of a usual frame.
+    """
+    low = ti.Vector([band[2], band[3]])
+    high = ti.Vector([band[0], band[1]])
+    for p in range(span.shape[0]):
+        if span[p, 1] - reach < band[3] and span[p, 3] + reach > band[1]:
+            low = ti.min(low, ti.Vector([span[p, 0], span[p, 1]]) - reach)
+            high = ti.max(high, ti.Vector([span[p, 2], span[p, 3]]) + reach)
+    for k in range(n):
+        for points in ti.static((outer, inner)):
+            corner = ti.Vector([_sample(points[k, 0]), _sample(points[k, 1])])
+            low, high = ti.min(low, corner), ti.max(high, corner)
+    return ti.Vector([
+        ti.max(band[0], low[0] // FINE * FINE),
+        ti.max(band[1], low[1] // FINE * FINE),
+        ti.min(band[2], (high[0] + FINE - 1) // FINE * FINE),
+        ti.min(band[3], (high[1] + FINE - 1) // FINE * FINE),
+    ])  # fmt: skip
+
+
+@ti.func
 def _average(image: ti.template(), samples: ti.template(), row, column):
     """The mean of a pixel's samples, those that are clear being the picture below."""
-    c0 = samples[FINE * row, FINE * column]
-    c1 = samples[FINE * row, FINE * column + 1]
-    c2 = samples[FINE * row + 1, FINE * column]
-    c3 = samples[FINE * row + 1, FINE * column + 1]
-    if c0 == c1 and c0 == c2 and c0 == c3:
+    above, under = samples[FINE * row, column], samples[FINE * row + 1, column]
+    c0, c1 = ti.cast(above, ti.i32), ti.cast(above >> 32, ti.i32)
+    c2, c3 = ti.cast(under, ti.i32), ti.cast(under >> 32, ti.i32)
+    if above == under and c0 == c1:
         if c0 >= 0:
             for band in ti.static(range(3)):
                 image[row, column, band] = ti.cast((c0 >> (16 - 8 * band)) & 255, ti.u8)
@@ -307,7 +346,7 @@ def _average(image: ti.template(), samples: ti.template(), row, column):
 @ti.kernel
 def _paint(
     image: ti.types.ndarray(dtype=ti.u8, ndim=3),
-    samples: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    samples: ti.types.ndarray(dtype=ti.i64, ndim=2),
     shapes: ti.types.ndarray(dtype=ti.f64, ndim=3),
     fill: ti.types.ndarray(dtype=ti.i32, ndim=1),
     edge: ti.types.ndarray(dtype=ti.i32, ndim=1),
@@ -340,36 +379,35 @@ def _paint(
     is cut into bands, so any number of threads gives the same picture.
     """
     for p in range(shapes.shape[0]):
-        lowest, highest = 1e9, -1e9
-        for k in range(4):
-            y = y_zero - scale * shapes[p, k, 1]
-            lowest, highest = ti.min(lowest, y), ti.max(highest, y)
-        span[p, 0], span[p, 1] = _sample(lowest), _sample(highest)
+        x, y = _corners(shapes, p, scale, x_zero, y_zero)
+        span[p, 0], span[p, 1] = _sample(x.min()), _sample(y.min())
+        span[p, 2], span[p, 3] = _sample(x.max()), _sample(y.max())
 
+    reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
     for q in range(bands * stride):
         if q % stride == 0:
             band = q // stride
             first = ti.max(top, band * image.shape[0] // bands)
             last = ti.min(bottom, (band + 1) * image.shape[0] // bands)
             clip = ti.Vector([FINE * left, FINE * first, FINE * right, FINE * last])
+            clip = _touched(span, reach, outer, inner, outline_points, clip)
             for row in range(clip[1], clip[3]):
-                for column in range(clip[0], clip[2]):
+                for column in range(clip[0] // FINE, clip[2] // FINE):
                     samples[row, column] = -1
             for s in range(shapes.shape[0]):
                 p = order[s]
-                if span[p, 0] < clip[3] and span[p, 1] > clip[1]:
+                if span[p, 1] < clip[3] and span[p, 3] > clip[1]:
                     x, y = _corners(shapes, p, scale, x_zero, y_zero)
                     _paint_cell(
                         samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack_line, crack[p]
                     )
-            reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
             for kind in range(3):  # cracks over faces of layers over the grid
                 width = ti.select(kind == 0, GRID_STROKE, crack_line)
                 shift = ti.select(kind == 0, GRID_BITS, ti.select(kind == 1, LAYER_BITS, 0))
                 for s in range(shapes.shape[0]):
                     p = order[s]
                     lines = (strokes[p] >> shift) & 15
-                    if lines != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
+                    if lines != 0 and span[p, 1] - reach < clip[3] and span[p, 3] + reach > clip[1]:
                         x, y = _corners(shapes, p, scale, x_zero, y_zero)
                         colour = ti.select(
                             kind == 1, layer, ti.select(kind == 0, edge[p], crack[p])
@@ -380,6 +418,6 @@ def _paint(
             if outline_points > 0:
                 _fill_outline(samples, outer, outline_points, clip, line_colour)
                 _fill_outline(samples, inner, outline_points, clip, steel)
-            for row in range(first, last):
-                for column in range(left, right):
+            for row in range(clip[1] // FINE, clip[3] // FINE):
+                for column in range(clip[0] // FINE, clip[2] // FINE):
                     _average(image, samples, row, column)

@@ -8,6 +8,7 @@ here needs a display or a graphics device.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -59,6 +60,7 @@ def frame(
     world: Window | None = None,
     curve: Curve | None = None,
     threads: int | None = None,
+    shown: Shown | None = None,
 ) -> Image8:
     """Draw one instant with title, time, impactor displacement, colour key and scale bar.
 
@@ -73,6 +75,8 @@ def frame(
         world: the part of the world to show; default `view.window(scene)`.
         curve: the deceleration until now, drawn into the field's upper left corner.
         threads: CPU threads to draw on; default all. A live view leaves the others to the run.
+
+        shown: what `Shown.of` gives, where an instant is drawn at several sizes.
 
     Returns:
         uint8 (height, width, 3). Below 512 x 288 pixels there is no text.
@@ -89,7 +93,7 @@ def frame(
     stands_on = support_of(scene)
     page, view = _page(layout.size, world, name, look, key, bool(note), falls, stands_on)
     image, unit = page.copy(), layout.unit
-    draw(image, snapshot, scene, view, unit, look, threads=threads)
+    draw(image, snapshot, scene, view, unit, look, threads=threads, shown=shown)
     if curve is not None and layout.curve is not None:
         inset.draw(image, layout.curve, [curve], look.theme, unit)
     if layout.has_text:
@@ -192,6 +196,32 @@ def _page(
     return image, view
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What is seen of an instant in any place and at any size.
+
+    shapes, sides  of cells, as `cells.shapes_of` gives them
+    level          place of each cell's figure in the key's colours (columns, rows), 0 to 255
+    impactor       its outline (m, 2) [m]; None: there is none
+    """
+
+    shapes: NDArray[np.float64]
+    sides: Ints
+    level: NDArray[np.intp]
+    impactor: NDArray[np.float64] | None
+
+    @classmethod
+    def of(
+        cls, snapshot: Snapshot, scene: Scene, look: Look | None = None, key: Key | None = None
+    ) -> Shown:
+        """Of a snapshot; `look` and `key` by default those of the scene."""
+        look = look or Look.of(scene)
+        key = key or look.shown.key(scene)
+        shapes, sides = cells.shapes_of(snapshot, scene.block)
+        level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
+        return cls(shapes, sides, level, impactor_now(snapshot, scene))
+
+
 def draw(
     image: Image8,
     snapshot: Snapshot,
@@ -201,17 +231,18 @@ def draw(
     look: Look | None = None,
     key: Key | None = None,
     threads: int | None = None,
+    shown: Shown | None = None,
 ) -> None:
     """Draw cells and impactor over `image` (h, w, 3) within the view's box, in place.
 
     `unit` is the width of a thin line in pixels; each pixel is the mean of 2 x 2 samples. `key`
-    gives the colours; default that of the scene.
+    gives the colours; default that of the scene. `shown` as for `frame`.
     """
     look = look or Look.of(scene)
     block = scene.block
-    shapes, sides = cells.shapes_of(snapshot, block)
     key = key or look.shown.key(scene)
-    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
+    shown = shown or Shown.of(snapshot, scene, look, key)
+    shapes, sides, level = shown.shapes, shown.sides.copy(), shown.level
     strokes = np.zeros_like(sides)
     smallest = view.scale * min(block.dx, block.dy)
     strength = float(np.clip((smallest - GRID_NONE) / (GRID_FULL - GRID_NONE), 0, 1))
@@ -230,7 +261,7 @@ def draw(
     if block.layers:
         strokes |= cells.layer_faces(snapshot, block) << LAYER_BITS
     held, order = _order(block)
-    outer = impactor_now(snapshot, scene)
+    outer = shown.impactor
     paint(
         image,
         view,

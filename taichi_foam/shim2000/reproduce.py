@@ -14,6 +14,7 @@ from __future__ import annotations
 import difflib
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -249,11 +250,22 @@ def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | No
     if frames == 0:
         return None
     try:
-        with bars.counting("films", "drawing films", frames, "frames") as on_frame:
+        with (
+            bars.counting("films", "drawing films", frames, "frames") as on_frame,
+            ExitStack() as test_before,
+        ):
             for result in results:
                 folder, words = out / case_folder(result.scene.name), title(result.scene)
-                drawn = film_files.write(result, folder, on_frame, title=words)
-                manifest.add(folder, [path.name for path in drawn])
+                films = ExitStack()
+                drawn = films.enter_context(film_files.drawn(result, folder, on_frame, title=words))
+                # those of the test before were encoded to their ends while these were drawn
+                test_before.close()
+                test_before.callback(_finish_films, films, folder, drawn)
     except (Exception, KeyboardInterrupt) as error:
         return error
     return None
+
+
+def _finish_films(films: ExitStack, folder: Path, paths: Sequence[Path]) -> None:
+    films.close()
+    manifest.add(folder, [path.name for path in paths])

@@ -187,7 +187,7 @@ def test_ctrl_c_keeps_what_was_complete(
     invoke: Callable, runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw, drawn = raster.draw, 0
-    limit = 2 * len(Result.load(runs / "fast").snapshots) + 3
+    limit = 2 * 2 * len(Result.load(runs / "fast").snapshots) + 3  # runs, films
 
     def press(*arguments: object, **options: object) -> None:
         nonlocal drawn
@@ -197,7 +197,8 @@ def test_ctrl_c_keeps_what_was_complete(
         draw(*arguments, **options)
 
     monkeypatch.setattr(raster, "draw", press)
-    result = invoke("compare", "slow", "fast")
+    result = invoke("compare", "slow", "fast", "--mp4", "--gif", "--png")
     assert result.exit_code == 130, result.output
-    assert "what was complete is in comparison: comparison-worst-strain.mp4" in result.stderr
-    assert os.listdir(runs / "comparison") == ["comparison-worst-strain.mp4"]
+    names = ["comparison-worst-strain.mp4", "comparison-worst-strain.gif"]
+    assert f"what was complete is in comparison: {', '.join(names)}" in result.stderr
+    assert sorted(os.listdir(runs / "comparison")) == sorted(names)

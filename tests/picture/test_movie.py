@@ -6,7 +6,8 @@ import gc
 import subprocess
 import sys
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -26,8 +27,21 @@ def plain(count: int = 5, width: int = 64, height: int = 48) -> Iterator[np.ndar
         yield np.full((height, width, 3), 40 * (k % 6), dtype=np.uint8)
 
 
+def saved(
+    kind: Callable[..., AbstractContextManager[movie.Film]],
+    pictures: Iterable[np.ndarray],
+    path: Path,
+    **options: int,
+) -> Path:
+    """Write a film of `kind`, `movie.mp4` or `movie.gif`, of all pictures."""
+    with kind(path, **options) as film:
+        for picture in pictures:
+            film.send(picture)
+    return path
+
+
 def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
-    path = movie.save_mp4(plain(), tmp_path / "film.mp4", fps=10)
+    path = saved(movie.mp4, plain(), tmp_path / "film.mp4", fps=10)
     read = iio.imread(path, plugin="FFMPEG")
     assert read.shape == (5, 48, 64, 3)
     for k, frame in enumerate(read):
@@ -37,7 +51,7 @@ def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
 
 
 def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None:
-    path = movie.save_gif(plain(), tmp_path / "film.gif", fps=20)
+    path = saved(movie.gif, plain(), tmp_path / "film.gif", fps=20)
     with GifImageFile(path) as film:
         assert film.n_frames == 5
         assert film.size == (64, 48)
@@ -49,7 +63,7 @@ def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None
 
 
 def test_a_gif_is_scaled_down_to_its_width(tmp_path: Path) -> None:
-    path = movie.save_gif(plain(2, 200, 100), tmp_path / "film.gif", width=100)
+    path = saved(movie.gif, plain(2, 200, 100), tmp_path / "film.gif", width=100)
     with Image.open(path) as film:
         assert film.size == (100, 50)
 
@@ -58,7 +72,7 @@ def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
     scene = scene_of()
     run = [dented(scene, 0.0012 * k, time=0.001 * k) for k in range(50)]
     pictures = (raster.frame(snapshot, scene, (640, 360)) for snapshot in run)
-    path = movie.save_gif(pictures, tmp_path / "film.gif")
+    path = saved(movie.gif, pictures, tmp_path / "film.gif")
     assert path.stat().st_size < 1.5e6
     with GifImageFile(path) as film:
         assert film.n_frames == 50
@@ -80,31 +94,31 @@ def test_frames_are_taken_one_at_a_time(tmp_path: Path) -> None:
             most = max(most, sum(one() is not None for one in seen))
             yield frame
 
-    movie.save_mp4(watched(), tmp_path / "film.mp4")
+    saved(movie.mp4, watched(), tmp_path / "film.mp4")
     assert most <= 4
 
 
 @pytest.mark.parametrize("size", [(63, 48), (64, 47)])
 def test_an_odd_size_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
     with pytest.raises(UserError, match="must be even, such as 64 x 48"):
-        movie.save_mp4(plain(3, *size), tmp_path / "film.mp4")
+        saved(movie.mp4, plain(3, *size), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_other_bad_requests_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no frames"):
-        movie.save_mp4([], tmp_path / "film.mp4")
+        saved(movie.mp4, [], tmp_path / "film.mp4")
     with pytest.raises(UserError, match=r"end in \.gif"):
-        movie.save_gif(plain(), tmp_path / "film.mp4")
+        saved(movie.gif, plain(), tmp_path / "film.mp4")
     with pytest.raises(UserError, match="no folder"):
-        movie.save_mp4(plain(), tmp_path / "absent" / "film.mp4")
+        saved(movie.mp4, plain(), tmp_path / "absent" / "film.mp4")
     with pytest.raises(UserError, match="size changes"):
-        movie.save_mp4([*plain(2), *plain(1, 32)], tmp_path / "film.mp4")
+        saved(movie.mp4, [*plain(2), *plain(1, 32)], tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
-    path = movie.save_mp4(plain(3), tmp_path / "film.mp4")
+    path = saved(movie.mp4, plain(3), tmp_path / "film.mp4")
     before = path.read_bytes()
 
     def broken() -> Iterator[np.ndarray]:
@@ -112,9 +126,54 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        movie.save_mp4(broken(), path)
+        saved(movie.mp4, broken(), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_encoder_that_crashes_says_why_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(movie, "_MP4", ("-c:v", "libx264", "-preset", "no-such"))
+    with pytest.raises(UserError, match=r"film\.mp4: it could not be written \(.+\); check"):
+        saved(movie.mp4, plain(200, 320, 240), tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_that_is_killed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    send = movie.Film.send
+
+    def killed(film: movie.Film, picture: np.ndarray) -> None:
+        send(film, picture)
+        film._process.kill()
+
+    monkeypatch.setattr(movie.Film, "send", killed)
+    with pytest.raises(UserError, match=r"could not be written \(ffmpeg ended with code"):
+        saved(movie.mp4, plain(100, 320, 240), tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_film_with_a_frame_lost_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(movie, "_MP4", (*movie._MP4, "-frames:v", "3"))
+    with pytest.raises(UserError, match="holds 3 of 5 frames"):
+        saved(movie.mp4, plain(), tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_encoder_is_left_behind(tmp_path: Path) -> None:
+    """After a film, and after one that was given up."""
+    encoders = []
+    for error in (None, KeyboardInterrupt):
+        try:
+            with movie.gif(tmp_path / "film.gif") as film:
+                for picture in plain():
+                    film.send(picture)
+                encoders.append(film._process)
+                if error:
+                    raise error
+        except KeyboardInterrupt:
+            pass
+    assert [encoder.poll() is not None for encoder in encoders] == [True, True]
 
 
 _ON_A_FULL_DISK = """
@@ -125,18 +184,20 @@ from taichi_foam.picture import movie
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 noise = np.random.default_rng(1).integers(0, 256, (12, 240, 320, 3), dtype=np.uint8)
 try:
-    getattr(movie, sys.argv[1])(iter(noise), sys.argv[2])
+    with getattr(movie, sys.argv[1])(sys.argv[2]) as film:
+        for picture in noise:
+            film.send(picture)
 except UserError as error:
     print(error)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
-@pytest.mark.parametrize(("save", "name"), [("save_mp4", "film.mp4"), ("save_gif", "film.gif")])
-def test_a_film_that_does_not_fit_is_reported(tmp_path: Path, save: str, name: str) -> None:
+@pytest.mark.parametrize(("kind", "name"), [("mp4", "film.mp4"), ("gif", "film.gif")])
+def test_a_film_that_does_not_fit_is_reported(tmp_path: Path, kind: str, name: str) -> None:
     """A limit on the size of files stands in for a full disk."""
     run = subprocess.run(
-        [sys.executable, "-c", _ON_A_FULL_DISK, save, str(tmp_path / name)],
+        [sys.executable, "-c", _ON_A_FULL_DISK, kind, str(tmp_path / name)],
         check=True,
         capture_output=True,
         text=True,

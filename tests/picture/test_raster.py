@@ -106,6 +106,20 @@ def test_cells_that_share_corners_leave_no_hole_and_draw_no_sample_twice() -> No
     assert single == pytest.approx(260 * 160, abs=1e-9)
 
 
+def test_a_pixel_counts_the_samples_whose_middles_lie_in_a_shape() -> None:
+    """Rectangles that begin and end at any sample, of one sample and more, also at the rims."""
+    rng = np.random.default_rng(8)
+    middles_x, middles_y = np.arange(600) / 2 + 0.25, 200 - (np.arange(400) / 2 + 0.25)
+    for _ in range(40):
+        left, low = rng.uniform(-4, 298), rng.uniform(-4, 198)
+        right, high = left + rng.choice([0.5, 1.0, 1.7, 40]), low + rng.choice([0.5, 1.2, 30])
+        quad = np.array([[left, low], [right, low], [right, high], [left, high]])
+        across = (middles_x >= left) & (middles_x < right)
+        up = (middles_y >= low) & (middles_y < high)
+        covered = np.outer(up, across).reshape(200, 2, 300, 2).mean(axis=(1, 3))
+        np.testing.assert_array_equal(painted(quad[None]), covered)
+
+
 def field_of(snapshot, scene, size=(640, 360), look: Look | None = None) -> np.ndarray:
     """Only block and impactor on white, the block's middle on the middle of the picture."""
     image = annotate.blank(*size, LIGHT.field)
@@ -259,6 +273,16 @@ def test_the_same_picture_again() -> None:
     first = raster.frame(shattered(scene), scene)
     raster.frame(dented(scene), scene)
     np.testing.assert_array_equal(raster.frame(shattered(scene), scene), first)
+
+
+@pytest.mark.parametrize("columns", [40, 200])
+def test_an_instant_drawn_at_several_sizes_looks_as_drawn_for_each(columns: int) -> None:
+    scene = scene_of(columns, columns // 2)
+    snapshot = shattered(scene)
+    shown = raster.Shown.of(snapshot, scene)
+    for size in ((640, 360), (320, 180), (640, 360)):
+        fresh = raster.frame(snapshot, scene, size)
+        np.testing.assert_array_equal(raster.frame(snapshot, scene, size, shown=shown), fresh)
 
 
 _DIGEST = """

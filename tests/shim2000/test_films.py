@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from imageio_ffmpeg import count_frames_and_secs
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam import Result
-from taichi_foam.picture import films
+from taichi_foam.picture import films, raster
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,23 @@ def test_what_the_scene_asks_for_is_written(
             assert picture.size == (320, 180)
     if film:
         assert count_frames_and_secs(str(tmp_path / "film.mp4"))[0] == 5
+
+
+def test_both_films_and_the_frames_show_each_instant_in_order(
+    result: Result, tmp_path: Path
+) -> None:
+    """Made in one pass, each is as it is alone; the frames are those that are drawn afresh."""
+    asked = wanting(replace(result, snapshots=result.snapshots[:9]), film=True, frames=True)
+    (tmp_path / "alone").mkdir()
+    films.write(asked, tmp_path)
+    for names in (films.Names(mp4="film.mp4"), films.Names(gif="film.gif")):
+        (path,) = films.write(asked, tmp_path / "alone", names=names)
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+    for number, snapshot in enumerate(asked.snapshots):
+        sunk = asked.displacement(snapshot)
+        fresh = raster.frame(snapshot, asked.scene, (320, 180), displacement=sunk)
+        with Image.open(tmp_path / "frames" / f"frame_{number:05d}.png") as stored:
+            np.testing.assert_array_equal(np.asarray(stored), fresh)
 
 
 def test_a_gif_keeps_the_pace_of_the_film(result: Result, tmp_path: Path) -> None:

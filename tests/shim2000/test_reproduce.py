@@ -11,12 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from imageio_ffmpeg import count_frames_and_secs
 from PIL import Image
 
 from taichi_foam import Result, UserError
 from taichi_foam.errors import Interrupted, RunError
-from taichi_foam.picture import films
+from taichi_foam.picture import films, raster
 from taichi_foam.records.ending import Ending
+from taichi_foam.results import manifest
 from taichi_foam.results.folders import UNFINISHED
 from taichi_foam.shim2000.reproduce import case_names, reproduce
 from taichi_foam.shim2000.tests import NAMES
@@ -169,17 +171,34 @@ def test_the_same_call_goes_on_where_ctrl_c_came(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path / "cut")) == sorted(os.listdir(tmp_path / "whole"))
 
 
-def test_ctrl_c_among_the_films_keeps_the_results(
+def test_ctrl_c_among_the_films_keeps_the_results_and_whole_films(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """It comes in the first frame of the second test, while the films of the first are encoded."""
+
+    paint = raster.paint
+
     def pressed(*arguments: object, **options: object) -> None:
+        monkeypatch.setattr(raster, "paint", paint)  # the report has pictures, too
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(films, "write", pressed)
+    draw, begun = films.drawn, []
+
+    def drawn(result: Result, *arguments: object, **options: object) -> object:
+        begun.append(result.scene.name)
+        if len(begun) == 2:
+            monkeypatch.setattr(raster, "paint", pressed)
+        return draw(result, *arguments, **options)
+
+    monkeypatch.setattr(films, "drawn", drawn)
     content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
     assert content["interrupted"] is True
     assert content["not_finished"] == []
-    assert Result.load(tmp_path / "out" / "wedge-2.86").scene.name == "paper/wedge-2.86"
+    first, second = (tmp_path / "out" / name.removeprefix("paper/") for name in begun)
+    assert count_frames_and_secs(str(first / "film.mp4"))[0] == len(Result.load(first).snapshots)
+    assert {"film.mp4", "film.gif"} <= set(manifest.Manifest.read(first).files)
+    assert [name for name in os.listdir(second) if "film" in name] == []
+    assert Result.load(second).scene.name == begun[1]
 
 
 def test_a_failed_case_is_kept_apart_and_the_others_reported(
