@@ -38,6 +38,14 @@ def drop_of(end: float, *overrides: str) -> Scene:
 ENDLESS = drop_of(10.0)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _kernels() -> None:
+    """Compiled by a worker that leaves: many of these tests kill theirs, which leave none."""
+    with Session() as session:
+        session.start(ENDLESS)
+        look(session)
+
+
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Session]:
     with Session() as session:
