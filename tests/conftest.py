@@ -37,6 +37,20 @@ if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Deal each worker of `-n` one long run of neighbouring tests; who is done first takes more.
+
+    Neighbours need the same kernels and fixtures. pytest-xdist by itself deals out handfuls: every
+    worker then compiles nearly every kernel and makes nearly every fixture.
+    """
+    if config.getoption("dist") != "load":
+        return None  # somebody has chosen otherwise
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
+
+
 @pytest.fixture(scope="session")
 def taichi_runtime() -> None:
     """Start Taichi as a run would.

@@ -6,7 +6,7 @@ from bench import COLUMNS, ROWS, node_forces, small_scene
 
 import taichi_foam as tf
 from taichi_foam.laws.bond import Curve
-from taichi_foam.scene import Across, Base, Block, FlatBlock, Foam, Model, Scene, TabulatedFoam
+from taichi_foam.scene import Across, Base, Block, FlatBlock, Foam, Scene, TabulatedFoam
 
 STRAINS = (0.0, 0.05, 0.3, 0.6, 0.8, 0.9)
 RISE = TabulatedFoam(curve=Curve(strain=STRAINS, stress=(0, 200e3, 210e3, 300e3, 900e3, 3e6)))
@@ -16,12 +16,7 @@ EQ_26 = Foam(), Foam(youngs_modulus=1.8e6, yield_strain=-0.03)
 
 def pulled_by(rise: object, across: object, F: np.ndarray) -> tuple[float, float]:
     """Nominal stress [Pa] along x and along y of a block that is deformed by F from the start."""
-    scene = small_scene(
-        foam=rise,
-        across=Across(foam=across),
-        base=Base(kind="floor"),
-        model=Model(self_contact=False),
-    )
+    scene = small_scene(foam=rise, across=Across(foam=across), base=Base(kind="floor"))
     X = scene.block.positions - [0.0, 0.1]  # the floor is far below
     forces = node_forces(scene, position=X @ F.T + [0.0, 0.3])
     dx, dy, thickness = scene.block.dx, scene.block.dy, scene.block.depth
@@ -49,10 +44,7 @@ def test_each_direction_has_its_own_curve(rise: object, across: object, strain: 
 
 def test_shear_does_not_turn_the_foam() -> None:
     """Its modulus is one in both directions: a block sheared at rest has no torque inside."""
-    scene = small_scene(
-        foam=RISE, across=Across(foam=ACROSS), model=Model(self_contact=False),
-        base=Base(kind="floor"),
-    )  # fmt: skip
+    scene = small_scene(foam=RISE, across=Across(foam=ACROSS), base=Base(kind="floor"))
     X = scene.block.positions
     forces = node_forces(scene, position=X @ np.array([[1.0, 0.01], [0.0, 1.0]]).T + [0.0, 0.3])
     inside = np.abs(forces[2:-2, 2:-2]).max()

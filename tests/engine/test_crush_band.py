@@ -2,27 +2,27 @@
 
 import numpy as np
 import pytest
+from bench import COLUMNS, ROWS
 
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Output, Scene, Start
 from taichi_foam.simulation.simulate import run
 
 K, E_Y, Z = 2.78e6, -0.05, 0.057
 D, TAU = 1e5, 5e-7
-SPEED = 200.0  # m/s, of one column against the other
-ROWS = 2
+SPEED = 200.0  # m/s, of each column against the next
 
 
 def plateau(cell: float, band: float | None, tau: float, rate: float | None) -> float:
-    """Mean stress [Pa] of two columns that close from -0.2 to -0.5 of strain at a steady speed.
+    """Mean stress [Pa] of columns that close from -0.2 to -0.5 of strain at a steady speed.
 
     They are so heavy and fast that crushing takes a few thousandths of their speed.
     """
     scene = Scene(
         block=Block(
             mass_points="cells",
-            width=2 * cell,
+            width=COLUMNS * cell,
             height=ROWS * cell,
-            columns=2,
+            columns=COLUMNS,
             rows=ROWS,
             depth=Z,
             density=5000.0,
@@ -39,7 +39,7 @@ def plateau(cell: float, band: float | None, tau: float, rate: float | None) -> 
     strain = SPEED / cell * history["time_s"]
     taken = history["foam_kinetic_J"][0] - history["foam_kinetic_J"]
     taken_between = np.interp(0.5, strain, taken) - np.interp(0.2, strain, taken)
-    return taken_between / 0.3 / (ROWS * cell**2 * Z)
+    return taken_between / 0.3 / ((COLUMNS - 1) * ROWS * cell**2 * Z)
 
 
 @pytest.mark.parametrize("cell", [0.005, 0.002])
