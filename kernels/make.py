@@ -25,6 +25,7 @@ PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
 # Beyond the room that the paper's block has: wider, higher, and less of both.
 OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
 SIDE_BY_SIDE = "1,2"  # one, and as many as there is room for then
+ALONE = "1"
 
 MOST_NODES = 5_000  # of lattices that are computed
 
@@ -42,15 +43,16 @@ if scene.block.columns * scene.block.rows <= int(most):
 def commands(folder: Path) -> list[list[str]]:
     """Command lines, each of a process of its own."""
     gallery = [name for name in list_scenes() if name.startswith("gallery/")]
-    computed = [[name] for name in (*PAPER, *gallery)]
-    for name in (PAPER[0], "gallery/own-foam"):
-        computed += [[name, room] for room in OTHER_ROOMS]
+    usual = (PAPER[0], "gallery/own-foam")
+    computed = [[name, SIDE_BY_SIDE] for name in (*PAPER, usual[1])]
+    computed += [[name, SIDE_BY_SIDE, room] for name in usual for room in OTHER_ROOMS]
+    computed += [[name, ALONE] for name in gallery if name not in usual]
     program = [sys.executable, "-m", "taichi_foam"]
     return [
         [*program, "reproduce", "--out", str(folder / "reproduced")],
         *(
-            [sys.executable, "-c", COMPUTED, name, SIDE_BY_SIDE, str(MOST_NODES), *values]
-            for name, *values in computed
+            [sys.executable, "-c", COMPUTED, name, counts, str(MOST_NODES), *values]
+            for name, counts, *values in computed
         ),
         [*program, "run", PAPER[2], "--out", str(folder / "drawn")],
     ]
