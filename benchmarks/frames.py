@@ -2,7 +2,8 @@
 
 Frames are those of the wedge at 2.86 m/s after 20 ms, on its own 800 cells and on cells cut into
 many smaller ones, so that all show the same picture. Beside them stands Matplotlib, which fills
-the same cells as polygons at 720p. The view's cost is that of a whole run in the live view's
+the same cells as polygons at 720p. Films are those of its whole run, the processor's time that of
+this process and of the encoders. The view's cost is that of a whole run in the live view's
 process as fast as it goes, watched at 30 frames a second over unwatched; rounds alternate.
 The tables go to standard output and to results/frames.md. `--quick` takes fewer of all, `--smoke`
 a few of each, to see whether they run, not how fast; both write nothing.
@@ -10,7 +11,9 @@ a few of each, to see whether they run, not how fast; both write nothing.
 
 import argparse
 import math
+import os
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,10 +33,10 @@ from taichi_foam.analysis import cells
 from taichi_foam.live.controller import Controller
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.screen import FPS, Screen
-from taichi_foam.picture import raster
+from taichi_foam.picture import films, raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.simulate import simulate
+from taichi_foam.simulation.simulate import run, simulate
 
 CASE = "paper/wedge-2.86"
 SIZES = {"720p": (1280, 720), "1080p": (1920, 1080)}
@@ -47,14 +50,15 @@ class Mode:
     time: float = 0.020  # s: crushed along the faces, a crack below the tip
     finer: tuple[int, ...] = (1, 10, 50)  # cells on a side of one of the 800: to 2,000,000 cells
     rounds: int = 15
+    film_rounds: int = 5
     view_rounds: int = 7
     end: float | str = "rebound"  # of the run that is watched
 
 
 MODES = {
     "full": Mode(),
-    "quick": Mode(rounds=3, view_rounds=2),
-    "smoke": Mode(time=1e-3, finer=(1, 2), rounds=1, view_rounds=1, end=2e-3),
+    "quick": Mode(rounds=3, film_rounds=2, view_rounds=2),
+    "smoke": Mode(time=1e-3, finer=(1, 2), rounds=1, film_rounds=1, view_rounds=1, end=2e-3),
 }
 
 
@@ -139,6 +143,36 @@ def frames(mode: Mode) -> Table:
     return table
 
 
+def processor() -> float:
+    """Processor time of this process and of those that it has waited for [s]."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+def in_motion(mode: Mode) -> Table:
+    """Films of a run of 800 nodes, each alone and both in one pass."""
+    scene = updated(scene_with("calibrated", CASE, "whole"), {"numerics": {"end": mode.end}})
+    result = run(scene)
+    table = Table(("film", "frames a second", "processor's time a frame, ms"))
+    mp4, gif = "film.mp4", "film.gif"
+    for label, names in (
+        ("MP4, 720p", films.Names(mp4=mp4)),
+        ("GIF, 360p", films.Names(gif=gif)),
+        ("both", films.Names(mp4=mp4, gif=gif)),
+    ):
+        count, used, taken = films.frames_to_draw(result, names), [], []
+        with tempfile.TemporaryDirectory() as folder:
+            films.write(result, Path(folder), names=names)  # compile
+            for _ in range(mode.film_rounds):
+                start, before = time.perf_counter(), processor()
+                films.write(result, Path(folder), names=names)
+                taken.append(time.perf_counter() - start)
+                used.append(processor() - before)
+        pace, cost = count / statistics.median(taken), statistics.median(used) / count
+        table.rows.append((label, f"{pace:.0f}", f"{1e3 * cost:.1f}"))
+    return table
+
+
 def run_seconds(
     controller: Controller, scene: Scene, on_frame: Callable[[], object] | None = None
 ) -> float:
@@ -202,7 +236,8 @@ def main() -> None:
         parser.add_argument(f"--{name}", dest="mode", action="store_const", const=name)
     mode = parser.parse_args().mode or "full"
     start_taichi()
-    text = f"{frames(MODES[mode]).markdown()}\n\n{view(MODES[mode]).markdown()}\n"
+    tables = [table(MODES[mode]).markdown() for table in (frames, in_motion, view)]
+    text = "\n\n".join(tables) + "\n"
     print(text)
     if mode == "full":
         write(RESULTS, text)

@@ -75,7 +75,7 @@ def paint(
         np.ascontiguousarray(sides, dtype=np.int32),
         np.ascontiguousarray(strokes, dtype=np.int32),
         order,
-        np.empty((len(shapes), 4), dtype=np.int32),
+        np.empty((len(shapes), 2), dtype=np.int32),
         # An array without elements cannot be passed; the count says how many are meant.
         np.ascontiguousarray(outer) if len(outer) else np.zeros((1, 2)),
         np.ascontiguousarray(inner) if len(inner) else np.zeros((1, 2)),
@@ -298,33 +298,6 @@ def _corners(shapes: ti.template(), p, scale, x_zero, y_zero):
 
 
 @ti.func
-def _touched(
-    span: ti.template(), reach: int, outer: ti.template(), inner: ti.template(), n: int, band
-):
-    """What cells, with lines that reach beyond them, and outlines may touch of a band.
-
-    Left, top, right and bottom, the last two exclusive, like those of `band`: samples that make
-    whole pixels. All else stays as it is, and that is half of a usual frame.
-    """
-    low = ti.Vector([band[2], band[3]])
-    high = ti.Vector([band[0], band[1]])
-    for p in range(span.shape[0]):
-        if span[p, 1] - reach < band[3] and span[p, 3] + reach > band[1]:
-            low = ti.min(low, ti.Vector([span[p, 0], span[p, 1]]) - reach)
-            high = ti.max(high, ti.Vector([span[p, 2], span[p, 3]]) + reach)
-    for k in range(n):
-        for points in ti.static((outer, inner)):
-            corner = ti.Vector([_sample(points[k, 0]), _sample(points[k, 1])])
-            low, high = ti.min(low, corner), ti.max(high, corner)
-    return ti.Vector([
-        ti.max(band[0], low[0] // FINE * FINE),
-        ti.max(band[1], low[1] // FINE * FINE),
-        ti.min(band[2], (high[0] + FINE - 1) // FINE * FINE),
-        ti.min(band[3], (high[1] + FINE - 1) // FINE * FINE),
-    ])  # fmt: skip
-
-
-@ti.func
 def _average(image: ti.template(), samples: ti.template(), row, column):
     """The mean of a pixel's samples, those that are clear being the picture below."""
     above, under = samples[FINE * row, column], samples[FINE * row + 1, column]
@@ -379,9 +352,8 @@ def _paint(
     is cut into bands, so any number of threads gives the same picture.
     """
     for p in range(shapes.shape[0]):
-        x, y = _corners(shapes, p, scale, x_zero, y_zero)
-        span[p, 0], span[p, 1] = _sample(x.min()), _sample(y.min())
-        span[p, 2], span[p, 3] = _sample(x.max()), _sample(y.max())
+        _, y = _corners(shapes, p, scale, x_zero, y_zero)
+        span[p, 0], span[p, 1] = _sample(y.min()), _sample(y.max())
 
     reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
     for q in range(bands * stride):
@@ -390,14 +362,17 @@ def _paint(
             first = ti.max(top, band * image.shape[0] // bands)
             last = ti.min(bottom, (band + 1) * image.shape[0] // bands)
             clip = ti.Vector([FINE * left, FINE * first, FINE * right, FINE * last])
-            clip = _touched(span, reach, outer, inner, outline_points, clip)
             for row in range(clip[1], clip[3]):
                 for column in range(clip[0] // FINE, clip[2] // FINE):
                     samples[row, column] = -1
+            # what is touched, in samples: only that is averaged, half of a usual frame
+            low, high = ti.Vector([1e9, 1e9]), ti.Vector([-1e9, -1e9])
             for s in range(shapes.shape[0]):
                 p = order[s]
-                if span[p, 1] < clip[3] and span[p, 3] > clip[1]:
+                if span[p, 0] < clip[3] and span[p, 1] > clip[1]:
                     x, y = _corners(shapes, p, scale, x_zero, y_zero)
+                    low = ti.min(low, ti.Vector([x.min(), y.min()]))
+                    high = ti.max(high, ti.Vector([x.max(), y.max()]))
                     _paint_cell(
                         samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack_line, crack[p]
                     )
@@ -407,8 +382,10 @@ def _paint(
                 for s in range(shapes.shape[0]):
                     p = order[s]
                     lines = (strokes[p] >> shift) & 15
-                    if lines != 0 and span[p, 1] - reach < clip[3] and span[p, 3] + reach > clip[1]:
+                    if lines != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
                         x, y = _corners(shapes, p, scale, x_zero, y_zero)
+                        low = ti.min(low, ti.Vector([x.min(), y.min()]))
+                        high = ti.max(high, ti.Vector([x.max(), y.max()]))
                         colour = ti.select(
                             kind == 1, layer, ti.select(kind == 0, edge[p], crack[p])
                         )
@@ -418,6 +395,16 @@ def _paint(
             if outline_points > 0:
                 _fill_outline(samples, outer, outline_points, clip, line_colour)
                 _fill_outline(samples, inner, outline_points, clip, steel)
-            for row in range(clip[1] // FINE, clip[3] // FINE):
-                for column in range(clip[0] // FINE, clip[2] // FINE):
+            for k in range(outline_points):
+                for points in ti.static((outer, inner)):
+                    low = ti.min(low, ti.Vector([points[k, 0], points[k, 1]]))
+                    high = ti.max(high, ti.Vector([points[k, 0], points[k, 1]]))
+            for row in range(
+                ti.max(clip[1], _sample(low[1]) - reach) // FINE,
+                (ti.min(clip[3], _sample(high[1]) + reach) + FINE - 1) // FINE,
+            ):
+                for column in range(
+                    ti.max(clip[0], _sample(low[0]) - reach) // FINE,
+                    (ti.min(clip[2], _sample(high[0]) + reach) + FINE - 1) // FINE,
+                ):
                     _average(image, samples, row, column)
