@@ -23,7 +23,8 @@ def starts(mode: Mode, on_next: Callable[[str], None]) -> dict[str, float]:
     """Seconds that `import taichi_foam` takes, and until the first step, cold and warm.
 
     Cold: with an empty folder for compiled kernels, as after installing; the same folder is then
-    warm. Compiling is told by `timing.compiling`, a ratio. Without warm starts to measure there is one, with the folder that everybody uses.
+    warm. Without warm starts to measure there is one, with the folder that everybody uses.
+    Compiling is a ratio, see `timing.compiling`.
     """
     found: dict[str, float] = {}
     on_next("import taichi_foam")

@@ -153,7 +153,9 @@ def _share_kernels() -> None:
     """
     from taichi.lang import impl
 
-    impl.get_runtime().prog.config().cpu_max_num_threads = MOST_THREADS
+    program = impl.get_runtime().prog
+    assert program is not None
+    program.config().cpu_max_num_threads = MOST_THREADS
 
 
 def _remember_sources() -> None:

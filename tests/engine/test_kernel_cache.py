@@ -20,6 +20,7 @@ from taichi_foam.engine.kernel_cache import INDEX, LOCK
 
 PROGRAM = """
 import taichi as ti
+from taichi_foam.engine import runtime
 
 runtime.start(threads=1)
 

@@ -76,7 +76,7 @@ def test_a_first_run_compiles_nothing(tmp_path: Path, unpacked: Path) -> None:
 @needs_kernels
 def test_what_is_not_there_is_compiled(tmp_path: Path, unpacked: Path) -> None:
     cache = tmp_path / "cache"
-    computed(cache, "block.columns=40 impactor.guided=false")
+    computed(cache, "impactor.guided=false foam.strength_scatter=0.05")
     assert names(cache) > names(unpacked)
 
 
