@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import taichi as ti
 
 from taichi_foam.engine import lattice, runtime
 from taichi_foam.records.history import HISTORY_COLUMNS
@@ -51,13 +52,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return WorkStealingScheduling(config, log)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="session", autouse=True)
 def taichi_runtime() -> None:
-    """Start Taichi as a run would.
+    """Start Taichi as a run would, in the thread that computes: no other one can make fields.
 
-    Once in each process: with pytest-xdist every worker has its own runtime and its own fields.
+    It is the one that first lets Taichi compute, not the one that first asks for it. Once in each
+    process: with pytest-xdist every worker has its own runtime and its own fields.
     """
     runtime.start()
+    ti.sync()
 
 
 def intact_snapshot(block: Block) -> Snapshot:
