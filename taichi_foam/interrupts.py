@@ -6,6 +6,7 @@ closed, are taken as Ctrl-C by commands: what there is is kept.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import signal
 import threading
@@ -63,6 +64,14 @@ def heard_once(on_more: Callable[[], object] = lambda: None) -> Iterator[Heard]:
             yield heard
     finally:
         _heard = outer
+
+
+def end_undisturbed() -> None:
+    """Have a process that ends ignore `SIGNALS`: its exit code is settled.
+
+    While Python takes itself down a signal would end the process as if nobody had heard it.
+    """
+    atexit.register(lambda: [signal.signal(number, signal.SIG_IGN) for number in SIGNALS])
 
 
 @contextlib.contextmanager

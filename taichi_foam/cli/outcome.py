@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from taichi_foam.errors import LongRunWarning, RunError, RunWarning, SceneNote, UserError
-from taichi_foam.interrupts import heard_once
+from taichi_foam.interrupts import end_undisturbed, heard_once
 
 if TYPE_CHECKING:
     from taichi_foam.results.result import Result
@@ -42,6 +42,7 @@ def exit_codes(console: Console) -> Iterator[None]:
         except RunError as error:
             raise _told(console, str(error), FAILED) from None
         except KeyboardInterrupt as error:
+            end_undisturbed()
             text = str(error) or "there was nothing to save yet"
             raise _told(console, text, heard.exit_code) from None
         except BrokenPipeError:
