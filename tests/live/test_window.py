@@ -93,10 +93,17 @@ class Shown:
             time.sleep(0.05)
 
     def wait_for_motion(self, share: float = 0.01) -> None:
-        """Until the foam has been dented: the field is not that of the start any more."""
+        """Until the foam has been dented: the field is not that of the start any more.
+
+        What the window waits for stands across the start, and is gone when it begins to move.
+        """
         self.wait(lambda: self.screen().shape == (SIZE[1], SIZE[0], 3), "no window came up")
-        first = self.screen()
-        self.wait(lambda: share_that_differs(first, self.screen()) > share, "nothing moved")
+        for most in (0.01, share):
+            first = self.screen()
+            self.wait(
+                lambda first=first, most=most: share_that_differs(first, self.screen()) > most,
+                "nothing moved",
+            )
 
     def wait_for_rest(self) -> np.ndarray:
         """Until four looks in a row are the same; what is then on the screen."""
