@@ -46,7 +46,7 @@ def states(tmp_path_factory: pytest.TempPathFactory) -> tuple[States, States]:
         )  # fmt: skip
     on_cpu = device_states.everything()
     if process is not None:
-        out, _ = process.communicate(timeout=600)
+        out, _ = process.communicate(timeout=1200)
         assert process.returncode == 0, out
         (folder / "vulkan.part.npz").rename(folder / "vulkan.npz")
     end = time.monotonic() + 600
