@@ -56,10 +56,10 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
     if ti.static(lattice.features.supported):
         may = near | _is_near_support(x, y, p)
         if ti.static(lattice.features.shaped):
-            may &= lattice.model.mobility[b, i, k].y > 0.0
+            may &= makeup.mobility(lattice, b, i, k).y > 0.0
     elif ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
-        low = y < lattice.model.filling[b, i, k].reach + p.skin
-        may = (near | low) & (lattice.model.mobility[b, i, k].y > 0.0)
+        low = y < makeup.reach(lattice, b, i, k) + p.skin
+        may = (near | low) & (makeup.mobility(lattice, b, i, k).y > 0.0)
     elif p.hold_y and k == 0:
         # the held row is part of the support, which lets the impactor pass
         may[0] = 0
@@ -198,9 +198,7 @@ def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64,
     half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
     upright, sideways = p.area.y, p.area.x
     if ti.static(lattice.features.shaped):
-        half = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].reach[
-            lanes.lane_of(lattice, j)
-        ]
+        half = makeup.reach_at(lattice, b, i, j)
         upright *= makeup.wider_face(lattice, B, b, i, j)
         sideways *= makeup.wider_face(lattice, A, b, i, j)
     stand, stretch, stored = vec4(0.0), 0.0, 0.0
@@ -369,14 +367,11 @@ def piece_push(
 @ti.func
 def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
     """Share of a whole cell's face on which two nodes touch: that of the one with less foam."""
-    share = 1.0
-    if ti.static(lattice.features.shaped):
-        here, there = place_of(lattice, one), place_of(lattice, two)
-        shares = ti.static(lattice.model.filling.share)
-        share = ti.min(
-            shares[b, here[0], here[1]][here[2]], shares[b, there[0], there[1]][there[2]]
-        )
-    return share
+    rows = lattice.counts[None].rows
+    return ti.min(
+        makeup.share(lattice, b, ti.raw_div(one, rows), ti.raw_mod(one, rows)),
+        makeup.share(lattice, b, ti.raw_div(two, rows), ti.raw_mod(two, rows)),
+    )
 
 
 @ti.func

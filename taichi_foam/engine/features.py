@@ -28,6 +28,7 @@ class Features:
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
     shaped         mass points and faces differ from those of a plain block
+    alike          all columns of such a block are alike: they are kept once
     foams          how many foams the bonds are of
     turns          the impactor moves and turns in the plane
     crosshead      the impactor keeps its velocity, whatever the force
@@ -45,6 +46,7 @@ class Features:
     self_contact: bool
     crushed_room: bool
     shaped: bool
+    alike: bool
     foams: int
     turns: bool
     crosshead: bool
@@ -56,6 +58,8 @@ def features_of(scene: Scene) -> Features:
     """The features that a scene needs."""
     model, foams = scene.model, grading(scene).foams
     law, faces = scene.foam.law_for(model), model.shear == "face"
+    filled = filling(scene.block)
+    shaped = not _is_plain(scene.block, filled)
     return Features(
         law=law,
         distance=rounded.distance_of(scene.impactor) if scene.impactor else Impactor.distance,
@@ -68,7 +72,8 @@ def features_of(scene: Scene) -> Features:
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
-        shaped=not _is_plain(scene.block, filling(scene.block)),
+        shaped=shaped,
+        alike=shaped and filled.is_alike,
         foams=len(foams),
         turns=scene.turns,
         crosshead=scene.impactor is not None and scene.impactor.motion == "crosshead",

@@ -128,6 +128,12 @@ class Layout:
             tree = self._whole if whole else self._numbers
             tree.dense(ti.ijk, self._padded).place(field, offset=(0, -1, -1))
 
+    def of_rows(self, *fields: Any) -> None:
+        """Node fields that all columns share: (batch, 0, -1..packs)."""
+        for field in fields:
+            tree = self._numbers.dense(ti.ijk, (self.batch, 1, self.packs + 2))
+            tree.place(field, offset=(0, 0, -1))
+
     def by_columns(self, *records: Any) -> None:
         """Node fields of several members: a column of the first, then of the second, and so on.
 

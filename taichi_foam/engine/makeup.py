@@ -12,6 +12,27 @@ from taichi_foam.engine.grading import A
 
 
 @ti.func
+def column(lattice: ti.template(), i):
+    """Where a shaped block keeps what the mass points of column `i` stand for."""
+    if ti.static(lattice.features.alike):
+        return 0
+    return i
+
+
+@ti.func
+def reach(lattice: ti.template(), b, i, k):
+    """From a pack's mass points to the faces of their foam [m], in a shaped block."""
+    return lattice.model.filling[b, column(lattice, i), k].reach
+
+
+@ti.func
+def reach_at(lattice: ti.template(), b, i, j) -> ti.f64:
+    """The same from one."""
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    return lattice.model.filling[b, column(lattice, i), k].reach[lane]
+
+
+@ti.func
 def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
     """The law's constants for a pack of bonds along `axis`: numbers, or packs of them."""
     if ti.static(lattice.features.foams > 1):
@@ -45,8 +66,8 @@ def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template())
     if ti.static(not lattice.features.shaped):
         return area
     if ti.static(axis == A):
-        return area * lattice.model.filling[b, i, k].face_a
-    return area * lattice.model.filling[b, i, k].face_b
+        return area * lattice.model.filling[b, column(lattice, i), k].face_a
+    return area * lattice.model.filling[b, column(lattice, i), k].face_b
 
 
 @ti.func
@@ -56,11 +77,16 @@ def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
     found = 0.0
     if ti.static(axis == A):
         filling = ti.static(lattice.model.filling.face_a)
-        found = ti.max(filling[b, i, k][lane], filling[b, i - 1, k][lane])
+        found = ti.max(
+            filling[b, column(lattice, i), k][lane], filling[b, column(lattice, i - 1), k][lane]
+        )
     else:
         filling = ti.static(lattice.model.filling.face_b)
         under, under_lane = lanes.pack_of(lattice, j - 1), lanes.lane_of(lattice, j - 1)
-        found = ti.max(filling[b, i, k][lane], filling[b, i, under][under_lane])
+        found = ti.max(
+            filling[b, column(lattice, i), k][lane],
+            filling[b, column(lattice, i), under][under_lane],
+        )
     return found
 
 
@@ -70,7 +96,7 @@ def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        filling = lattice.model.filling[b, i, k]
+        filling = lattice.model.filling[b, column(lattice, i), k]
         found *= ti.select(axis == A, filling.face_a[lane], filling.face_b[lane])
     return found
 
@@ -81,7 +107,7 @@ def mass(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     found = p.node_mass
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = lattice.model.filling[b, i, k].mass[lane]
+        found = lattice.model.filling[b, column(lattice, i), k].mass[lane]
     return found
 
 
@@ -90,9 +116,8 @@ def share(lattice: ti.template(), b, i, j) -> ti.f64:
     """Share of a mass point's cell that is foam."""
     found = 1.0
     if ti.static(lattice.features.shaped):
-        found = lattice.model.filling[b, i, lanes.pack_of(lattice, j)].share[
-            lanes.lane_of(lattice, j)
-        ]
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        found = lattice.model.filling[b, column(lattice, i), k].share[lane]
     return found
 
 
@@ -101,7 +126,7 @@ def shares_of_points(lattice: ti.template(), b, i, k):
     """`share` of a pack's mass points."""
     found = lanes.zeros(lattice) + 1.0
     if ti.static(lattice.features.shaped):
-        found = lattice.model.filling[b, i, k].share
+        found = lattice.model.filling[b, column(lattice, i), k].share
     return found
 
 
@@ -110,7 +135,7 @@ def cell_share(lattice: ti.template(), b, i, k):
     """Share of a pack's lattice cells, those between four mass points, that is foam."""
     found = lanes.zeros(lattice) + 1.0
     if ti.static(lattice.features.shaped):
-        found = lattice.model.filling[b, i, k].cell
+        found = lattice.model.filling[b, column(lattice, i), k].cell
     return found
 
 
@@ -127,7 +152,7 @@ def contact_stiffness(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f
 def mobility(lattice: ti.template(), b, i, k):
     """What forces on a pack of mass points are multiplied by, and gravity; see `ModelFields`."""
     if ti.static(lattice.features.shaped):
-        return lattice.model.mobility[b, i, k]
+        return lattice.model.mobility[b, column(lattice, i), k]
     return lattice.model.mobility[b, k]
 
 
@@ -137,7 +162,7 @@ def is_there(lattice: ti.template(), b, i, j) -> ti.i32:
     found = 1
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = ti.i32(lattice.model.filling[b, i, k].mass[lane] > 0.0)
+        found = ti.i32(lattice.model.filling[b, column(lattice, i), k].mass[lane] > 0.0)
     return found
 
 
@@ -147,5 +172,5 @@ def is_held(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
     found = ti.i32(p.hold_y and j == 0)
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = ti.i32(lattice.model.mobility[b, i, k].y[lane] == 0.0)
+        found = ti.i32(lattice.model.mobility[b, column(lattice, i), k].y[lane] == 0.0)
     return found

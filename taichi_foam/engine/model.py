@@ -226,7 +226,7 @@ class ModelFields:
     support     (batch, SURFACE_ROWS) three numbers each, as `surface`, where it has an outline
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
-                (batch, I, packs) of the nodes of a shaped block
+                (batch, I, packs) of the nodes of a shaped block, see `makeup.column`
     filling     (batch, I, packs) of a shaped block, see `Model`
     foams       (batch, foams) records of `foam_type`, if there are several
     graded      (batch, 2 * packs) the same in packs, of bonds A and of bonds B by rows
@@ -246,7 +246,8 @@ class ModelFields:
         if features.shaped:
             parts = dict.fromkeys(("mass", "face_a", "face_b", "reach", "share", "cell"), pack)
             self.filling = ti.types.struct(**parts).field()
-            layout.of_nodes(self.mobility, self.filling)
+            place = layout.of_rows if features.alike else layout.of_nodes
+            place(self.mobility, self.filling)
         else:
             layout.listed(layout.packs, self.mobility)
         if features.foams > 1:

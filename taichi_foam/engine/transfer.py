@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_foam.engine import breaking, driving, lanes, stepping, virial
+from taichi_foam.engine import breaking, driving, lanes, makeup, stepping, virial
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.model import Model, model_of
@@ -116,7 +116,10 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
 @ti.kernel
 def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
     """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
-    for i in range(-1, lattice.counts[None].columns + 1):
+    start, end = -1, lattice.counts[None].columns + 1
+    if ti.static(lattice.features.alike):
+        start, end = 0, 1
+    for i in range(start, end):
         p = lattice.model.parameters[b]
         for k in range(-1, lattice.counts[None].packs + 1):
             for lane in range(lattice.lanes):
@@ -280,7 +283,7 @@ def _put_nodes(
                 ):
                     hold, grip = holds[i, j], holds[i, j]
                     if ti.static(lattice.features.shaped):
-                        grip *= lattice.model.filling[b, i, k].cell[lane]
+                        grip *= lattice.model.filling[b, makeup.column(lattice, i), k].cell[lane]
                 if ti.static(lattice.features.cells):
                     lattice.state.hold[b, i, k][lane] = hold
                     lattice.state.grip[b, i, k][lane] = grip
@@ -300,9 +303,10 @@ def _put_nodes(
                         intact = ti.static((intact_a, intact_b)[axis])[i, j]
                         condition = ti.cast(intact, ti.f32)
                         if ti.static(lattice.features.shaped):
-                            face = lattice.model.filling[b, i, k].face_a[lane]
+                            column = makeup.column(lattice, i)
+                            face = lattice.model.filling[b, column, k].face_a[lane]
                             if ti.static(axis == B):
-                                face = lattice.model.filling[b, i, k].face_b[lane]
+                                face = lattice.model.filling[b, column, k].face_b[lane]
                             if face == 0.0:
                                 condition = ti.cast(ABSENT, ti.f32)
                         if condition > ABSENT and not ti.math.isnan(broken_at):

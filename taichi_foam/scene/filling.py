@@ -69,6 +69,12 @@ class Filling:
         return found
 
     @property
+    def is_alike(self) -> bool:
+        """Whether every column of mass points is like every other."""
+        arrays = (self.mass, self.face_a, self.face_b, self.reach, self.share, self.cell)
+        return all(bool(np.all(array == array[:1])) for array in (*arrays, self.on_base))
+
+    @property
     def is_full(self) -> bool:
         """Whether foam fills every cell of a lattice that stands on the base."""
         level = self.on_base[:, 0].all() and not self.on_base[:, 1:].any()
