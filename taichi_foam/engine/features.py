@@ -28,7 +28,7 @@ class Features:
     self_contact   pieces touch each other
     crushed_room   cells keep the room that their bonds have left them
     shaped         mass points and faces differ from those of a plain block
-    alike          all columns of such a block are alike: they are kept once
+    alike          columns of such a block are alike, see `Filling.is_alike`: they are kept once
     foams          how many foams the bonds are of
     turns          the impactor moves and turns in the plane
     crosshead      the impactor keeps its velocity, whatever the force

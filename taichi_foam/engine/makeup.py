@@ -13,9 +13,12 @@ from taichi_foam.engine.grading import A
 
 @ti.func
 def column(lattice: ti.template(), i):
-    """Where a shaped block keeps what the mass points of column `i` stand for."""
+    """Where a shaped block keeps what the mass points of column `i` stand for.
+
+    Where columns are alike, the first and the last are kept as 0, all others as 1.
+    """
     if ti.static(lattice.features.alike):
-        return 0
+        return ti.i32(i > 0 and i < lattice.counts[None].columns - 1)
     return i
 
 

@@ -140,9 +140,10 @@ class Model:
     support    (n, 3) edges of the support's outline, if it has one, see `edges_of`
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
-    filling    (I, J, 7) mass of each mass point [kg], share of the faces of bonds A and B, reach
-               of the foam's face [m], whether it stands on the base, share of its cell, and of that
-               between it and the points to the right and above; None: the block is plain
+    filling    (I, J, 7), of columns that are alike (2, J, 7): mass of each mass point [kg], share
+               of the faces of bonds A and B, reach of the foam's face [m], whether it stands on the
+               base, share of its cell, and of that between it and the points to the right and
+               above; None: the block is plain
     foams      (foams, n) every member of `foam_type`; None: there is one
     places     (2, J) which of them bonds A and B of a row are of
     """
@@ -189,13 +190,15 @@ def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
 
 
 def _filled(scene: Scene) -> NDArray[np.float64]:
-    filled = filling(scene.block)
-    faces = np.zeros((*filled.mass.shape, 2))
-    faces[:-1, :, A], faces[:, :-1, B] = filled.face_a, filled.face_b
-    of_faces = faces[..., A], faces[..., B]
-    cells = np.pad(filled.cell, ((0, 1), (0, 1)))
-    alike = filled.reach, filled.on_base, filled.share
-    return np.stack([filled.mass, *of_faces, *alike, cells], axis=-1)
+    filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
+    if features_of(scene).alike:
+        shape = 2, scene.block.rows
+    found = np.zeros((*shape, 7))
+    of_points = filled.mass, filled.face_a, filled.face_b, filled.reach, filled.on_base
+    for n, values in enumerate((*of_points, filled.share, filled.cell)):
+        kept = values[: shape[0]]
+        found[: kept.shape[0], : kept.shape[1], n] = kept
+    return found
 
 
 def _foams(scene: Scene, graded: Grading) -> NDArray[np.float64]:

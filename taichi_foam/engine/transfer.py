@@ -118,7 +118,7 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
     """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
     start, end = -1, lattice.counts[None].columns + 1
     if ti.static(lattice.features.alike):
-        start, end = 0, 1
+        start, end = 0, 2
     for i in range(start, end):
         p = lattice.model.parameters[b]
         for k in range(-1, lattice.counts[None].packs + 1):

@@ -70,9 +70,15 @@ class Filling:
 
     @property
     def is_alike(self) -> bool:
-        """Whether every column of mass points is like every other."""
-        arrays = (self.mass, self.face_a, self.face_b, self.reach, self.share, self.cell)
-        return all(bool(np.all(array == array[:1])) for array in (*arrays, self.on_base))
+        """Whether all columns but the first and the last are alike, and these two."""
+        points = (self.mass, self.reach, self.share, self.face_b, self.on_base)
+        between = (self.face_a, self.cell)
+        return (
+            len(self.mass) > 2
+            and all(bool(np.all(each == each[:1])) for each in between)
+            and all(bool(np.all(each[1:-1] == each[1])) for each in points)
+            and all(bool(np.all(each[0] == each[-1])) for each in points)
+        )
 
     @property
     def is_full(self) -> bool:
@@ -88,8 +94,8 @@ def filling(block: Block) -> Filling:
 
 @lru_cache(maxsize=64)
 def _kept(block: Block) -> Filling:
-    if block.is_rectangle:
-        return _whole(block)
+    if not block.outline and not block.holes and block.lattice_angle_deg == 0:
+        return _rectangle(block)
     return _cut(block, in_cells(block))
 
 
@@ -105,24 +111,34 @@ def in_cells(block: Block) -> Polygon:
     return outlines.polygon(placed(block.corners), map(placed, block.holes))
 
 
-def _whole(block: Block) -> Filling:
-    """A rectangle, all of whose cells are full."""
+def _rectangle(block: Block) -> Filling:
+    """An upright rectangle: all cells are full, or half full where mass points lie on its faces.
+
+    What is the same in every column takes no memory for each of them.
+    """
     columns, rows = block.columns, block.rows
-    area = np.ones((columns, 1)) * np.diff(_levels(block))
-    there = np.ones((columns, rows), dtype=bool)
+    outside = 0.5 if block.mass_points == "faces" else 0.0  # of the first and the last row
+
+    def in_rows(full: float, outer: float) -> Array:
+        """Of each mass point a number that the first and the last row have otherwise."""
+        column = np.full(rows, full)
+        column[[0, -1]] = outer
+        return np.broadcast_to(column, (columns, rows))
+
+    share = in_rows(1.0, 1.0 - outside)
+    area = np.diff(np.clip(_levels(block), outside, rows - outside))
     x = np.minimum(np.arange(columns), np.arange(columns)[::-1]) + 0.5
-    y = np.minimum(np.arange(rows), np.arange(rows)[::-1]) + 0.5
+    y = np.minimum(np.arange(rows), np.arange(rows)[::-1]) + 0.5 - outside
     edge = np.minimum.outer(x * block.dx, y * block.dy)
-    on_base = np.zeros_like(there)
-    on_base[:, 0] = True
+    there = np.broadcast_to(True, (columns, rows))
     return Filling(
-        mass=_mass(block, area),
-        face_a=np.ones((columns - 1, rows)),
-        face_b=np.ones((columns, rows - 1)),
-        reach=_reach(block, edge, there, there),
-        share=np.ones((columns, rows)),
-        cell=np.ones((columns - 1, rows - 1)),
-        on_base=on_base,
+        mass=np.broadcast_to(_mass(block, area[None]), (columns, rows)),
+        face_a=share[1:],
+        face_b=np.broadcast_to(1.0, (columns, rows - 1)),
+        reach=_reach(block, edge, there, share >= 1.0),
+        share=share,
+        cell=np.broadcast_to(1.0, (columns - 1, rows - 1)),
+        on_base=np.broadcast_to(np.arange(rows) == 0, (columns, rows)),
         owner=_own((columns, rows)),
     )
 
@@ -236,9 +252,9 @@ def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArr
     return owner
 
 
-def _own(shape: tuple[int, ...]) -> NDArray[np.int64]:
+def _own(shape: tuple[int, ...]) -> NDArray[np.int32]:
     """The number of each cell itself, (I, J, 2)."""
-    return np.moveaxis(np.indices(shape), 0, -1)
+    return np.moveaxis(np.indices(shape, dtype=np.int32), 0, -1)
 
 
 def _pair(step: tuple[int, int]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
