@@ -94,7 +94,7 @@ def _mend(folder: Path, now: float) -> None:
         for file in (folder / INDEX, *folder.glob("T*.tic")):
             file.unlink(missing_ok=True)
         _fill(folder)
-        _say(f"{folder}: some compiled kernels were damaged; all are compiled again")
+        _say(f"{folder}: some compiled kernels were damaged; they are thrown away, and made again")
     finally:
         lock.unlink(missing_ok=True)
 

@@ -7,7 +7,7 @@ import taichi as ti
 
 from taichi_foam.engine import runtime
 from taichi_foam.engine.features import Features
-from taichi_foam.engine.layout import Layout, Size
+from taichi_foam.engine.layout import Layout, Size, bins_of, sweeps_of
 from taichi_foam.engine.model import ModelFields
 from taichi_foam.engine.scratch import ScratchFields
 from taichi_foam.engine.state import EMPTY, StateFields
@@ -65,14 +65,16 @@ class Lattice:
     def resize(self, size: Size) -> None:
         """Be a batch of this size, all of it empty."""
         self.size = size
-        sweeps = max(1, min(size.columns // 5, self.sweeps))
-        _put_counts(self, size.columns, size.rows, self.filled_strips, sweeps)
+        sweeps = sweeps_of(size.columns, self.sweeps)
+        bins = bins_of(size.columns), bins_of(size.rows)
+        _put_counts(self, size.columns, size.rows, self.filled_strips, sweeps, *bins)
 
 
 @ti.kernel
 def _put_counts(
-    lattice: ti.template(), columns: ti.i32, rows: ti.i32, strips: ti.i32, sweeps: ti.i32
-):
+    lattice: ti.template(), columns: ti.i32, rows: ti.i32, strips: ti.i32, sweeps: ti.i32,
+    bins_x: ti.i32, bins_y: ti.i32,
+):  # fmt: skip
     for b in range(lattice.batch):
         lattice.state.clock[b].status = EMPTY
     for _ in range(1):
@@ -82,8 +84,8 @@ def _put_counts(
         lattice.counts[None].packs = (rows + lattice.lanes - 1) // lattice.lanes
         lattice.counts[None].strips = strips
         lattice.counts[None].sweeps = sweeps
-        lattice.counts[None].bins_x = columns + columns // 4 + 4
-        lattice.counts[None].bins_y = rows + rows // 4 + 4
+        lattice.counts[None].bins_x = bins_x
+        lattice.counts[None].bins_y = bins_y
 
 
 MOST_IDLE = 12

@@ -71,6 +71,16 @@ def _doubled(room: int, count: int) -> int:
     return room
 
 
+def sweeps_of(columns: int, most: int) -> int:
+    """How many sweeps so many columns are dealt out in, each of five at least."""
+    return max(1, min(columns // 5, most))
+
+
+def bins_of(count: int) -> int:
+    """Bins of the search grid along so many columns or rows: foam that flies off has room."""
+    return count + count // 4 + 4
+
+
 class Layout:
     """What there is room for, and the trees that fields are placed in.
 
@@ -110,12 +120,12 @@ class Layout:
         else:
             self.strips = columns
             most = SWEEPS if self.nodes < SMALL_BLOCK else 4 * int(settings["threads"])
-            self.sweeps = max(1, min(columns // 5, most))
+            self.sweeps = sweeps_of(columns, most)
             self.slots = SWEEP_SLOTS
         size = "small" if self.nodes < SMALL_BLOCK else "big"
         self.most_pairs = int(PAIRS[size] * self.nodes)
         self.most_candidates = int(CANDIDATES[size] * self.nodes)
-        self.bins_x, self.bins_y = columns + columns // 4 + 4, rows + rows // 4 + 4
+        self.bins_x, self.bins_y = bins_of(columns), bins_of(rows)
         self.pack = ti.types.vector(self.lanes, ti.f64)
         self.small_pack = ti.types.vector(self.lanes, ti.f32)
         self.whole_pack = ti.types.vector(self.lanes, ti.i32)

@@ -53,7 +53,7 @@ class Filling:
     share: Array
     cell: Array
     on_base: NDArray[np.bool_]
-    owner: NDArray[np.int64]
+    owner: NDArray[np.int32]
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -227,7 +227,7 @@ def _mass(block: Block, area: Array) -> Array:
     return np.add.reduceat(mass, np.searchsorted(levels, np.arange(block.rows)), axis=1)
 
 
-def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArray[np.int64]:
+def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArray[np.int32]:
     """Cell (I, J, 2) whose mass point has what each cell holds; (-1, -1) of an empty one.
 
     Its own; else the neighbour's with which it shares the longest face; else the nearest.
@@ -264,7 +264,7 @@ def _pair(step: tuple[int, int]) -> tuple[tuple[slice, slice], tuple[slice, slic
     return here, other  # type: ignore[return-value]
 
 
-def _faces(owner: NDArray[np.int64], inner: Array, axis: int) -> Array:
+def _faces(owner: NDArray[np.int32], inner: Array, axis: int) -> Array:
     """Faces of the bonds along an axis: those between the cells that their mass points have."""
     step = np.array([axis == 0, axis == 1], dtype=np.int64)
     count = np.array(owner.shape[:2])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Block, FlatBlock, Scene
+from taichi_foam.scene.block import Layer
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 from taichi_foam.scene.filling import Filling, filling, thin_parts
 
-ARRAYS = ("mass", "face_a", "face_b", "reach", "share", "on_base", "owner")
+ARRAYS = ("mass", "face_a", "face_b", "reach", "share", "cell", "on_base", "owner")
 DROP = {"impactor": {"shape": "flat", "velocity": 3.0, "width": 0.05}}
 PAD = [[-0.05, 0.0], [0.05, 0.0], [0.03, 0.05], [-0.03, 0.05]]
 SIZE = {"width": 0.1, "height": 0.05, "columns": 20, "rows": 10, "mass_points": "cells"}
@@ -45,16 +46,23 @@ def bonds_of(filled: Filling) -> tuple[np.ndarray, np.ndarray]:
 
 @given(
     st.floats(0.05, 0.3), st.floats(0.02, 0.2), st.integers(2, 30), st.integers(2, 30),
-    st.integers(0, 3), st.booleans(),
+    st.integers(0, 3), st.booleans(), st.sampled_from(["cells", "faces"]), st.floats(0.2, 0.8),
 )  # fmt: skip
 def test_a_rectangle_that_is_drawn_is_the_plain_block(
-    width: float, height: float, columns: int, rows: int, first: int, clockwise: bool
-) -> None:
-    plain = Block(width=width, height=height, columns=columns, rows=rows)
+    width: float, height: float, columns: int, rows: int, first: int, clockwise: bool,
+    mass_points: Literal["cells", "faces"], top: float,
+) -> None:  # fmt: skip
+    plain = Block(
+        width=width, height=height, columns=columns, rows=rows, mass_points=mass_points
+    )  # fmt: skip
     corners = np.roll(plain.corners, first, axis=0)[:: -1 if clockwise else 1]
     drawn = plain.model_copy(update={"outline": tuple(map(tuple, corners.tolist()))})
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(filling(drawn), name), getattr(filling(plain), name))
+    if rows >= 10:  # a layer that ends within a row of cells: equal but for rounding
+        layers = {"layers": (Layer(bottom=0.0, top=top * height, density=80.0),)}
+        of_both = [filling(block.model_copy(update=layers)).mass for block in (drawn, plain)]
+        np.testing.assert_allclose(*of_both, rtol=1e-12)
 
 
 def test_what_a_plain_block_is() -> None:
