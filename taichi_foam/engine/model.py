@@ -163,6 +163,7 @@ class Model:
 def model_of(scene: Scene) -> Model:
     """The model of a scene."""
     law, graded = type(scene.foam.law_for(scene.model)), grading(scene)
+    features = features_of(scene)
     record, outline = parameters_type(law), scene.support.outline_under(scene.block)
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
@@ -172,7 +173,7 @@ def model_of(scene: Scene) -> Model:
         support=None if outline is None else edges_of(outline),
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(scene, graded),
-        filling=_filled(scene) if features_of(scene).shaped else None,
+        filling=_filled(scene, features.alike) if features.shaped else None,
         foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
         places=graded.places,
     )
@@ -189,9 +190,10 @@ def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
     return tables
 
 
-def _filled(scene: Scene) -> NDArray[np.float64]:
+def _filled(scene: Scene, alike: bool) -> NDArray[np.float64]:
+    """See `Model.filling`."""
     filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
-    if features_of(scene).alike:
+    if alike:
         shape = 2, scene.block.rows
     found = np.zeros((*shape, 7))
     of_points = filled.mass, filled.face_a, filled.face_b, filled.reach, filled.on_base

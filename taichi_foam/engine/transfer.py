@@ -115,7 +115,10 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
 
 @ti.kernel
 def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
-    """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved."""
+    """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved.
+
+    Of columns that are alike two are kept, see `makeup.column`: those beside the lattice need none.
+    """
     start, end = -1, lattice.counts[None].columns + 1
     if ti.static(lattice.features.alike):
         start, end = 0, 2

@@ -7,7 +7,7 @@ goes to a neighbour.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +68,7 @@ class Filling:
         np.add.at(found, tuple(self.owner[held].T), self.share[held])
         return found
 
-    @property
+    @cached_property
     def is_alike(self) -> bool:
         """Whether all columns but the first and the last are alike, and these two."""
         points = (self.mass, self.reach, self.share, self.face_b, self.on_base)
@@ -118,14 +118,9 @@ def _rectangle(block: Block) -> Filling:
     """
     columns, rows = block.columns, block.rows
     outside = 0.5 if block.mass_points == "faces" else 0.0  # of the first and the last row
-
-    def in_rows(full: float, outer: float) -> Array:
-        """Of each mass point a number that the first and the last row have otherwise."""
-        column = np.full(rows, full)
-        column[[0, -1]] = outer
-        return np.broadcast_to(column, (columns, rows))
-
-    share = in_rows(1.0, 1.0 - outside)
+    heights = np.ones(rows)
+    heights[[0, -1]] -= outside
+    share = np.broadcast_to(heights, (columns, rows))
     area = np.diff(np.clip(_levels(block), outside, rows - outside))
     x = np.minimum(np.arange(columns), np.arange(columns)[::-1]) + 0.5
     y = np.minimum(np.arange(rows), np.arange(rows)[::-1]) + 0.5 - outside
