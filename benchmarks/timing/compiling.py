@@ -14,7 +14,7 @@ os.environ["TI_OFFLINE_CACHE"] = "0"
 from taichi_foam import init, load_scene, run
 
 SHAPES = ("rectangular-3.03", "cylinder-2.94", "wedge-2.86")
-INSTANT = {"numerics.time_limit": 1e-5}
+INSTANT = {"numerics.time_limit": 1e-5, "output.history_interval": 1e-5}
 
 
 def loop() -> float:
