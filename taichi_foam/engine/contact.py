@@ -58,7 +58,7 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
         if ti.static(lattice.features.shaped):
             may &= makeup.mobility(lattice, b, i, k).y > 0.0
     elif ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
-        low = y < makeup.reach(lattice, b, i, k) + p.skin
+        low = y < lattice.model.reach[b, i, k] + p.skin
         may = (near | low) & (makeup.mobility(lattice, b, i, k).y > 0.0)
     elif p.hold_y and k == 0:
         # the held row is part of the support, which lets the impactor pass
@@ -198,7 +198,7 @@ def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64,
     half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
     upright, sideways = p.area.y, p.area.x
     if ti.static(lattice.features.shaped):
-        half = makeup.reach_at(lattice, b, i, j)
+        half = lattice.model.reach[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
         upright *= makeup.wider_face(lattice, B, b, i, j)
         sideways *= makeup.wider_face(lattice, A, b, i, j)
     stand, stretch, stored = vec4(0.0), 0.0, 0.0

@@ -139,9 +139,9 @@ class Layout:
             tree.dense(ti.ijk, self._padded).place(field, offset=(0, -1, -1))
 
     def of_rows(self, *fields: Any) -> None:
-        """Node fields that columns share, outer and inner ones: (batch, 0..1, -1..packs)."""
+        """Node fields that all columns share: (batch, 0, -1..packs)."""
         for field in fields:
-            tree = self._numbers.dense(ti.ijk, (self.batch, 2, self.packs + 2))
+            tree = self._numbers.dense(ti.ijk, (self.batch, 1, self.packs + 2))
             tree.place(field, offset=(0, 0, -1))
 
     def by_columns(self, *records: Any) -> None:

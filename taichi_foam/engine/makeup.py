@@ -13,26 +13,10 @@ from taichi_foam.engine.grading import A
 
 @ti.func
 def column(lattice: ti.template(), i):
-    """Where a shaped block keeps what the mass points of column `i` stand for.
-
-    Where columns are alike, the first and the last are kept as 0, all others as 1.
-    """
+    """Where a shaped block keeps what the mass points of column `i` stand for."""
     if ti.static(lattice.features.alike):
-        return ti.i32(i > 0 and i < lattice.counts[None].columns - 1)
+        return 0
     return i
-
-
-@ti.func
-def reach(lattice: ti.template(), b, i, k):
-    """From a pack's mass points to the faces of their foam [m], in a shaped block."""
-    return lattice.model.filling[b, column(lattice, i), k].reach
-
-
-@ti.func
-def reach_at(lattice: ti.template(), b, i, j) -> ti.f64:
-    """The same from one."""
-    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-    return lattice.model.filling[b, column(lattice, i), k].reach[lane]
 
 
 @ti.func

@@ -140,10 +140,10 @@ class Model:
     support    (n, 3) edges of the support's outline, if it has one, see `edges_of`
     strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
     tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
-    filling    (I, J, 7), of columns that are alike (2, J, 7): mass of each mass point [kg], share
-               of the faces of bonds A and B, reach of the foam's face [m], whether it stands on the
-               base, share of its cell, and of that between it and the points to the right and
-               above; None: the block is plain
+    filling    (I, J, 6), of columns that are alike (1, J, 6): mass of each mass point [kg], share
+               of the faces of bonds A and B, whether it stands on the base, share of its cell, and
+               of that between it and the points to the right and above; None: the block is plain
+    reach      (I, J) of the foam's face from each mass point [m], if the block is not plain
     foams      (foams, n) every member of `foam_type`; None: there is one
     places     (2, J) which of them bonds A and B of a row are of
     """
@@ -156,6 +156,7 @@ class Model:
     strengths: NDArray[np.float64] | None
     tables: NDArray[np.float64] | None
     filling: NDArray[np.float64] | None
+    reach: NDArray[np.float64] | None
     foams: NDArray[np.float64] | None
     places: NDArray[np.int32]
 
@@ -174,6 +175,7 @@ def model_of(scene: Scene) -> Model:
         strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
         tables=_tables(scene, graded),
         filling=_filled(scene, features.alike) if features.shaped else None,
+        reach=np.ascontiguousarray(filling(scene.block).reach) if features.shaped else None,
         foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
         places=graded.places,
     )
@@ -194,9 +196,9 @@ def _filled(scene: Scene, alike: bool) -> NDArray[np.float64]:
     """See `Model.filling`."""
     filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
     if alike:
-        shape = 2, scene.block.rows
-    found = np.zeros((*shape, 7))
-    of_points = filled.mass, filled.face_a, filled.face_b, filled.reach, filled.on_base
+        shape = 1, scene.block.rows
+    found = np.zeros((*shape, 6))
+    of_points = filled.mass, filled.face_a, filled.face_b, filled.on_base
     for n, values in enumerate((*of_points, filled.share, filled.cell)):
         kept = values[: shape[0]]
         found[: kept.shape[0], : kept.shape[1], n] = kept
@@ -231,8 +233,8 @@ class ModelFields:
     support     (batch, SURFACE_ROWS) three numbers each, as `surface`, where it has an outline
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
-                (batch, I, packs) of the nodes of a shaped block, see `makeup.column`
-    filling     (batch, I, packs) of a shaped block, see `Model`
+                (batch, I, packs) of the nodes of a shaped block, likewise
+    filling, reach   (batch, I, packs) of a shaped block, see `Model`, and `makeup.column`
     foams       (batch, foams) records of `foam_type`, if there are several
     graded      (batch, 2 * packs) the same in packs, of bonds A and of bonds B by rows
     foam_of_row (batch, 2 * rows) which of `foams` bonds A and B of each row are of
@@ -249,8 +251,9 @@ class ModelFields:
         layout.of_lattices(self.parameters)
         layout.listed(SURFACE_ROWS, self.surface)
         if features.shaped:
-            parts = dict.fromkeys(("mass", "face_a", "face_b", "reach", "share", "cell"), pack)
-            self.filling = ti.types.struct(**parts).field()
+            parts = dict.fromkeys(("mass", "face_a", "face_b", "share", "cell"), pack)
+            self.filling, self.reach = ti.types.struct(**parts).field(), pack.field()
+            layout.of_nodes(self.reach)
             place = layout.of_rows if features.alike else layout.of_nodes
             place(self.mobility, self.filling)
         else:

@@ -75,6 +75,8 @@ def put_model(lattice: Lattice, b: int, model: Model) -> None:
         _put_strengths(lattice, b, model.strengths)
     if model.filling is not None:
         _put_filling(lattice, b, model.filling)
+    if model.reach is not None:
+        _put_reach(lattice, b, model.reach)
     if model.tables is not None:
         for n, table in enumerate(model.tables):
             _put_table(lattice, b, n, table)
@@ -117,17 +119,17 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
 def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
     """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved.
 
-    Of columns that are alike two are kept, see `makeup.column`: those beside the lattice need none.
+    Of columns that are alike one is kept, see `makeup.column`: those beside the lattice need none.
     """
     start, end = -1, lattice.counts[None].columns + 1
     if ti.static(lattice.features.alike):
-        start, end = 0, 2
+        start, end = 0, 1
     for i in range(start, end):
         p = lattice.model.parameters[b]
         for k in range(-1, lattice.counts[None].packs + 1):
             for lane in range(lattice.lanes):
                 j = k * lattice.lanes + lane
-                mass, face_a, face_b, reach, share, cell = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                mass, face_a, face_b, share, cell = 0.0, 0.0, 0.0, 0.0, 0.0
                 x, y, gravity = 0.0, 0.0, 0.0
                 if (
                     i >= 0
@@ -135,9 +137,9 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
                     and j >= 0
                     and j < lattice.counts[None].rows
                 ):
-                    mass, reach, share = filling[i, j, 0], filling[i, j, 3], filling[i, j, 5]
-                    face_a, face_b, cell = filling[i, j, 1], filling[i, j, 2], filling[i, j, 6]
-                    stands = filling[i, j, 4] > 0.0
+                    mass, share, cell = filling[i, j, 0], filling[i, j, 4], filling[i, j, 5]
+                    face_a, face_b = filling[i, j, 1], filling[i, j, 2]
+                    stands = filling[i, j, 3] > 0.0
                     if mass > 0.0:
                         x = ti.select(p.hold_x and stands, 0.0, 1.0 / mass)
                         y = ti.select(p.hold_y and stands, 0.0, 1.0 / mass)
@@ -145,12 +147,19 @@ def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
                 lattice.model.filling[b, i, k].mass[lane] = mass
                 lattice.model.filling[b, i, k].face_a[lane] = face_a
                 lattice.model.filling[b, i, k].face_b[lane] = face_b
-                lattice.model.filling[b, i, k].reach[lane] = reach
                 lattice.model.filling[b, i, k].share[lane] = share
                 lattice.model.filling[b, i, k].cell[lane] = cell
                 lattice.model.mobility[b, i, k].x[lane] = x
                 lattice.model.mobility[b, i, k].y[lane] = y
                 lattice.model.mobility[b, i, k].gravity[lane] = gravity
+
+
+@ti.kernel
+def _put_reach(lattice: ti.template(), b: ti.i32, reach: Table):
+    for i in range(lattice.counts[None].columns):
+        for j in range(lattice.counts[None].rows):
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+            lattice.model.reach[b, i, k][lane] = reach[i, j]
 
 
 @ti.kernel

@@ -70,15 +70,9 @@ class Filling:
 
     @cached_property
     def is_alike(self) -> bool:
-        """Whether all columns but the first and the last are alike, and these two."""
-        points = (self.mass, self.reach, self.share, self.face_b, self.on_base)
-        between = (self.face_a, self.cell)
-        return (
-            len(self.mass) > 2
-            and all(bool(np.all(each == each[:1])) for each in between)
-            and all(bool(np.all(each[1:-1] == each[1])) for each in points)
-            and all(bool(np.all(each[0] == each[-1])) for each in points)
-        )
+        """Whether every column of mass points stands for what every other does."""
+        arrays = (self.mass, self.share, self.on_base, self.face_a, self.face_b, self.cell)
+        return all(bool(np.all(array == array[:1])) for array in arrays)
 
     @property
     def is_full(self) -> bool:
