@@ -15,6 +15,7 @@ from os import cpu_count, environ
 from pathlib import Path
 
 from taichi_foam.catalogue import list_scenes
+from taichi_foam.engine.kernel_cache import INDEX, MARK
 from taichi_foam.engine.shipped import archive_name
 
 ENGINE = Path(__file__).parents[1] / "taichi_foam" / "engine"
@@ -65,7 +66,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cache = folder / "cache"
-        settings = {**environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+        settings = {
+            **environ,
+            "TI_OFFLINE_CACHE_FILE_PATH": str(cache),
+            "TI_ADVANCED_OPTIMIZATION": "1",  # see `engine/effort.py`, whose marks go along
+        }
 
         def run(command: list[str]) -> subprocess.CompletedProcess[str]:
             done = subprocess.run(
@@ -86,7 +91,7 @@ def main() -> int:
             return 1
         written = target.with_suffix(".new")
         with tarfile.open(written, "w:xz", preset=9) as packed:
-            for path in (*kernels, cache / "ticache.tcb"):
+            for path in (*kernels, *sorted(cache.glob(f"{MARK}*")), cache / INDEX):
                 packed.add(path, path.name)
         written.replace(target)
         print(f"{target}: {len(kernels)} kernels, {target.stat().st_size / 1e3:.0f} kB")

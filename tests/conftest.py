@@ -5,7 +5,6 @@ Hand-made histories and lattices have answers that are known without a simulatio
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from taichi_foam.engine import lattice, runtime
+from taichi_foam.engine import effort, lattice, runtime
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -24,12 +23,9 @@ from taichi_foam.scene import Block, FlatBlock, Scene
 MakeSnapshot = Callable[..., Snapshot]
 MakeResult = Callable[..., Result]
 
-# Most of the time of the tests goes into compiling: without these passes it takes half as long, and
-# every number is the same (`test_one_and_two_threads_agree` runs with and without them).
-os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
-
 # The tests use many lattices, most of them again and again.
 lattice.MOST_IDLE = 10_000
+effort.PAYS_AFTER = float("inf")  # for none of them compiling with all passes pays
 
 # A shell that starts a job in the background has it ignore Ctrl-C, `nohup` has it ignore a hang-up,
 # and so all that these start; the tests of both need them.

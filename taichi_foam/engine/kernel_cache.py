@@ -27,7 +27,12 @@ LOCK_SECONDS = 60.0
 _CHECKED = "checked"
 """Files that are older than this one have been read to their ends, and were whole."""
 
+MARK = "marked-"  # the name of a mark's file begins with it
+
 _KERNEL = re.compile(rb"T[0-9a-f]{64}")
+
+
+_prepared: Path | None = None
 
 
 def prepared() -> Path | None:
@@ -37,6 +42,24 @@ def prepared() -> Path | None:
     cache, one for each set of kernels that packages have brought along (`engine.shipped`).
     TI_OFFLINE_CACHE=0 does without. One line on stderr says what was wrong with it.
     """
+    global _prepared
+    _prepared = _ready()
+    return _prepared
+
+
+def is_marked(name: str) -> bool:
+    """Whether kernels of this name are marked, see `engine.effort`; never without a folder."""
+    return _prepared is not None and (_prepared / f"{MARK}{name}").exists()
+
+
+def mark(name: str) -> None:
+    """Mark kernels of this name for later processes, if there is a folder."""
+    if _prepared is not None and not is_marked(name):
+        with contextlib.suppress(OSError):
+            (_prepared / f"{MARK}{name}").touch()
+
+
+def _ready() -> Path | None:
     if os.environ.get("TI_OFFLINE_CACHE") == "0":
         return None
     folder = _folder()

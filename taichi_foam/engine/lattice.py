@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import taichi as ti
 
-from taichi_foam.engine import runtime
+from taichi_foam.engine import effort, runtime
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout, Size, bins_of, sweeps_of
 from taichi_foam.engine.model import ModelFields
@@ -38,6 +38,7 @@ class Lattice:
     model     constants of their scenes
     state     what steps change
     scratch   what steps work in
+    place     its tree and number among all fields that were made: compiled kernels have them
     """
 
     def __init__(self, room: Size, features: Features) -> None:
@@ -56,6 +57,8 @@ class Lattice:
         self.scratch = ScratchFields(layout, features)
         layout.finish()
         self.size = room
+        whole = self.counts.snode.ptr
+        self.place = whole.get_snode_tree_id(), whole.id
 
     @property
     def filled_strips(self) -> int:
@@ -91,7 +94,7 @@ def _put_counts(
 MOST_IDLE = 12
 """Lattices that are kept while nobody has them. Each takes some 40 MB with its kernels."""
 
-_idle: dict[tuple[Size, Features], list[Lattice]] = {}
+_idle: dict[tuple[Size, Features, bool], list[Lattice]] = {}
 _lent = 0
 
 
@@ -101,23 +104,25 @@ def borrowed(batch: int, columns: int, rows: int, features: Features) -> Iterato
 
     Lattices are kept and lent again, for other sizes too: Taichi compiles its kernels anew for
     every new set of fields. When many lie idle, all are given up at once: Taichi gives memory of
-    kernels back in no other way.
+    kernels back in no other way. How thoroughly kernels are compiled: see `engine.effort`.
     """
     global _lent
     runtime.start()
     size = Size(batch, columns, rows)
-    key = size.room(), features
+    room = size.room()
+    key = room, features, effort.pays(room, features)
     if not _idle.get(key):
         _give_up_idle()
     kept = _idle.setdefault(key, [])
-    lattice = kept.pop() if kept else Lattice(*key)
-    lattice.resize(size)
-    _lent += 1
-    try:
-        yield lattice
-    finally:
-        _lent -= 1
-        kept.append(lattice)
+    lattice = kept.pop() if kept else Lattice(room, features)
+    with effort.spent(room, features, lattice.place):
+        lattice.resize(size)
+        _lent += 1
+        try:
+            yield lattice
+        finally:
+            _lent -= 1
+            kept.append(lattice)
 
 
 def _give_up_idle() -> None:

@@ -10,7 +10,7 @@ import gc
 import io
 import os
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -135,9 +135,7 @@ def _init(arch: str, threads: int) -> None:
             offline_cache=folder is not None,
             # at its end Taichi makes this folder in any case, and a refusal ends the process
             offline_cache_file_path=str(folder or os.path.abspath(os.sep)),
-            # takes longer than LLVM, and makes kernels slower. Taichi's other passes stay on: they
-            # merge what each access to a field loads, which LLVM cannot. TI_ADVANCED_OPTIMIZATION=0
-            # leaves them out: kernels compile in half the time and run a fifth slower
+            # takes longer than LLVM, and makes kernels slower; of the other passes see `passes`
             cfg_optimization=False,
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose
@@ -156,6 +154,25 @@ def _share_kernels() -> None:
     program = impl.get_runtime().prog
     assert program is not None
     program.config().cpu_max_num_threads = MOST_THREADS
+
+
+@contextlib.contextmanager
+def passes(advanced: bool) -> Iterator[None]:
+    """Compile with Taichi's advanced passes or without.
+
+    They merge what each access to a field works out anew, which LLVM cannot, and take a time that
+    grows with the square of a kernel's length.
+    """
+    from taichi.lang import impl
+
+    program = impl.get_runtime().prog
+    assert program is not None
+    before = program.config().advanced_optimization
+    program.config().advanced_optimization = advanced
+    try:
+        yield
+    finally:
+        program.config().advanced_optimization = before
 
 
 def _remember_sources() -> None:

@@ -24,7 +24,7 @@ LAST_KNOWN_FAMILY = 25
 WIDE = "haswell"
 WIDE_NEEDS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"}
 
-KERNEL = ".tic"  # ending of a kernel's file
+KERNEL, LIST = ".tic", ".tcb"  # endings of a kernel's file, and of that of Taichi's list
 
 ERRORS = (OSError, EOFError, tarfile.TarError, lzma.LZMAError)
 """What is raised where kernels cannot be unpacked."""
@@ -70,7 +70,7 @@ def unpack(folder: Path) -> None:
                 if widens and member.name.endswith(KERNEL):
                     content = widened(content)
                 (beside / member.name).write_bytes(content)
-        for path in sorted(beside.iterdir(), key=lambda path: path.suffix != KERNEL):
+        for path in sorted(beside.iterdir(), key=lambda path: path.suffix == LIST):
             path.replace(folder / path.name)
     finally:
         shutil.rmtree(beside, ignore_errors=True)
