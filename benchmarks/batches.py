@@ -17,7 +17,7 @@ from timing.rounds import Record, Spread, cpu_ns, measure, prepare
 from timing.subjects import Subject
 from timing.table import Table, write
 from timing.tables import environment
-from timing.workers import Workers
+from timing.workers import Workers, compile_thoroughly
 
 RESULTS = Path(__file__).parent / "results" / "batches.md"
 WEDGE = "paper/wedge-2.86"
@@ -91,6 +91,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--smoke", dest="mode", action="store_const", const=SMOKE, default=Mode())
     mode = parser.parse_args().mode
+    if mode is not SMOKE:
+        compile_thoroughly()
     pairs = subjects(mode)
     record = Record([subject for engine, lanes in pairs for subject in (engine, *lanes)])
     with Workers() as workers:

@@ -20,7 +20,7 @@ from timing.limits import Limits
 from timing.rounds import Record, measure, prepare
 from timing.starts import memory, starts
 from timing.subjects import MODES, Mode, subjects
-from timing.workers import Workers
+from timing.workers import Workers, compile_thoroughly
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -58,6 +58,8 @@ def main(
     """Time the engine and its peers side by side, and write the tables to a folder."""
     kind = "smoke" if smoke else "quick" if quick else "full"
     mode = MODES[kind]
+    if not smoke:
+        compile_thoroughly()
     terminal = Console(highlight=False)
     console = terminal if terminal.is_terminal else Console(highlight=False, width=120)
     record = Record(subjects(mode, threads))

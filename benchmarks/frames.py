@@ -28,6 +28,7 @@ from matplotlib.figure import Figure
 from peers import scene_with, updated
 from timing.engine import settings, start_taichi
 from timing.table import Table, write
+from timing.workers import compile_thoroughly
 
 from taichi_foam.analysis import cells
 from taichi_foam.live.controller import Controller
@@ -235,6 +236,8 @@ def main() -> None:
     for name in ("quick", "smoke"):
         parser.add_argument(f"--{name}", dest="mode", action="store_const", const=name)
     mode = parser.parse_args().mode or "full"
+    if mode != "smoke":
+        compile_thoroughly()
     start_taichi()
     tables = [table(MODES[mode]).markdown() for table in (frames, in_motion, view)]
     text = "\n\n".join(tables) + "\n"

@@ -18,6 +18,7 @@ from pathlib import Path
 from peers import lattice_of, scene_with
 from timing.engine import Loaded, settings, start_taichi
 from timing.table import Table, write
+from timing.workers import compile_thoroughly
 
 from taichi_foam.engine.features import features_of
 from taichi_foam.errors import UserError
@@ -141,6 +142,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.smoke:
         options.lattices, options.nodes, options.seconds, options.steps = [2], [], 1e-9, 1
+    else:
+        compile_thoroughly()
     try:
         start_taichi(options.arch)
     except UserError as error:

@@ -15,10 +15,10 @@ import numpy as np
 import taichi as ti
 from peers import CASE, Extent, scene_with, updated
 from rich.console import Console
-from timing.engine import start_taichi
 from timing.table import Table
+from timing.workers import compile_thoroughly
 
-from taichi_foam.engine import bonds, cells, clock, contact, cpu, ledger, nodes, transfer
+from taichi_foam.engine import bonds, cells, clock, contact, cpu, ledger, nodes, runtime, transfer
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice, borrowed
 from taichi_foam.simulation.simulate import run
@@ -224,7 +224,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--smoke", action="store_true")
     mode = SMOKE if parser.parse_args().smoke else Mode()
-    start_taichi(threads=1)
+    if mode is not SMOKE:
+        compile_thoroughly()
+    runtime.start(threads=1)
     costs = part_costs(mode)
     counted = {name for name, _, _, counts in PARTS if counts}
     total = sum(costs[name] for name in counted)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -27,13 +26,7 @@ from .subjects import Extent, Subject, scene_with, updated
 
 ALL = 1_000_000  # steps: as far as the lattice's pause
 
-settings = runtime.settings
-
-
-def start_taichi(arch: str | None = None, threads: int | None = None) -> None:
-    """Start Taichi as `runtime.start` does; kernels are those of long use, see `engine.effort`."""
-    os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "1")
-    runtime.start(arch, threads)
+start_taichi, settings = runtime.start, runtime.settings
 
 
 class Loaded:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,14 @@ from .subjects import Subject
 
 BENCHMARKS = Path(__file__).resolve().parent.parent
 PATIENCE = 10.0  # s
+
+
+def compile_thoroughly() -> None:
+    """Have this process and those that it starts compile as after long use.
+
+    See `taichi_foam.engine.effort`.
+    """
+    os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "1")
 
 
 class WorkerError(RuntimeError):

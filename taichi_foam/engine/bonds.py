@@ -4,8 +4,7 @@ Everything is done a pack of bonds at a time, without branches on values: see `l
 force acts along it. Shear is the cells'; only by the reading `face` bonds carry it too.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import cells, lanes, makeup
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import LAST_STAGE

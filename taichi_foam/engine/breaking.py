@@ -1,7 +1,6 @@
 """What has become of the bonds: which are whole, which break or soften now, and what they lose."""
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import lanes, makeup
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.state import BREAKING, BROKEN, LOST_BY_BONDS, book

@@ -12,8 +12,7 @@ than its bonds have left it, whether they are whole or broken; see docs/model.md
 Cell (i, j) is the one to the right of and above node (i, j).
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import lanes, makeup
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import ABSENT, BROKEN, LOST_BY_ROOM, LOST_BY_SHEAR, WHOLE, book

@@ -3,8 +3,7 @@
 One thread does this for a lattice, whoever does the rest.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import ledger, turning
 from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS

@@ -1,7 +1,6 @@
 """Contact of mass points: with impactor, floor or support, and of pieces with each other."""
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import breaking, lanes, makeup, turning
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import LAST_STAGE

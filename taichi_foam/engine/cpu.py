@@ -9,8 +9,7 @@ lattice on one thread for thousands of steps in one call (a call costs as much a
 lattice), `staged` deals the columns of a big lattice out to several sweeps.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, breaking, cells, clock, contact, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.state import RUNNING

@@ -4,7 +4,7 @@ All is told in the base's frame, in which everything that moves feels the pulse 
 gravity. The pulse of a stage is looked up once, when the stage before it ends.
 """
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 
 @ti.func

@@ -5,8 +5,7 @@ call: a call costs as much as several steps of a small lattice. `advance_wide` s
 over blocks, and starts a kernel for each part of a step.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import clock, gpu_neighbours, gpu_strips, runtime
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS

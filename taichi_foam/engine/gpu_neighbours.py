@@ -7,8 +7,7 @@ bins. Where a node's partners are kept does depend on the order; no number does.
 Threads call each part for their strip, and all have to end one part before any begins the next.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import contact, lanes, makeup
 from taichi_foam.engine.contact import INSIDE, NEW
 from taichi_foam.engine.lattice import LAST_STAGE

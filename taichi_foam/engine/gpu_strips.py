@@ -10,8 +10,7 @@ Barriers have to order the fields' memory too. On CUDA they do. Vulkan promises 
 only; drivers order a work group's own memory all the same, and the tests would show it if not.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, breaking, cells, clock, gpu_neighbours, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS

@@ -6,7 +6,7 @@ are such lanes already, a pack is one node. Row `j` of a column is lane `j % lan
 `j // lanes`; the last pack's spare lanes hold nodes that are connected to nothing.
 """
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 CPU_LANES = 4  # a power of two
 

@@ -3,8 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import effort, runtime
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout, Size, bins_of, sweeps_of

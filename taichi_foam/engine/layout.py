@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import runtime
 from taichi_foam.engine.lanes import CPU_LANES
 

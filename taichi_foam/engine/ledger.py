@@ -1,7 +1,6 @@
 """The energies of a lattice, and the rows of its history."""
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import breaking, cells, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
 from taichi_foam.records.history import BOOKED, ENERGIES_NOW, ROW_COLUMNS, TURN_COLUMNS

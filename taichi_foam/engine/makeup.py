@@ -5,8 +5,7 @@ constants. Elsewhere they differ from mass point to mass point (`Features.shaped
 row and from axis to axis (`Features.foams`).
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import lanes
 from taichi_foam.engine.grading import A
 

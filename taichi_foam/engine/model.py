@@ -11,9 +11,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.grading import A, B, Grading, grading
 from taichi_foam.engine.layout import Layout

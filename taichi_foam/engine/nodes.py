@@ -4,8 +4,7 @@ What a strip of nodes adds up is kept per strip: the sums then have one order, w
 strips. On a CPU a strip is a column.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import cells, contact, driving, lanes, makeup, turning
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import (

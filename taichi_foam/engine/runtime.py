@@ -9,14 +9,10 @@ import contextlib
 import gc
 import io
 import os
-import textwrap
 from collections.abc import Callable, Iterator
-from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import kernel_cache
 from taichi_foam.engine.device import Device, device_of
 from taichi_foam.errors import UserError
@@ -74,8 +70,6 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             argument="arch='cpu'",
         )
     _init(*wanted)
-    _remember_sources()
-    _remember_positions()
     _started = wanted
 
 
@@ -173,39 +167,6 @@ def passes(advanced: bool) -> Iterator[None]:
         yield
     finally:
         program.config().advanced_optimization = before
-
-
-def _remember_sources() -> None:
-    """Read the source of each function once, not for every time that it is inlined.
-
-    This is a quarter of what Taichi does with the sources of kernels, in each process anew.
-    """
-    from taichi.lang import kernel_impl
-
-    kernel_impl.getsourcefile = cache(kernel_impl.getsourcefile)
-    kernel_impl.getsourcelines = cache(kernel_impl.getsourcelines)
-    kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
-
-
-def _remember_positions() -> None:
-    """Format each source position once, not for every time that its line is inlined.
-
-    Taichi writes them for its error messages whether there are any or not, which takes as long as
-    all else that it does with a kernel's source.
-    """
-    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
-
-    written: dict[tuple, str] = {}
-    write = ASTTransformerContext.get_pos_info
-
-    def get_pos_info(self, node):
-        place = (self.file, self.lineno_offset, self.func.func.__name__, type(node))
-        key = (*place, node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
-        if key not in written:
-            written[key] = write(self, node)
-        return written[key]
-
-    ASTTransformerContext.get_pos_info = get_pos_info
 
 
 def settings() -> dict[str, str | int]:

@@ -1,7 +1,6 @@
 """Scratch: what a step works in. Only rows of the history stay in it, until they are harvested."""
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.records.history import BOOKED, ENERGIES_NOW, row_columns

@@ -16,7 +16,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 # A processor that Taichi's LLVM does not know counts as one without wide vectors. These families of
 # AMD's, and what they have in any case; 25 is the last that LLVM 15 knows.

@@ -9,10 +9,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout
 from taichi_foam.engine.strengths import cuts

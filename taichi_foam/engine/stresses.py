@@ -6,9 +6,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.backend import ti
 from taichi_foam.engine import runtime, virial
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import borrowed

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.backend import ti
 from taichi_foam.engine import breaking, driving, lanes, makeup, stepping, virial
 from taichi_foam.engine.grading import B
 from taichi_foam.engine.lattice import Lattice

@@ -5,8 +5,7 @@ its centre of mass: `Body` has the height of that point, `Turn` how far it has m
 how far the body has turned about its centre of mass.
 """
 
-import taichi as ti
-
+from taichi_foam.backend import ti
 from taichi_foam.engine import driving
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.laws import contact as contact_law

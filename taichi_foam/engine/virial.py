@@ -13,9 +13,9 @@ Kernels of it take some seconds to compile: runs keep stresses only if they are 
 """
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, breaking, cells, contact, lanes, makeup
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import Lattice

@@ -4,7 +4,7 @@ Normal force by penalty, tangential force by a spring with a Coulomb slider
 (Cundall & Strack 1979, Geotechnique 29:47), which sticks without creep.
 """
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 
 @ti.func

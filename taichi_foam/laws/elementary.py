@@ -11,7 +11,7 @@ against 40 digits. A compiler that fuses products with sums may change them by a
 
 import math
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 # The exponential is 0 below the first (where it is 3e-308 and would soon be subnormal, which many
 # devices flush to 0, and a process that has imported Taichi too), and infinite above the second.

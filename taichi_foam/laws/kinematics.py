@@ -5,7 +5,7 @@ along the gradient's column along the bond, its shear stress along the column ac
 Arguments may be numbers or vectors of them, one for each of several bonds.
 """
 
-import taichi as ti
+from taichi_foam.backend import ti
 
 
 @ti.func

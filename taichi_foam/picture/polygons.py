@@ -3,9 +3,9 @@
 from functools import lru_cache
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_foam.backend import ti
 from taichi_foam.engine import runtime
 from taichi_foam.picture import colours
 from taichi_foam.picture.view import View

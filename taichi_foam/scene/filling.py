@@ -349,10 +349,12 @@ def problems(block: Block) -> list[str]:
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
     """A cell whose foam no mass point beside it has, one of more than LONGEST_TIP in a row."""
-    from scipy import ndimage
-
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
+    if not far.any():
+        return None
+    from scipy import ndimage  # takes long to load, and most blocks need none of it
+
     label = np.zeros(far.shape, dtype=np.int64)
     ndimage.label(far, np.ones((3, 3)), output=label)
     for place in ndimage.find_objects(label):
@@ -364,14 +366,16 @@ def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
 
 def _parts(filled: Filling) -> NDArray[np.int64]:
     """The part, of those that bonds join, of each mass point."""
-    from scipy.sparse import coo_array
+    count = int(filled.there.sum())
+    a, b = filled.face_a > 0, filled.face_b > 0
+    if filled.there.all() and a.all() and b.all():
+        return np.zeros(count, dtype=np.int64)
+    from scipy.sparse import coo_array  # takes long to load
     from scipy.sparse.csgraph import connected_components
 
     number = np.cumsum(filled.there.ravel()).reshape(filled.there.shape) - 1
-    a, b = filled.face_a > 0, filled.face_b > 0
     first = np.concatenate([number[:-1][a], number[:, :-1][b]])
     second = np.concatenate([number[1:][a], number[:, 1:][b]])
-    count = int(filled.there.sum())
     joined = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     return connected_components(joined, directed=False)[1]
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import taichi as ti
 
 from taichi_foam.analysis.history import history_of
+from taichi_foam.backend import ti
 from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed

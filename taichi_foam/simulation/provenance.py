@@ -12,8 +12,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import taichi as ti
 
+from taichi_foam.backend import ti
 from taichi_foam.scene import Scene
 from taichi_foam.version import version
 

@@ -238,7 +238,7 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
 
 def versions(arch: str) -> dict[str, str]:
     """What the numbers of a sweep hang on besides its plan."""
-    import taichi as ti
+    from taichi_foam.backend import ti  # takes long to load
 
     return {
         "taichi_foam": version(),

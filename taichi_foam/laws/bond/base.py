@@ -13,10 +13,10 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 from pydantic import Field
 
+from taichi_foam.backend import ti
 from taichi_foam.parts import Part, quantity
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5

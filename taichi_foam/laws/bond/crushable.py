@@ -11,10 +11,10 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import Landmarks
 from taichi_foam.laws.bond.crushing import UNLESS_GIVEN, Crushing, CrushingFoam

@@ -7,9 +7,9 @@ of this kind says with which slope, and where it is without stress (`unloading`)
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import taichi as ti
 from pydantic import Field
 
+from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Limit
 from taichi_foam.parts import choice, quantity

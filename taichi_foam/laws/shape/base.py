@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-import taichi as ti
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.parts import Part, choice, quantity
 

@@ -4,9 +4,9 @@ import math
 from typing import ClassVar, Literal
 
 import numpy as np
-import taichi as ti
 from numpy.typing import ArrayLike
 
+from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Control, Impactor, vec3
 from taichi_foam.parts import quantity

@@ -1,8 +1,8 @@
 """Contact with any simple polygon, convex or not, by its edges."""
 
 import numpy as np
-import taichi as ti
 
+from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Impactor, vec3
 

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_foam.backend import ti
 from taichi_foam.laws.shape.base import Impactor, vec3
 from taichi_foam.laws.shape.edges import Edged, edges_of
 
