@@ -54,7 +54,5 @@ def _position(self: ASTTransformerContext, node: ast.AST) -> str:
 kernel_impl._inside_class = _inside_class
 kernel_impl.getsourcelines = _getsourcelines
 kernel_impl.getsourcefile = _getsourcefile
-# a function's tree is walked again for every place where it is inlined, as a static loop's is
-kernel_impl.ast = SimpleNamespace(**vars(ast) | {"parse": cache(ast.parse)})
 kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
 ASTTransformerContext.get_pos_info = _position
