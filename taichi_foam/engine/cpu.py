@@ -115,19 +115,24 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.kernel
-def prepare(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: what its cells carry, and its stiffness if unknown."""
+def look(lattice: ti.template(), b: ti.i32):
+    """Of a state that has been put: what its cells carry."""
     for _ in range(1):
         p = lattice.model.parameters[b]
-        if ti.static(lattice.features.cells):
-            for i in range(lattice.counts[None].columns):
-                cells.look_column(lattice, b, i, False, p)
-        if lattice.state.clock[b].stiffest < 0.0:
-            stiffest = 0.0
-            for i in range(lattice.counts[None].columns):
-                bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, p)
-                stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, i])
-            lattice.state.clock[b].stiffest = stiffest
+        for i in range(lattice.counts[None].columns):
+            cells.look_column(lattice, b, i, False, p)
+
+
+@ti.kernel
+def find_stiffest(lattice: ti.template(), b: ti.i32):
+    """Of such a state: its stiffest stiffened bond."""
+    for _ in range(1):
+        p = lattice.model.parameters[b]
+        stiffest = 0.0
+        for i in range(lattice.counts[None].columns):
+            bonds.bond_column(lattice, 0, b, i, i, b * lattice.sweeps, 0, p)
+            stiffest = ti.max(stiffest, lattice.scratch.stiffest[b, i])
+        lattice.state.clock[b].stiffest = stiffest
 
 
 @ti.kernel

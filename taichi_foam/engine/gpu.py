@@ -311,24 +311,27 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
 
 
 @ti.kernel
-def prepare(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: what its cells carry, and its stiffness if unknown."""
-    if ti.static(lattice.features.cells):
-        for strip in range(lattice.strips):
-            p = lattice.model.parameters[b]
-            gpu_strips.look_strip(lattice, b, strip, lattice.strips, False, p)
+def look(lattice: ti.template(), b: ti.i32):
+    """Of a state that has been put: what its cells carry."""
+    for strip in range(lattice.strips):
+        p = lattice.model.parameters[b]
+        gpu_strips.look_strip(lattice, b, strip, lattice.strips, False, p)
+
+
+@ti.kernel
+def find_stiffest(lattice: ti.template(), b: ti.i32):
+    """Of such a state: its stiffest stiffened bond."""
     ti.loop_config(block_dim=THREADS)
     for strip in range(lattice.strips):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)
         p = lattice.model.parameters[b]
         t = strip % THREADS
-        if lattice.state.clock[b].stiffest < 0.0:
-            gpu_strips.bond_strip(lattice, 0, b, strip, lattice.strips, p)
+        gpu_strips.bond_strip(lattice, 0, b, strip, lattice.strips, p)
         shared[t] = lattice.scratch.stiffest[b, strip]
         gpu_strips.reduce(shared, lattice.scratch.sums, t, b, strip // THREADS, STIFFEST, 1, False)
     ti.loop_config(block_dim=THREADS)
     for t in range(THREADS):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)
         _add_blocks(lattice, shared, t, b, STIFFEST, 1, False)
-        if t == 0 and lattice.state.clock[b].stiffest < 0.0:
+        if t == 0:
             lattice.state.clock[b].stiffest = lattice.scratch.totals[b, 0, STIFFEST]

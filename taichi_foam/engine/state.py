@@ -264,7 +264,8 @@ def initial_state(scene: Scene) -> State:
     clock = dict.fromkeys(CLOCK, 0.0)
     clock["crush"] = max(0.0, *(-strain for strain in start.strains))
     clock["speed"] = float(np.hypot(velocity[..., 0], velocity[..., 1]).max())
-    clock |= {"shortest": NEVER, "stable": NEVER, "reversal": NEVER, "stiffest": -1.0, "stale": 1}
+    clock |= {"shortest": NEVER, "stable": NEVER, "reversal": NEVER, "stale": 1}
+    clock["stiffest"] = -1.0 if any(start.strains) else 0.0
     clock["bad_node"] = columns * rows
     body = dict.fromkeys(BODY, 0.0)
     body["y"] = NEVER if impactor is None else scene.contact_height + impactor.gap

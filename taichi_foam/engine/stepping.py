@@ -17,6 +17,13 @@ def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
     return cpu.advance_staged if lattice.size.nodes >= STAGED_NODES else cpu.advance_fused
 
 
-def prepare(lattice: Lattice, b: int) -> None:
-    """Of a state that has been put: the halves of its gradients, and its stiffness if unknown."""
-    (gpu if lattice.on_gpu else cpu).prepare(lattice, b)
+def prepare(lattice: Lattice, b: int, knows_stiffest: bool) -> None:
+    """Of a state that has been put: what its cells carry, and its stiffest bond if unknown.
+
+    Apart, since the second is the whole law of bonds to compile, and few states ask for it.
+    """
+    kernels = gpu if lattice.on_gpu else cpu
+    if lattice.features.cells:
+        kernels.look(lattice, b)
+    if not knows_stiffest:
+        kernels.find_stiffest(lattice, b)

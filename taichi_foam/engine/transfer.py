@@ -53,8 +53,9 @@ def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> 
     The others go on. The lattice must have the scene's counts and features.
     """
     put_model(lattice, b, model_of(scene))
-    put(lattice, b, initial_state(scene) if state is None else state)
-    stepping.prepare(lattice, b)
+    state = initial_state(scene) if state is None else state
+    put(lattice, b, state)
+    stepping.prepare(lattice, b, knows_stiffest=state.clock["stiffest"] >= 0.0)
 
 
 def unload(lattice: Lattice, b: int) -> None:
