@@ -17,6 +17,7 @@ from .subjects import Subject
 
 BENCHMARKS = Path(__file__).resolve().parent.parent
 PATIENCE = 10.0  # s
+EFFORT = "TI_ADVANCED_OPTIMIZATION"  # how thoroughly kernels are compiled
 
 
 def compile_thoroughly() -> None:
@@ -24,7 +25,7 @@ def compile_thoroughly() -> None:
 
     See `taichi_foam.engine.effort`.
     """
-    os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "1")
+    os.environ.setdefault(EFFORT, "1")
 
 
 class WorkerError(RuntimeError):

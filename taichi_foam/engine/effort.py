@@ -41,18 +41,17 @@ def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
 def is_thorough(room: Size, features: Features, name: str) -> bool:
     """Whether all passes are to be taken for kernels of this name.
 
-    They are for big blocks, which take longer than that, and on a GPU. TI_ADVANCED_OPTIMIZATION=1
-    takes them for all, 0 for none.
+    TI_ADVANCED_OPTIMIZATION=1 takes them for all, 0 for none.
     """
     given = os.environ.get("TI_ADVANCED_OPTIMIZATION")
     if given is not None:
         return given != "0"
-    return (
-        room.nodes >= SMALL_BLOCK
-        or runtime.settings()["arch"] != "cpu"
-        or pays(room, features)
-        or kernel_cache.is_marked(name)
-    )
+    return _is_always(room) or pays(room, features) or kernel_cache.is_marked(name)
+
+
+def _is_always(room: Size) -> bool:
+    """On a GPU, and for big blocks, which take longer than `PAYS_AFTER` in any case."""
+    return runtime.settings()["arch"] != "cpu" or room.nodes >= SMALL_BLOCK
 
 
 @contextlib.contextmanager
@@ -66,5 +65,5 @@ def spent(room: Size, features: Features, place: tuple[int, ...]) -> Iterator[No
         finally:
             now = _used.get((room, features), 0.0) + time.perf_counter() - started
             _used[room, features] = now
-            if thorough or pays(room, features):
+            if (thorough or pays(room, features)) and not _is_always(room):
                 kernel_cache.mark(name)
