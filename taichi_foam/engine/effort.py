@@ -41,17 +41,13 @@ def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
 def is_thorough(room: Size, features: Features, name: str) -> bool:
     """Whether all passes are to be taken for kernels of this name.
 
-    TI_ADVANCED_OPTIMIZATION=1 takes them for all, 0 for none.
+    Big blocks take longer than `PAYS_AFTER` in any case. TI_ADVANCED_OPTIMIZATION=1 takes them for
+    all, 0 for none. On a GPU they never are, see `runtime.passes`.
     """
     given = os.environ.get("TI_ADVANCED_OPTIMIZATION")
     if given is not None:
         return given != "0"
-    return _is_always(room) or pays(room, features) or kernel_cache.is_marked(name)
-
-
-def _is_always(room: Size) -> bool:
-    """On a GPU, and for big blocks, which take longer than `PAYS_AFTER` in any case."""
-    return runtime.settings()["arch"] != "cpu" or room.nodes >= SMALL_BLOCK
+    return room.nodes >= SMALL_BLOCK or pays(room, features) or kernel_cache.is_marked(name)
 
 
 @contextlib.contextmanager
@@ -65,5 +61,5 @@ def spent(room: Size, features: Features, place: tuple[int, ...]) -> Iterator[No
         finally:
             now = _used.get((room, features), 0.0) + time.perf_counter() - started
             _used[room, features] = now
-            if (thorough or pays(room, features)) and not _is_always(room):
+            if thorough or pays(room, features):
                 kernel_cache.mark(name)

@@ -131,6 +131,7 @@ def _init(arch: str, threads: int) -> None:
             offline_cache_file_path=str(folder or os.path.abspath(os.sep)),
             # takes longer than LLVM, and makes kernels slower; of the other passes see `passes`
             cfg_optimization=False,
+            advanced_optimization=_has_all_passes(arch),
             log_level=ti.ERROR,
             unrolling_limit=0,  # no warning of loops that are unrolled on purpose
         )
@@ -150,19 +151,29 @@ def _share_kernels() -> None:
     program.config().cpu_max_num_threads = MOST_THREADS
 
 
+def _has_all_passes(arch: str) -> bool:
+    """Whether kernels compile with Taichi's advanced passes.
+
+    With a GPU's packs, vectors of one number, Taichi 1.7.4 fails for Vulkan: it cannot say what
+    type the sum of such a vector and a number has.
+    """
+    return arch == "cpu"
+
+
 @contextlib.contextmanager
 def passes(advanced: bool) -> Iterator[None]:
-    """Compile with Taichi's advanced passes or without.
+    """Compile with Taichi's advanced passes or without; without them on a GPU.
 
     They merge what each access to a field works out anew, which LLVM cannot, and take a time that
     grows with the square of a kernel's length.
     """
+    assert _started is not None
     from taichi.lang import impl
 
     program = impl.get_runtime().prog
     assert program is not None
     before = program.config().advanced_optimization
-    program.config().advanced_optimization = advanced
+    program.config().advanced_optimization = advanced and _has_all_passes(_started[0])
     try:
         yield
     finally:

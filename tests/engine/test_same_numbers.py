@@ -146,7 +146,7 @@ def test_one_and_two_threads_agree() -> None:
     ]  # fmt: skip
     digests = []
     for process in processes:
-        out, err = process.communicate(timeout=300)
+        out, err = process.communicate(timeout=900)
         assert process.returncode == 0, err
         digests += out.split()
     assert len(digests) == 4
