@@ -56,20 +56,3 @@ def test_files_that_pages_name_are_there(page: Path) -> None:
             module = re.sub(r"\.[A-Za-z_]+$", ".py", name)
             found = any((place / path).exists() for place in places for path in (name, module))
             assert found or any((place / f"{name}.py").exists() for place in places), name
-
-
-def test_architecture_lists_every_module() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    table = text[text.index("\n## Wings") : text.index("\n## One place")]
-    listed: set[str] = set()
-    wing = ""
-    for first, second in re.findall(r"^\|(.*?)\|(.*?)\|", table, re.MULTILINE):
-        if first.strip():  # else the row belongs to the wing above
-            wing = first.strip(" `") if first.endswith("/` ") else ""
-        listed |= {wing + name for name in re.findall(r"`([\w/]+\.py)`", second)}
-    modules = {
-        path.relative_to(PACKAGE).as_posix()
-        for path in PACKAGE.rglob("*.py")
-        if path.name != "__init__.py"
-    }
-    assert listed == modules

@@ -68,8 +68,8 @@ def fill_own_bins(lattice: ti.template(), b, strip, width):
 def fill_bins(lattice: ti.template(), b, strip, width):
     """Part 2 for many nodes, with the same outcome: put the nodes of a strip into their bins.
 
-    A bond is raised to the number that comes to it (an atomic maximum). The smaller of that number
-    and the one that was there goes on to the larger one's bond, until a bond was free.
+    A bin is a chain of links from larger numbers to smaller ones. An atomic maximum puts a node's
+    number into a link; the smaller of the two moves on to the larger one's link, until one is free.
     """
     n = strip
     while n < lattice.counts[None].nodes:
@@ -182,7 +182,7 @@ def _listed_radius(lattice: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Part 6: what is new is no longer, and the radii heed their room."""
+    """Part 6: what was new is so no longer, and radii keep to their room."""
     n = strip
     while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)

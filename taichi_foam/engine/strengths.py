@@ -36,7 +36,7 @@ def rate_shares(foam: BondFoam, block: Block) -> tuple[float, float]:
     """What of the strain rate of bonds A and B counts: that over the foam's crush band.
 
     Foam crushes a row of cells at a time, between an impactor and foam that is at rest: in half
-    the cell the rate is twice as high, and so would be what heeds it.
+    the cell the rate is twice as high, and so would be what depends on it.
     """
     band = foam.crush_band
     a, b = (1.0 if band is None else length / band for length in (block.dx, block.dy))

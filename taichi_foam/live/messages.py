@@ -78,7 +78,7 @@ class Frame:
 
     drop: int
     snapshot: Snapshot
-    rows: np.ndarray  # (n, 18) of the history, those since the drop's last frame
+    rows: np.ndarray  # (n, `row_columns`) of the history, those since the drop's last frame
     fraction: float  # of the run that is done, 0 to 1
     steps: int
     wall: float  # that the engine has taken [s]

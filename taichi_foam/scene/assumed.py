@@ -1,4 +1,4 @@
-"""What a scene says of a foam of one's own without having been told.
+"""Values of a foam of one's own that the scene assumes, since nobody gave them.
 
 The paper's foam is known as a whole. Of a foam of which somebody gave some constants, the others
 are derived from these, or are those of the paper's foam: each such key stands in the scene's

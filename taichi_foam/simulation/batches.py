@@ -152,7 +152,7 @@ class Run:
         )
 
     def rows_since(self, since: int) -> np.ndarray:
-        """The rows (n, 18) that have come after the first `since`."""
+        """The rows (n, `row_columns`) that have come after the first `since`."""
         late: list[np.ndarray] = []
         before = sum(map(len, self.rows))
         for rows in reversed(self.rows):

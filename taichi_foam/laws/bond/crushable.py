@@ -1,8 +1,8 @@
 """Crushable foam (Eq. 26, Figs 19-20): plateau, densification, unloading, weak re-tension, failure.
 
 A bond that has met the strain e_min unloads from there elastically, and is weak in tension. Foam
-that heeds the rate lags behind: its e_min follows the strain by a flow rule, and how far it lags is
-the stress beyond the static one.
+that depends on the rate lags behind: its e_min follows the strain by a flow rule, and how far it
+lags is the stress beyond the static one.
 """
 
 from collections.abc import Mapping
@@ -81,7 +81,7 @@ class Foam(CrushingFoam):
         None,
         "1/s",
         "strain rate D at which the plateau's stress is twice its static one (Cowper & Symonds); "
-        "none: the foam does not heed the rate",
+        "none: the foam does not depend on the rate",
         allowed="none, or at least 1 and at most 1e9 1/s",
     )
     rate_exponent: float = quantity(
@@ -230,7 +230,7 @@ class Constants:
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
     shear_pressure_coefficient: ti.f64
-    rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: the foam does not heed the rate
+    rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: no dependence on the rate
     rate_exponent: ti.f64
 
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 #: How long a connection may take until a request of its has shown the token [s].
 MOST_SECONDS = 5.0
-#: Strangers of one address, and in all. One more, and the one that came first has to go: who has
-#: the token shows it at once, and so comes in however many are silent.
+#: Most connections without a token, from one address and in all. One more closes the oldest. Who
+#: has the token shows it at once, and so gets in however many others are silent.
 MOST_OF_ADDRESS, MOST_STRANGERS = 40, 120
 
 
