@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from taichi_foam.cli.options import Arch, Choices, OverwriteFiles, Set, Threads
 from taichi_foam.cli.outcome import exit_codes
-from taichi_foam.errors import UserError, installed
+from taichi_foam.errors import UserError
 from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
@@ -87,9 +87,8 @@ def run_command(
     console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
     bars = Bars(errors)
     with exit_codes(errors):
-        with installed("a sweep", "taichi-foam[sweep]"):
-            from taichi_foam.sweeps import run
         from taichi_foam.results.files import file_name
+        from taichi_foam.sweeps import run
         from taichi_foam.sweeps.plan import Plan, axis_of
 
         if vary or repeat != 1:
@@ -220,8 +219,6 @@ def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> s
 
 
 def _opened(folder: str) -> Sweep:
-    with installed("a sweep", "taichi-foam[sweep]"):
-        import pyarrow  # noqa: F401
     from taichi_foam.sweeps.run import Sweep
 
     return Sweep.open(folder)

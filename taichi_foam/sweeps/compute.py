@@ -1,4 +1,4 @@
-"""The chunks of a sweep as tasks of Dask: in this process, in others, or on a cluster.
+"""The chunks of a sweep, one by one in this process, or as tasks of Dask in others.
 
 Dask decides who computes what, and computes again what was on a worker that died. Only so many
 chunks are handed to it at a time as workers can compute: neither the scheduler nor this process
@@ -19,14 +19,13 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam.errors import RunError, UserError, installed
+from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -78,18 +77,82 @@ def compute(
         RunError: chunks could not be computed, or the scheduler was lost. What was complete stays.
         KeyboardInterrupt: Ctrl-C; likewise.
     """
+    if workers is None and scheduler is None:
+        _compute_here(store, solve, on_drops, side_by_side)
+        return
     inbox: Inbox = queue.SimpleQueue()
-    with _client(store, inbox, workers, scheduler) as client:
+    with _client(store, workers, scheduler) as client:
         there = max(1, _workers_of(client, store))
         dealer = Dealer(store.design, store.missing(), side_by_side, there)
-        if workers is None and scheduler is None:
-            with _by_name(solve, on_drops) as named:
-                task = partial(compute_chunk, solve=named)
-                _Computing(store, dealer, task, lambda count: None, client, inbox).run()
+        driver = None if workers is None else os.getpid()
+        task = partial(_in_one_thread, driver, solve=solve)
+        _Computing(store, dealer, task, on_drops, client, inbox).run()
+
+
+def _compute_here(
+    store: Store, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
+) -> None:
+    """Chunk after chunk in this thread."""
+
+    def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
+        for place, result in solve(scenes):
+            yield place, result
+            on_drops(1)
+
+    dealer, losses = Dealer(store.design, store.missing(), side_by_side, 1), _Losses(store)
+    for chunk in iter(dealer.next, None):
+        try:
+            compute_chunk(str(store.folder), store.plan.hash, chunk, told)
+        except Exception as error:
+            losses.add(chunk, error, f"{type(error).__name__}: {error}".strip())
         else:
-            driver = None if workers is None else os.getpid()
-            task = partial(_in_one_thread, driver, solve=solve)
-            _Computing(store, dealer, task, on_drops, client, inbox).run()
+            losses.end_row()
+            dealer.learn(chunk, seconds_of(store.chunk_file(chunk)))
+    losses.tell()
+
+
+class _Losses:
+    """Chunks that could not be computed."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._count = self._on_end = 0
+
+    def add(self, chunk: range, error: BaseException, reason: str) -> None:
+        """Note one, and why.
+
+        Raises:
+            UserError: nothing can be computed, or the disk is full.
+            RunError: so many on end that there is no point in going on.
+        """
+        store = self._store
+        if isinstance(error, UserError):
+            raise error
+        if isinstance(error, OSError) and error.errno in _DISK:
+            raise UserError(
+                f"{store.folder}: cannot be written, {error.strerror}. Fix: make room; "
+                f"{_again(store)}"
+            )
+        store.lose(chunk, reason)
+        self._count += 1
+        self._on_end += 1
+        if self._on_end >= _MOST_LOST:
+            raise RunError(f"{self._words}\ngiven up: {reason}")
+
+    def end_row(self) -> None:
+        """A chunk has been computed."""
+        self._on_end = 0
+
+    def tell(self) -> None:
+        """Raises RunError if there were any."""
+        if self._count:
+            raise RunError(self._words)
+
+    @property
+    def _words(self) -> str:
+        chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
+        lost = self._store.folder / "lost"
+        return f"{chunks} could not be computed, see {lost}; {_again(self._store)}"
 
 
 class _Computing:
@@ -109,8 +172,7 @@ class _Computing:
         self._task = partial(task, str(store.folder), store.plan.hash)
         self._client, self._inbox = client, inbox
         self._flying: dict[range, Any] = {}
-        self._lost = 0
-        self._lost_on_end = 0
+        self._losses = _Losses(store)
         self._group = f"chunk-{secrets.token_hex(4)}"
 
     def run(self) -> None:
@@ -128,8 +190,7 @@ class _Computing:
         finally:
             with contextlib.suppress(Exception):  # nobody may be there any more
                 self._client.cancel(list(self._flying.values()), force=True)
-        if self._lost:
-            raise RunError(_words_of_lost(self._store, self._lost))
+        self._losses.tell()
 
     def _hand_over(self) -> None:
         """Keep the workers busy: those that are there now, and at least one that may come.
@@ -156,7 +217,7 @@ class _Computing:
             future.add_done_callback(partial(self._report, chunk))
             return
         if there:
-            self._lost_on_end = 0
+            self._losses.end_row()
             self._on_drops(len(chunk))
             with contextlib.suppress(OSError):  # a disk that is slow to show it
                 self._dealer.learn(chunk, seconds_of(self._store.chunk_file(chunk)))
@@ -175,21 +236,10 @@ class _Computing:
                 f"{_again(self._store)}"
             )
         error = future.exception()
-        if isinstance(error, UserError):
-            raise error
-        if isinstance(error, OSError) and error.errno in _DISK:
-            raise UserError(
-                f"{self._store.folder}: cannot be written, {error.strerror}. Fix: make room; "
-                f"{_again(self._store)}"
-            )
         reason = f"{type(error).__name__}: {error}".strip()
         if isinstance(error, KilledWorker):
             reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
-        self._store.lose(chunk, reason)
-        self._lost += 1
-        self._lost_on_end += 1
-        if self._lost_on_end >= _MOST_LOST:
-            raise RunError(f"{_words_of_lost(self._store, self._lost)}\ngiven up: {reason}")
+        self._losses.add(chunk, error, reason)
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
@@ -205,72 +255,12 @@ def _workers_of(client: Client, store: Store) -> int:
     return sum(workers.values())
 
 
-def _words_of_lost(store: Store, count: int) -> str:
-    chunks = "1 chunk" if count == 1 else f"{count} chunks"
-    return f"{chunks} could not be computed, see {store.folder / 'lost'}; {_again(store)}"
-
-
 def _words_of_loss(store: Store) -> str:
     return f"the scheduler is gone; {_again(store)}"
 
 
 def _again(store: Store) -> str:
     return f"what is complete is in {store.folder}, and the same command goes on"
-
-
-class _Caller(Executor):
-    """Runs tasks in the thread that takes them out of the inbox: Ctrl-C and Taichi want that."""
-
-    def __init__(self, inbox: Inbox) -> None:
-        self._inbox = inbox
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **more: Any) -> Future:
-        future: Future = Future()
-        self._inbox.put(partial(self._run, future, partial(function, *args, **more)))
-        return future
-
-    @staticmethod
-    def _run(future: Future, function: Callable[[], Any]) -> None:
-        if not future.set_running_or_notify_cancel():
-            return
-        try:
-            future.set_result(function())
-        except Exception as error:
-            future.set_exception(error)
-        except BaseException:
-            # to the caller, whom it is meant for; the event loop would fall over it
-            future.set_exception(RuntimeError("interrupted"))
-            raise
-
-
-_named: dict[str, Solve] = {}
-
-
-@dataclass(frozen=True)
-class _Named:
-    """A solver of this process, which goes through Dask as a name."""
-
-    name: str
-
-    def __call__(self, scenes: Sequence[Scene]) -> Iterable[tuple[int, Result]]:
-        return _named[self.name](scenes)
-
-
-@contextlib.contextmanager
-def _by_name(solve: Solve, on_drops: Callable[[int], None]) -> Iterator[_Named]:
-    """A solver of this process that tells of each drop, for as long as the block lasts."""
-
-    def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
-        for place, result in solve(scenes):
-            yield place, result
-            on_drops(1)
-
-    name = secrets.token_hex(4)
-    _named[name] = told
-    try:
-        yield _Named(name)
-    finally:
-        del _named[name]
 
 
 _alone: ThreadPoolExecutor | None = None
@@ -305,13 +295,11 @@ def _end_with(driver: int | None) -> None:
 
 
 @contextlib.contextmanager
-def _client(
-    store: Store, inbox: Inbox, workers: int | None, scheduler: str | None
-) -> Iterator[Client]:
+def _client(store: Store, workers: int | None, scheduler: str | None) -> Iterator[Client]:
     """A client of the scheduler that is wanted."""
-    with installed("a sweep", "taichi-foam[sweep]"):
-        import dask.config
-        from distributed import Client, LocalCluster
+    import dask.config
+    from distributed import Client, LocalCluster
+
     scratch = store.folder / SCRATCH
     settings = {
         "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
@@ -345,13 +333,8 @@ def _client(
         stack.enter_context(dask.config.set(settings))
         stack.callback(shutil.rmtree, scratch, ignore_errors=True)
         with _interrupts_for_this_thread_only():
-            if workers is None:
-                cluster = LocalCluster(
-                    processes=False, n_workers=1, executor=_Caller(inbox), **common
-                )
-            else:
-                # over TLS, with a key that is made now: nobody else on this machine may join
-                cluster = LocalCluster(n_workers=workers, security=True, **common)
+            # over TLS, with a key that is made now: nobody else on this machine may join
+            cluster = LocalCluster(n_workers=workers, security=True, **common)
         stack.enter_context(cluster)
         yield stack.enter_context(Client(cluster, set_as_default=False))
     finally:

@@ -240,12 +240,12 @@ def prepare(
 
     Raises UserError.
     """
-    with installed("a sweep", "taichi-foam[sweep]"):
-        import cryptography  # noqa: F401
-        import distributed  # noqa: F401
-        import pyarrow  # noqa: F401
     if workers is not None and scheduler is not None:
         raise UserError("workers, scheduler: give one of them")
+    if workers is not None or scheduler is not None:
+        with installed("a sweep in other processes", "taichi-foam[sweep]"):
+            import cryptography  # noqa: F401
+            import distributed  # noqa: F401
     if workers is not None and not 1 <= workers <= 1000:
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from taichi_foam.errors import installed
 from taichi_foam.records.record import Record
 from taichi_foam.results.files import plain, whole_file
 from taichi_foam.results.result import Result
@@ -90,9 +89,8 @@ def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> Non
 
     `kind` is that of all their numbers but the member's: float32 or float64.
     """
-    with installed("a sweep", "taichi-foam[sweep]"):
-        import pyarrow as pa
     import numpy as np
+    import pyarrow as pa
 
     parts = []
     for number in sorted(records):
@@ -213,8 +211,8 @@ def _cell(value: Any) -> Any:
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Rows as columns, in the order in which their keys first come."""
-    with installed("a sweep", "taichi-foam[sweep]"):
-        import pyarrow as pa
+    import pyarrow as pa
+
     keys = dict.fromkeys(key for each in rows for key in each)
     return pa.table({key: _column([each.get(key) for each in rows]) for key in keys})
 
