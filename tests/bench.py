@@ -51,6 +51,12 @@ class Bench:
         transfer.harvest(self.lattice)  # makes room for the next rows
         return transfer.snapshot(self.lattice, 0)
 
+    @property
+    def work(self) -> np.ndarray:
+        """What every column of every lattice has booked (batch, columns, works) [J]."""
+        size = self.lattice.size
+        return self.lattice.state.work.to_numpy()[: size.batch, : size.columns]
+
     def snapshots(self) -> list[Snapshot]:
         return [transfer.snapshot(self.lattice, b) for b in range(self.lattice.size.batch)]
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from taichi_foam.engine import effort, lattice, runtime
+from taichi_foam.engine import effort, lattice, layout, runtime
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -23,8 +23,11 @@ from taichi_foam.scene import Block, FlatBlock, Scene
 MakeSnapshot = Callable[..., Snapshot]
 MakeResult = Callable[..., Result]
 
-# The tests use many lattices, most of them again and again.
+# The tests use many lattices, most of them again and again. Nearly all of them, and batches, have
+# the same room, so that what is compiled for one serves the others.
 lattice.MOST_IDLE = 10_000
+layout.ROOM_LATTICES = (16, 64)
+layout.ROOM_COLUMNS, layout.ROOM_PACKS = 96, 12
 effort.PAYS_AFTER = float("inf")  # for none of them compiling with all passes pays
 
 # A shell that starts a job in the background has it ignore Ctrl-C, `nohup` has it ignore a hang-up,

@@ -66,12 +66,13 @@ def largest_fall(record: Record) -> tuple[Column, float] | None:
     volume = block.width * block.height * block.depth
     if energy <= record.scene.foam.youngs_modulus * volume * STILL**2:
         return None
+    there = [each for each in DISSIPATIONS if each.name in record.history]
     falls = [
         float((np.maximum.accumulate(lost) - lost).max(initial=0.0))
-        for lost in (np.nan_to_num(record.history[each.name]) for each in DISSIPATIONS)
+        for lost in (np.nan_to_num(record.history[each.name]) for each in there)
     ]
     worst = int(np.argmax(falls))
-    return DISSIPATIONS[worst], falls[worst] / energy
+    return there[worst], falls[worst] / energy
 
 
 def impact_energy(record: Record) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.errors import installed
+from taichi_foam.errors import UserError, installed
 
 if TYPE_CHECKING:
     import pandas
@@ -194,20 +194,27 @@ and has none."""
 class History(dict[str, Array]):
     """Columns (n,) by name, in SI units; `history["time_s"]` is also `history.time_s`.
 
-    Those of an impactor that turns are all there, or none is.
+    Those of COLUMNS come first. A history that another version has written may lack some of them,
+    and has others besides: these are kept.
 
-    Raises ValueError when a column is missing, unknown or of another length.
+    Raises ValueError without the column of the time, or when one is of another length; UserError
+    where a column is asked for that is not there.
     """
 
     def __init__(self, columns: Mapping[str, Array]) -> None:
-        turning = any(column.turns and name in columns for name, column in COLUMNS.items())
-        names = tuple(COLUMNS) if turning else HISTORY_COLUMNS
-        if set(columns) != set(names):
-            odd = sorted(set(columns) ^ set(names))
-            raise ValueError(f"history columns missing or unknown: {', '.join(odd)}")
+        if "time_s" not in columns:
+            raise ValueError("the history has no column time_s")
         if len({np.shape(column) for column in columns.values()}) != 1:
             raise ValueError("history columns differ in length")
+        known = [name for name in COLUMNS if name in columns]
+        names = dict.fromkeys([*known, *columns])
         super().__init__({name: columns[name] for name in names})
+
+    def __missing__(self, name: str) -> Array:
+        raise UserError(
+            f"this history has no column {name!r}; it has {', '.join(self)}. "
+            "Fix: if an earlier version wrote it, run its scene again"
+        )
 
     def __getattr__(self, name: str) -> Array:
         if name in self:
@@ -230,8 +237,8 @@ class History(dict[str, Array]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column by its name; empty for a count."""
-        return {name: COLUMNS[name].unit for name in self}
+        """Unit of each column by its name; empty for a count, and where it is not known."""
+        return {name: COLUMNS[name].unit if name in COLUMNS else "" for name in self}
 
     def to_pandas(self) -> pandas.DataFrame:
         """The history as a frame, a column for each of `COLUMNS`; `frame.attrs["units"]` has units.

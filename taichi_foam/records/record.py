@@ -21,7 +21,7 @@ class Record:
     """A finished (or interrupted) run.
 
     scene      what was run, with every default filled in
-    history    one array (n,) for each of HISTORY_COLUMNS; made a `History` if it is a plain mapping
+    history    arrays (n,) by the names of COLUMNS; made a `History` if it is a plain mapping
     snapshots  instants in order of time; of a long run they may lie on disk
     run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s,
                dt_stable_min_s, wall_s, node_stages_per_s, max_overlap_m, versions,
@@ -30,7 +30,7 @@ class Record:
                the block, contact_height_m
     cushion    the block as the run has left it; None of one that did not come to its end
 
-    Raises ValueError when a history column is missing, unknown or of another length, or when
+    Raises ValueError when the history has no time, or a column of another length, and when
     `ended_by` is no `Ending`.
     """
 

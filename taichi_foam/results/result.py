@@ -212,7 +212,8 @@ def _write_history(path: Path, history: History) -> None:
     for name, each in history.items():
         # tolist gives Python floats, whose repr is the shortest text that reads back the same.
         values = np.asarray(each, dtype=np.float64).tolist()
-        columns.append(map(int if COLUMNS[name].is_integer else repr, values))
+        is_integer = name in COLUMNS and COLUMNS[name].is_integer
+        columns.append(map(int if is_integer else repr, values))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(history)

@@ -55,7 +55,6 @@ def test_compare_steps_every_subject_that_is_installed(tmp_path: Path) -> None:
 def test_parts_times_every_part_of_a_step() -> None:
     shown = run_script("parts.py")
     assert "energies of a row" in shown
-    assert "a whole run with room and softening" in shown
     assert "a whole run of the whole model" in shown
 
 

@@ -131,10 +131,9 @@ def test_options_come_in_order(
 
 
 def test_a_failed_run_is_saved(invoke: Callable, tmp_path: Path) -> None:
-    """Drag on every mass point: h C / m is about 500, and values grow 10^9-fold each step."""
-    drag = ["--set", "model.damping=absolute", "--set", "numerics.damping_time=1e-2"]
-    wild = ["--dt", "5e-5", "--set", "numerics.end=0.01"]
-    result = invoke("run", WEDGE, *COARSE_OPTIONS, *wild, *drag, "--out", "wild")
+    """With six times the step that is stable."""
+    wild = ["--dt", "1e-4", "--set", "numerics.end=0.01"]
+    result = invoke("run", WEDGE, *COARSE_OPTIONS, *wild, "--out", "wild")
     assert result.exit_code == 1, result.output
     assert re.search(r"diverged at [0-9.]+ ms, first at node \(\d+, \d+\)", result.stderr)
     assert "numerics.dt" in result.stderr

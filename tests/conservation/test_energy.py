@@ -24,8 +24,6 @@ from taichi_foam.scene import (
 from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run, simulate_many
 
-LOOSE = Model(self_contact=False)
-
 
 @pytest.mark.parametrize("damping_time", [0.0, 1e-6 / 0.057])
 def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
@@ -45,7 +43,6 @@ def test_before_failure_the_residual_falls_with_the_fourth_power_of_the_step(
     for n in counts:
         scene = small_scene(
             start=start,
-            model=LOOSE,
             numerics=Numerics(dt=time / n, end=time * (1 - 1e-9), damping_time=damping_time),
             output=Output(history_interval=time / 8, snapshot_interval=time),
         )

@@ -12,7 +12,6 @@ from taichi_foam.scene import Base, Block, Model, Scene
 
 K, RHO = 2.78e6, 25.6
 SOUND = math.sqrt(K / RHO)  # 330 m/s
-LOOSE = Model(self_contact=False)
 LINKS = ROWS - 0.5  # a held foot and a free top: the top's mass reaches half a cell beyond it
 
 
@@ -23,9 +22,7 @@ def measured_frequency(mode: int, dy: float) -> float:
     after 1.25 periods of the continuum that is near 0, where it tells w best. RK4 errs by
     (w dt)^4 / 120 = 1e-9 of w; the chain itself is linear.
     """
-    scene = small_scene(
-        dy=dy, base=Base(kind="held"), model=LOOSE, numerics=numerics(damping_time=0.0)
-    )
+    scene = small_scene(dy=dy, base=Base(kind="held"), numerics=numerics(damping_time=0.0))
     X = reference_positions(scene)
     s = X[0, :, 1] - 0.5 * dy
     wave_number = (2 * mode + 1) * 0.5 * math.pi / (LINKS * dy)
@@ -71,7 +68,7 @@ def test_dashpots_damp_the_chain_as_its_matrix_exponential_says() -> None:
     RK4's error over the run is below t w (w dt)^4 / 120 = 1e-8 of what it starts with.
     """
     tau, time = 1.7e-5, 2e-4
-    scene = small_scene(base=Base(kind="held"), model=LOOSE, numerics=numerics(damping_time=tau))
+    scene = small_scene(base=Base(kind="held"), numerics=numerics(damping_time=tau))
     start = np.random.default_rng(7).uniform(-0.5, 0.5, ROWS)
     start[0] = 0.0
     X = reference_positions(scene)
@@ -118,7 +115,6 @@ def test_a_layer_swings_in_shear_at_sqrt_g_over_rho(dx: float, dy: float) -> Non
         block=Block(
             mass_points="cells", width=columns * dx, height=rows * dy, columns=columns, rows=rows
         ),
-        model=LOOSE,
         numerics=numerics(damping_time=0.0),
     )
     X = scene.block.positions
@@ -150,7 +146,6 @@ def test_a_cantilever_swings_as_timoshenkos_beam_does(dx: float, dy: float) -> N
         block=Block(
             mass_points="cells", width=columns * dx, height=rows * dy, columns=columns, rows=rows
         ),
-        model=LOOSE,
         numerics=numerics(damping_time=0.0),
     )
     X = scene.block.positions

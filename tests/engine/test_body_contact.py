@@ -17,13 +17,11 @@ from taichi_foam.scene import (
     Foam,
     Impactor,
     IShape,
-    Model,
     Outline,
     Polygon,
     Wedge,
 )
 
-LOOSE = Model(self_contact=False)
 ROUNDING = 1e-9  # N, as in test_face_forces.py
 
 ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
@@ -103,7 +101,7 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
 
     The only other forces would be the faces', and an undeformed block has none.
     """
-    scene = small_scene(base=Base(kind="floor"), impactor=SHAPES[name], model=LOOSE, numerics=STIFF)
+    scene = small_scene(base=Base(kind="floor"), impactor=SHAPES[name], numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0013, 0.0211])
     lowest = scene.contact_height
     stiffness = 40.0 * scene.foam.youngs_modulus * scene.block.depth
@@ -134,7 +132,7 @@ K, FACE = 2.78e6, 0.005 * 0.057  # Pa, m2
 )
 def test_the_floor_pushes_up_with_half_a_cell_of_foam(sunk: float, shares: list[float]) -> None:
     """By K times the face times the shares, row by row from below, all worked out by hand."""
-    scene = small_scene(base=Base(kind="floor"), model=LOOSE)
+    scene = small_scene(base=Base(kind="floor"))
     position = reference_positions(scene) - [0.0, sunk]
     expected = np.zeros_like(position)
     expected[:, : len(shares), 1] = K * FACE * np.array(shares)
@@ -148,7 +146,7 @@ def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
     Those crushed sideways have all their height, and are met at 2.5 mm. Their own bonds are
     broken, and hold nothing at a strain beyond that of zero stress.
     """
-    scene = small_scene(base=Base(kind="floor"), model=LOOSE)
+    scene = small_scene(base=Base(kind="floor"))
     worst = np.zeros((COLUMNS - 1, ROWS) if axis == 0 else (COLUMNS, ROWS - 1))
     worst[:, 0] = -0.4
     crushed = {("worst_a", "worst_b")[axis]: worst, "broken_a": ALL_A, "broken_b": ALL_B}
@@ -167,7 +165,7 @@ def test_crushed_feet_stand_lower_on_the_floor(axis: int) -> None:
 def test_the_held_row_lets_the_impactor_pass() -> None:
     """A block lifted by its whole height: a cylinder pushes all its rows aside but the held one."""
     cylinder = SHAPES["cylinder"]
-    scene = small_scene(impactor=cylinder, model=LOOSE, base=Base(kind="held"), numerics=STIFF)
+    scene = small_scene(impactor=cylinder, base=Base(kind="held"), numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0, 0.105])
     inside = [
         depth_and_normal(cylinder, point - [0.0, scene.contact_height])[0] > 0
@@ -190,7 +188,7 @@ def test_the_support_stops_the_impactor_and_throws_it_back() -> None:
     speed, mass, dt = 3.0, 6.0, 2e-7
     face = FlatBlock(velocity=speed, mass=mass, width=0.03)
     stiff = numerics(contact_stiffness=40.0, dt=dt)
-    scene = small_scene(impactor=face, model=LOOSE, numerics=stiff)
+    scene = small_scene(impactor=face, numerics=stiff)
     w = math.sqrt(40 * K * 0.057 / scene.block.node_mass) / 20
     aside = reference_positions(scene) + np.array([1.0, 0.0])
     heights, speeds = [], []
@@ -218,7 +216,6 @@ def test_without_a_stop_the_impactor_goes_on() -> None:
     scene = small_scene(
         base=Base(stops_impactor=False),
         impactor=FlatBlock(velocity=speed, mass=6.0, width=0.03),
-        model=LOOSE,
         numerics=numerics(contact_stiffness=40.0, dt=dt),
     )
     aside = reference_positions(scene) + np.array([1.0, 0.0])
@@ -255,7 +252,6 @@ def point_after_slope(slope_deg: float, friction: float, damping: float = 0.0) -
     scene = small_scene(
         base=Base(kind="floor"),
         impactor=face,
-        model=LOOSE,
         numerics=numerics(dt=2e-8, contact_stiffness=40.0, contact_damping=damping),
     )
     half_swing = math.pi * math.sqrt(scene.block.node_mass / (40 * 2.78e6 * 0.057))
@@ -321,7 +317,6 @@ def block_at_rest(friction: float) -> tuple:
         base=Base(kind="floor", friction=friction),
         numerics=numerics(gravity=GRAVITY, dt=2e-6),
         foam=Foam(tensile_strain=1.0, shear_strain=1.0),
-        model=LOOSE,
     )
     block = scene.block
     stiffness = scene.foam.youngs_modulus * block.depth  # of a bond of a square cell

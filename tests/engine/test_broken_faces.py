@@ -11,7 +11,6 @@ from taichi_foam.scene import Base, Foam, Model
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
-LOOSE = Model(self_contact=False)
 BY_FACES = Model(self_contact=False, shear="face")
 ROUNDING = 1e-9  # N, as in test_face_forces.py
 G, K = 0.84e6, 2.78e6
@@ -70,7 +69,7 @@ def test_a_broken_neighbour_takes_its_half_of_the_gradient_along(
 
 def test_a_bare_fibre_still_pulls_and_presses_along_itself() -> None:
     """All B broken: every row is a string, sheared rows or not."""
-    scene = small_scene(base=FREE, model=LOOSE)
+    scene = small_scene(base=FREE)
     for e, sigma in ((0.03, 0.03 * K), (-0.03, -0.03 * K), (-0.4, -0.05 * K)):
         position = reference_positions(scene)
         position[..., 0] *= 1 + e
@@ -155,7 +154,7 @@ def test_broken_faces_meet_again_by_the_chosen_reading(
 def test_faces_break_at_their_limits(gradient: tuple, worst: float, broken: tuple) -> None:
     """All of an axis at once, in the first step, for good; times and histories say so."""
     foam = Foam(softening=False)
-    scene = small_scene(base=FREE, model=LOOSE, foam=foam, numerics=numerics(dt=1e-9))
+    scene = small_scene(base=FREE, foam=foam, numerics=numerics(dt=1e-9))
     position = reference_positions(scene) @ np.array(gradient).T + LIFT
     with bench(scene, position=position, worst_b=np.full((COLUMNS, ROWS - 1), worst)) as loaded:
         first = loaded.step(1)
@@ -170,7 +169,7 @@ def test_faces_break_at_their_limits(gradient: tuple, worst: float, broken: tupl
 
 def test_history_keeps_the_worst_compression_and_never_heals() -> None:
     """A free bar, squeezed by 20 % and let go: e_min is -0.2 where it began, and stays."""
-    scene = small_scene(base=FREE, model=LOOSE, foam=Foam(tensile_strain=1.0))
+    scene = small_scene(base=FREE, foam=Foam(tensile_strain=1.0))
     position = reference_positions(scene) * [1.0, 0.8] + LIFT
     with bench(scene, position=position) as loaded:
         first = loaded.step(1)

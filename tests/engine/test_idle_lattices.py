@@ -23,18 +23,19 @@ begun = []
 begin_anew = runtime.begin_anew
 runtime.begin_anew = lambda: (begun.append(1), begin_anew())
 tf.init(threads=2)
-if sys.argv[1] == "own field":
-    mine = ti.field(ti.f64, shape=3)
-    mine.fill(7.0)
+mine = None
 for columns in (8, 30, 8):  # there is room for 24, and for 48
+    if sys.argv[1] == "own field" and columns == 30:
+        mine = ti.field(ti.f64, shape=3)
+        mine.fill(7.0)
     scene = Scene(
-        block=Block(mass_points="cells", columns=columns, rows=5),
+        block=Block(columns=columns, rows=5),
         impactor=Wedge(), numerics=Numerics(end=5e-4),
         output=Output(history_interval=1e-4),
     )
     result = tf.run(scene)
     print(result.history.strain_J.tobytes().hex(), result.snapshots[-1].position.sum().hex())
-if sys.argv[1] == "own field":
+if mine is not None:
     assert mine.to_numpy().tolist() == [7.0, 7.0, 7.0]
 print("begun anew", len(begun))
 """

@@ -23,7 +23,6 @@ from taichi_foam.simulation.simulate import run
 
 FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])
-LOOSE = Model(self_contact=False)
 UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
 RETARDATION = 1e-6 / 0.057
 
@@ -36,7 +35,7 @@ def test_runge_kutta_is_of_order_four_while_nothing_breaks(damping_time: float) 
     an eighth of the shortest but one. What is left of the next order, and of the yardstick's own
     error (1/8^4 of the last), moves the fitted slope by less than 0.15.
     """
-    scene = small_scene(base=FREE, model=LOOSE, numerics=numerics(damping_time=damping_time))
+    scene = small_scene(base=FREE, numerics=numerics(damping_time=damping_time))
     X = reference_positions(scene)
     velocity = (X - X.mean(axis=(0, 1))) @ np.array([[40.0, 30.0], [-50.0, 60.0]]).T
     start = {"position": X + LIFT, "velocity": velocity}
@@ -65,9 +64,7 @@ LIMIT = 2.0 * math.sqrt(2.0) / STIFFEST
 
 def swing(dt: float, steps: int) -> float:
     """Largest displacement [m] after shaking a free, undamped block at random by 0.1 mm/s."""
-    scene = small_scene(
-        base=FREE, foam=UNBREAKABLE, model=LOOSE, numerics=numerics(dt=dt, damping_time=0.0)
-    )
+    scene = small_scene(base=FREE, foam=UNBREAKABLE, numerics=numerics(dt=dt, damping_time=0.0))
     position = reference_positions(scene) + LIFT
     velocity = np.random.default_rng(5).uniform(-1e-4, 1e-4, position.shape)
     with bench(scene, position=position, velocity=velocity) as loaded:

@@ -1,5 +1,6 @@
 """The last bit does not depend on how a lattice is stepped: alone, in a batch, fused, staged."""
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -7,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import bench, small_scene
+from bench import bench, groups_of, small_scene
 
-from taichi_foam.engine import cpu
+from taichi_foam.engine import cpu, runtime, shipped
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
+from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.shim2000.tests import paper_scene
 from taichi_foam.simulation.simulate import run, run_many
 
 STEPS = 1500
@@ -63,9 +66,7 @@ def test_fused_and_staged_stepping_agree(which: int) -> None:
     states = []
     for advance in (cpu.advance_fused, cpu.advance_staged):
         with bench(scene) as loaded:
-            states.append(loaded.step(STEPS, advance))
-            history = loaded.lattice.state.work.to_numpy()
-        states[-1] = (states[-1], history)
+            states.append((loaded.step(STEPS, advance), loaded.work))
     (fused, fused_work), (staged, staged_work) = states
     assert_same_snapshots(fused, staged)
     np.testing.assert_array_equal(fused_work, staged_work)
@@ -84,7 +85,7 @@ def test_many_sweeps_agree_with_one() -> None:
     for advance in (cpu.advance_fused, cpu.advance_staged):
         with bench(scene) as loaded:
             assert loaded.lattice.sweeps >= 4
-            states.append((loaded.step(STEPS, advance), loaded.lattice.state.work.to_numpy()))
+            states.append((loaded.step(STEPS, advance), loaded.work))
     (fused, fused_work), (staged, staged_work) = states
     assert_same_snapshots(fused, staged)
     np.testing.assert_array_equal(fused_work, staged_work)
@@ -106,48 +107,81 @@ def test_a_lattice_that_is_lent_again_forgets_what_it_held() -> None:
     assert_same_results(first, run(scene))
 
 
+def digests() -> list[str]:
+    """Of all that four lattices hold after STEPS, fused and staged."""
+    found = []
+    for advance in (cpu.advance_fused, cpu.advance_staged):
+        digest = hashlib.sha256()
+        for group in groups_of(impacts()):
+            with bench(group) as loaded:
+                loaded.step(STEPS, advance)
+                for snapshot in loaded.snapshots():
+                    for values in vars(snapshot).values():
+                        if values is not None:  # what is not kept has no bytes of its own
+                            digest.update(np.asarray(values).tobytes())
+                digest.update(loaded.work.tobytes())
+        found.append(digest.hexdigest())
+    return found
+
+
 _WITH_THREADS = """
-import hashlib, sys
-sys.path.insert(0, {tests!r})
-sys.path.insert(0, {engine!r})
-import numpy as np
-from taichi_foam.engine import cpu, runtime, transfer
+import sys
+sys.path[:0] = {paths!r}
+import conftest
+from taichi_foam.engine import runtime
 runtime.start(threads={threads})
-from bench import bench, groups_of
-from test_same_numbers import STEPS, impacts
-for advance in (cpu.advance_fused, cpu.advance_staged):
-    digest = hashlib.sha256()
-    for group in groups_of(impacts()):
-        with bench(group) as loaded:
-            loaded.step(STEPS, advance)
-            for b in range(loaded.lattice.size.batch):
-                for values in vars(transfer.snapshot(loaded.lattice, b)).values():
-                    if values is not None:  # what is not kept has no bytes of its own
-                        digest.update(np.asarray(values).tobytes())
-            digest.update(loaded.lattice.state.work.to_numpy().tobytes())
-    print(digest.hexdigest())
+from test_same_numbers import digests
+print(*digests())
 """
 
 
 def test_one_and_two_threads_agree() -> None:
-    """In fresh processes, as a process has one thread count; fused and staged, four lattices.
-
-    One of them as users have it, one compiled with less effort, as for these tests.
-    """
+    """In a fresh process, as a process has one thread count."""
     here = Path(__file__).parent
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", _WITH_THREADS.format(
-                threads=threads, tests=str(here.parent), engine=str(here))],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=here.parents[1],
-            env={**os.environ, "TI_ADVANCED_OPTIMIZATION": optimized},
-        )
-        for threads, optimized in ((1, "1"), (2, "0"))
-    ]  # fmt: skip
-    digests = []
-    for process in processes:
-        out, err = process.communicate(timeout=900)
-        assert process.returncode == 0, err
-        digests += out.split()
-    assert len(digests) == 4
-    assert len(set(digests)) == 1
+    threads = 2 if runtime.settings()["threads"] == 1 else 1
+    paths = [str(here.parent), str(here)]
+    program = _WITH_THREADS.format(threads=threads, paths=paths)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=here.parents[1],
+    )  # fmt: skip
+    mine = digests()
+    out, err = process.communicate(timeout=900)
+    assert process.returncode == 0, err
+    assert mine[0] == mine[1]
+    assert out.split() == mine
+
+
+_AS_SHIPPED = """
+import sys
+from pathlib import Path
+import taichi_foam as tf
+from taichi_foam.engine import effort
+from taichi_foam.engine.features import features_of
+from taichi_foam.engine.lattice import borrowed
+scene = tf.load_scene(Path(sys.argv[1]))
+block, features = scene.block, features_of(scene)
+with borrowed(1, block.columns, block.rows, features) as lattice:
+    room = lattice.size.room()
+    assert effort.is_thorough(room, features, effort.name_of(room, features, lattice.place))
+tf.run(scene).save(sys.argv[2])
+"""
+
+
+@pytest.mark.skipif(shipped.archive() is None, reason="no kernels come with it for this platform")
+def test_kernels_of_long_use_give_the_same_numbers(tmp_path: Path) -> None:
+    """Those that come with the package have been through all of Taichi's passes, others not."""
+    scene = paper_scene("paper/wedge-2.86").with_values(
+        block__columns=20, block__rows=10, impactor__velocity=9.0, numerics__end=4e-3
+    )
+    (tmp_path / "scene.toml").write_text(scene_to_toml(scene), encoding="utf-8")
+    environment = {k: v for k, v in os.environ.items() if k != "TI_ADVANCED_OPTIMIZATION"}
+    done = subprocess.run(
+        [sys.executable, "-c", _AS_SHIPPED, str(tmp_path / "scene.toml"), str(tmp_path / "run")],
+        env=environment, capture_output=True, text=True, check=False,
+        cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    here = run(scene)
+    assert here.history["broken_bonds"][-1] > 5
+    assert_same_results(here, Result.load(tmp_path / "run"))

@@ -23,7 +23,6 @@ from taichi_foam.scene import (
     FlatBlock,
     Impactor,
     IShape,
-    Model,
     Numerics,
     Outline,
     Output,
@@ -32,7 +31,6 @@ from taichi_foam.scene import (
 )
 from taichi_foam.simulation.simulate import run
 
-LOOSE = Model(self_contact=False)
 OFTEN = Output(history_interval=1e-5, snapshot_interval=1e-3)
 
 
@@ -89,7 +87,7 @@ def test_a_body_that_rocks_on_foam_is_followed_to_the_order_of_the_integrator(
         friction=friction,
     )  # fmt: skip
     soft = numerics(damping_time=1e-6, contact_stiffness=0.5)
-    scene = small_scene(model=LOOSE, numerics=soft, impactor=body)
+    scene = small_scene(numerics=soft, impactor=body)
     position = reference_positions(scene) + np.array([0.0, 5e-6])
 
     def state(steps: int) -> np.ndarray:
@@ -284,7 +282,7 @@ def test_the_support_throws_a_body_back(tilt: float) -> None:
     speed, dt = 3.0, 2e-7
     stiff = numerics(contact_stiffness=40.0, dt=dt)
     body = product(velocity=speed, mass=6.0, rotation_deg=tilt)
-    scene = small_scene(impactor=body, model=LOOSE, numerics=stiff)
+    scene = small_scene(impactor=body, numerics=stiff)
     aside = reference_positions(scene) + np.array([1.0, 0.0])
     lever = body.outline()[np.argmin(body.outline()[:, 1]), 0] - body.centre_of_mass[0]
     with bench(scene, position=aside) as loaded:

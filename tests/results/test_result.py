@@ -15,6 +15,7 @@ import pytest
 
 from taichi_foam.analysis import measures
 from taichi_foam.errors import UserError
+from taichi_foam.picture.figures import ledger_layers
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
@@ -154,10 +155,40 @@ def test_an_interrupted_write_leaves_the_old_result(
 
 def test_columns_must_fit(make_result) -> None:
     good = make_result()
-    with pytest.raises(ValueError, match="dt_s"):
-        Result(good.scene, {k: v for k, v in good.history.items() if k != "dt_s"}, [], {})
+    with pytest.raises(ValueError, match="time_s"):
+        Result(good.scene, {k: v for k, v in good.history.items() if k != "time_s"}, [], {})
     with pytest.raises(ValueError, match="length"):
         Result(good.scene, {**good.history, "dt_s": np.zeros(99)}, [], {})
+
+
+def test_a_result_outlives_its_columns(tmp_path: Path, make_result) -> None:
+    """One that another version has written lacks a column of this one and has one more."""
+    now = make_result(impactor_kinetic_J=2.0, crushing_J=1.0)
+    there = {k: v for k, v in now.history.items() if k != "folding_J"} | {"wetting_J": np.arange(2)}
+    Result(now.scene, there, [], {}).save(tmp_path / "run")
+    other = Result.load(tmp_path / "run")
+    assert [*other.history] == [*there]
+    np.testing.assert_array_equal(other.history.wetting_J, [0.0, 1.0])
+    assert other.history.units["wetting_J"] == ""
+    with pytest.raises(UserError, match=r"no column 'folding_J'.*run its scene again"):
+        other.history["folding_J"]
+    assert other.warnings == now.warnings
+    assert other.summary == now.summary
+    names, layers, _ = ledger_layers(other.history)
+    assert dict(zip(names, (layer[-1] for layer in layers), strict=True)) == {
+        "motion of the impactor": 2.0,
+        "crushing": 1.0,
+    }
+
+
+def test_a_result_of_version_0_2_loads() -> None:
+    """It stays in the tests as it was written."""
+    result = Result.load(Path(__file__).parent / "kept")
+    told = json.loads((Path(__file__).parent / "kept" / "summary.json").read_text())
+    assert result.run == told["run"]
+    assert result.summary["max_displacement_m"] == told["max_displacement_m"]
+    assert result.snapshots[-1].time == result.history.time_s[-1] >= result.scene.numerics.end
+    assert result.cushion is not None
 
 
 def test_a_missing_folder_is_told(tmp_path: Path) -> None:

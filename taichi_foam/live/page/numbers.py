@@ -79,7 +79,8 @@ class Numbers:
             "velocity": float(history["velocity_m_s"][row]),
             "deceleration": float(history["deceleration_smoothed_m_s2"][row]),
             "energies": {
-                words: sum(float(history[name][row]) for name in names) for words, names in ENERGIES
+                words: sum(float(history[name][row]) for name in names if name in history)
+                for words, names in ENERGIES
             },
         }
 
