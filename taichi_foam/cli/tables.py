@@ -8,12 +8,10 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.analysis import quantities as q
-from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.analysis.quantities import Quantity, shown_in
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
-    COMPARED,
     JUDGED,
     comparison,
     criteria_met,
@@ -21,19 +19,6 @@ from taichi_foam.shim2000.compare import (
     median_and_allowed,
 )
 from taichi_foam.shim2000.tests import test_of, title
-
-_FIRST = (
-    q.STRESS, q.STRESS_FORCE, q.STRESS_STRAIN,
-    q.CREST, q.CREST_G, q.CREST_TIME, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN,
-    q.BASE_G,
-)  # fmt: skip
-_MORE = (
-    q.RESULTANT_G, q.ANGLE, q.SPIN, q.SIDEWAYS, q.ENERGY_ABSORBED, q.VOLUME, q.REBOUND, q.CHANGE,
-    q.BASE_CHANGE, q.RESTITUTION, q.FALL, q.LAYER, q.NO_ROOM,
-    q.PIECES, q.BROKEN, q.CRACK, q.RESIDUAL,
-)  # fmt: skip
-
-_OF_DROPS = (q.CREST_G, q.RAW_CREST_G, q.STRAIN, q.RESTITUTION, q.REST, q.BROKEN)
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
@@ -51,7 +36,7 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
         table.add_column("measured", justify="right", no_wrap=True)
         table.add_column("error", justify="right", no_wrap=True)
     table.add_column("unit", style="dim", no_wrap=True)
-    for quantity in (*_FIRST, *COMPARED, *_MORE):
+    for quantity in shown_in("run"):
         value, measured = summary[quantity.key], case["measured"][quantity.key]
         if value is None and measured is None:
             continue
@@ -66,19 +51,24 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
 
 def drops(results: Sequence[Result]) -> Table:
     """The figures of drops on one block, a row each; fits 80 columns."""
-    table = _table(f"{results[0].scene.name}: drops on one block")
-    for words in ("drop", "peak in g\nCFC 180", "raw", "strain\n%", "restitution",
-                  "rest height\ncm", "broken\nbonds", ""):  # fmt: skip
+    table, shown = _table(f"{results[0].scene.name}: drops on one block"), shown_in("drops")
+    for words in ("drop", *(_head(each) for each in shown), ""):
         table.add_column(words, justify="right", no_wrap=True)
     for result in results:
         found = result.summary
-        texts = [each.text(found[each.key]) for each in _OF_DROPS]
+        texts = [each.text(found[each.key]) for each in shown]
         said = "interrupted" if found["interrupted"] else ""
         table.add_row(str(result.drop), *texts, "bottomed out" if found["bottomed_out"] else said)
     table.caption, table.caption_justify = (
-        "rest height: of the impactor's lowest point on the block as it lies at the end", "left"
+        "peak in g: CFC 180; rest height: of the impactor's lowest point on the block at the end",
+        "left",
     )  # fmt: skip
     return table
+
+
+def _head(quantity: Quantity) -> str:
+    """Name and unit over a column, on two lines."""
+    return f"{quantity.name}\n{quantity.unit}".rstrip()
 
 
 def study(content: Mapping[str, Any]) -> Table:
@@ -94,7 +84,7 @@ def study(content: Mapping[str, Any]) -> Table:
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
     for quantity in JUDGED:
-        table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
+        table.add_column(_head(quantity), justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity) for quantity in JUDGED]
         changed = "" if case["test"] else ", changed"

@@ -93,17 +93,13 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     """The key figures, beside the measured ones where there are any, and what is to be said."""
-    from taichi_foam.analysis import quantities as q
+    from taichi_foam.analysis.quantities import shown_in
     from taichi_foam.shim2000 import tests
-    from taichi_foam.shim2000.compare import COMPARED, measured_figures
+    from taichi_foam.shim2000.compare import measured_figures
 
     known = measured_figures(tests.test_of(scene))
     rows = []
-    first = (
-        q.STRESS, q.STRESS_STRAIN, q.CREST, q.CREST_G, q.RAW_CREST, q.RAW_CREST_G, q.STRAIN,
-        q.BASE_G,
-    )  # fmt: skip
-    for quantity in (*first, *COMPARED):
+    for quantity in shown_in("cell"):
         value, measured = summary[quantity.key], known.get(quantity.key)
         if value is None and measured is None:
             continue

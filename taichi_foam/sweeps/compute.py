@@ -106,7 +106,7 @@ def _compute_here(
         except Exception as error:
             losses.add(chunk, error, f"{type(error).__name__}: {error}".strip())
         else:
-            losses.end_row()
+            losses.break_off()
             dealer.learn(chunk, seconds_of(store.chunk_file(chunk)))
     losses.tell()
 
@@ -139,8 +139,8 @@ class _Losses:
         if self._on_end >= _MOST_LOST:
             raise RunError(f"{self._words}\ngiven up: {reason}")
 
-    def end_row(self) -> None:
-        """A chunk has been computed."""
+    def break_off(self) -> None:
+        """A chunk has been computed: no more on end."""
         self._on_end = 0
 
     def tell(self) -> None:
@@ -217,7 +217,7 @@ class _Computing:
             future.add_done_callback(partial(self._report, chunk))
             return
         if there:
-            self._losses.end_row()
+            self._losses.break_off()
             self._on_drops(len(chunk))
             with contextlib.suppress(OSError):  # a disk that is slow to show it
                 self._dealer.learn(chunk, seconds_of(self._store.chunk_file(chunk)))

@@ -15,8 +15,7 @@ from matplotlib import ticker
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import quantities
-from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.analysis.quantities import QUANTITIES
 from taichi_foam.errors import UserError
 from taichi_foam.parts import unit_of
 from taichi_foam.picture.labels import beside, spread
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_KNOWN = {each.key: each for each in vars(quantities).values() if isinstance(each, Quantity)}
 
 # Points that a sample's drops are gathered into, along an axis.
 _BINS = 12
@@ -126,7 +124,7 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     axes = {key: found[key].to_pylist() for key in keys}
     if not axes:  # repeats alone
         axes = {table.MEMBER: found[table.MEMBER].to_pylist()}
-    factor = 100.0 if shares else _KNOWN[measure].factor if measure in _KNOWN else 1.0
+    factor = 100.0 if shares else QUANTITIES[measure].factor if measure in QUANTITIES else 1.0
     return _Drops(
         axes,
         [None if value is None else factor * float(value) for value in values],
@@ -368,7 +366,7 @@ def _hashable(value: Any) -> Any:
 
 def _label_of_measure(key: str, is_share: bool) -> str:
     """A column in words with its unit."""
-    known = _KNOWN.get(key)
+    known = QUANTITIES.get(key)
     if known is not None:
         return f"{known.label} ({known.unit})" if known.unit else known.label
     unit = next((unit for unit in _UNITS if key.endswith(f"_{unit}")), None)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from taichi_foam.analysis import quantities
 from taichi_foam.analysis.measures import summary
 from taichi_foam.analysis.quantities import (
     DISPLACEMENT,
+    QUANTITIES,
     RAW_CREST_G,
     RESIDUAL,
     STRAIN,
-    Quantity,
+    shown_in,
 )
 from taichi_foam.cli import tables
-from taichi_foam.live.page.figures import FIGURES, QUANTITIES
+from taichi_foam.live.page.figures import FIGURES
 
-ALL = [each for each in vars(quantities).values() if isinstance(each, Quantity)]
+ALL = list(QUANTITIES.values())
 
 
 def test_every_figure_is_a_measure_of_a_run(make_result) -> None:
@@ -32,12 +32,18 @@ def test_figures_in_the_unit_of_people() -> None:
 
 def test_terminal_and_page_say_the_same(make_result) -> None:
     assert [(key, unit, factor) for key, _, unit, factor, _ in FIGURES] == [
-        (quantity.key, quantity.unit, quantity.factor) for quantity in QUANTITIES
+        (quantity.key, quantity.unit, quantity.factor) for quantity in shown_in("page")
     ]
     result = make_result(strain_J=1.0, residual_J=(0.0, 0.01))
     labels = list(tables.key_figures(result.scene, result.summary).columns[0].cells)
     assert RESIDUAL.label in labels
-    assert labels == [quantity.label for quantity in ALL if quantity.label in labels]
+    shown = [quantity.label for quantity in shown_in("run")]
+    assert labels == [label for label in shown if label in labels]
+
+
+def test_tables_are_those_that_there_are() -> None:
+    named = {table for each in ALL for table in each.tables.split()}
+    assert named == {"run", "page", "cell", "drops"}
 
 
 def test_the_largest_strain_stands_beside_the_peaks(make_result) -> None:
@@ -45,4 +51,5 @@ def test_the_largest_strain_stands_beside_the_peaks(make_result) -> None:
     figures = {**result.summary, STRAIN.key: 0.4, RAW_CREST_G.key: 50.0}
     labels = list(tables.key_figures(result.scene, figures).columns[0].cells)
     assert labels.index(STRAIN.label) == labels.index(RAW_CREST_G.label) + 1
-    assert QUANTITIES.index(STRAIN) == QUANTITIES.index(RAW_CREST_G) + 1
+    on_the_page = shown_in("page")
+    assert on_the_page.index(STRAIN) == on_the_page.index(RAW_CREST_G) + 1

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_foam.analysis.quantities import shown_in
 from taichi_foam.live.page.curve import Curve
-from taichi_foam.live.page.figures import ENERGIES, QUANTITIES
+from taichi_foam.live.page.figures import ENERGIES
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame
@@ -105,7 +106,7 @@ class Numbers:
         start = time.monotonic()
         measured = result.summary
         self._measured = result
-        self._figures = {quantity.key: measured[quantity.key] for quantity in QUANTITIES}
+        self._figures = {quantity.key: measured[quantity.key] for quantity in shown_in("page")}
         self._figures_time = float(result.history["time_s"][-1])
         # until it is over, a drop counts as interrupted, and there is nothing to say of its end
         words = measured["statement"] if is_over else None
