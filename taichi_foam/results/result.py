@@ -36,7 +36,7 @@ import csv
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -106,34 +106,9 @@ class Result(Record):
         return Path(folder)
 
     def write(self, folder: Path) -> None:
-        """Write the files into an existing, empty folder (one yielded by `output_folder`).
-
-        What is measured comes last: if it fails, the reason stands in summary.json as
-        `not_measured`, and the data are complete.
-        """
-        # Here, since measures bring SciPy along, which takes half a second to load.
-        from taichi_foam.analysis.compression import compression_curve
-        from taichi_foam.analysis.fragments import cracks
-
-        (folder / "scene.toml").write_text(scene_to_toml(self.scene), encoding="utf-8")
-        _write_history(folder / "history.csv", self.history)
-        _write_snapshots(folder / "snapshots.npz", self.snapshots, self.scene)
-        if (curve := compression_curve(self)) is not None:
-            _write_curve(folder / "compression.csv", *curve)
-        if self.cushion is not None:
-            arrays: dict[str, Any] = self.cushion.to_arrays()
-            np.savez_compressed(folder / _STATE, format=_FORMAT, **arrays)
-        try:
-            paths = cracks(self.snapshots[-1], self.scene.block) if self.snapshots else []
-            measures = self.summary
-        except Exception as error:  # whatever it is, hours of computing are worth more
-            paths = []
-            measures = {
-                "scene": self.scene.name,
-                "not_measured": f"{type(error).__name__}: {error}",
-            }
-        write_json(folder / "cracks.json", {"polylines_m": paths})
-        write_json(folder / "summary.json", {**measures, "run": self.run})
+        """Write `OUTPUTS` into an existing, empty folder (one yielded by `output_folder`)."""
+        for name, write in OUTPUTS.items():
+            write(self, folder / name)
         Manifest.of(folder).write(folder)
 
     @classmethod
@@ -207,8 +182,12 @@ def _check_whole(root: Path) -> None:
         )
 
 
-def _write_history(path: Path, history: History) -> None:
-    columns = []
+def _write_scene(result: Result, path: Path) -> None:
+    path.write_text(scene_to_toml(result.scene), encoding="utf-8")
+
+
+def _write_history(result: Result, path: Path) -> None:
+    history, columns = result.history, []
     for name, each in history.items():
         # tolist gives Python floats, whose repr is the shortest text that reads back the same.
         values = np.asarray(each, dtype=np.float64).tolist()
@@ -220,12 +199,44 @@ def _write_history(path: Path, history: History) -> None:
         writer.writerows(zip(*columns, strict=True))
 
 
-def _write_curve(path: Path, strain: np.ndarray, stress: np.ndarray) -> None:
+def _write_curve(result: Result, path: Path) -> None:
     """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
+    from taichi_foam.analysis.compression import compression_curve
+
+    curve = compression_curve(result)
+    if curve is None:
+        return
+    strain, stress = curve
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("strain [-]", "stress [Pa]"))
         writer.writerows(zip(strain.tolist(), stress.tolist(), strict=True))
+
+
+def _write_state(result: Result, path: Path) -> None:
+    if result.cushion is not None:
+        arrays: dict[str, Any] = result.cushion.to_arrays()
+        np.savez_compressed(path, format=_FORMAT, **arrays)
+
+
+def _write_cracks(result: Result, path: Path) -> None:
+    from taichi_foam.analysis.fragments import cracks
+
+    try:
+        found = cracks(result.snapshots[-1], result.scene.block) if result.snapshots else []
+    except Exception:  # what it is stands in the summary
+        found = []
+    write_json(path, {"polylines_m": found})
+
+
+def _write_summary(result: Result, path: Path) -> None:
+    """The measures; the reason as `not_measured` if that fails: the data are complete."""
+    try:
+        measures = result.summary
+    except Exception as error:  # whatever it is, hours of computing are worth more
+        reason = f"{type(error).__name__}: {error}"
+        measures = {"scene": result.scene.name, "not_measured": reason}
+    write_json(path, {**measures, "run": result.run})
 
 
 def _read_history(path: Path) -> History:
@@ -266,8 +277,9 @@ def _words(error: BaseException) -> str:
     return text if len(text) <= 300 else text[:297] + "..."
 
 
-def _write_snapshots(path: Path, snapshots: Sequence[Snapshot], scene: Scene) -> None:
+def _write_snapshots(result: Result, path: Path) -> None:
     """Write an .npz, array by array and instant by instant: one snapshot is in memory at a time."""
+    snapshots, scene = result.snapshots, result.scene
     record = record_type(scene)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("format.npy", "w") as file:
@@ -296,3 +308,16 @@ def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
     return [
         snapshot_of({name: arrays[name][n] for name in there}) for n in range(len(arrays["time"]))
     ]
+
+
+# What measures brings SciPy along, which takes half a second to load: these import it themselves.
+OUTPUTS: dict[str, Callable[[Result, Path], None]] = {
+    "scene.toml": _write_scene,
+    "history.csv": _write_history,
+    "snapshots.npz": _write_snapshots,
+    "compression.csv": _write_curve,
+    _STATE: _write_state,
+    "cracks.json": _write_cracks,
+    "summary.json": _write_summary,
+}
+"""What writes each file of a run's folder, in order; what has nothing to write makes no file."""

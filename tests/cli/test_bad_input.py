@@ -164,13 +164,13 @@ def test_disk_that_fills_up_at_the_end(
         (staging / "notes.txt").write_text("older")
     before = tree(tmp_path)
 
-    def full(path: Path, *arguments: object) -> None:
+    def full(result: object, path: Path) -> None:
         path.write_bytes(b"half")
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
     command = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=1e-3", "--no-film"]
     with monkeypatch.context() as patched:
-        patched.setattr(result_module, "_write_snapshots", full)
+        patched.setitem(result_module.OUTPUTS, "snapshots.npz", full)
         result = invoke(*command, "--out", "old", "--overwrite")
     assert result.exit_code == 2
     assert "the disk is full" in result.stderr
