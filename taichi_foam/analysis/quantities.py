@@ -13,7 +13,7 @@ class Quantity:
     name    in a word or two, where room is short
     unit    for people; value in `unit` = `factor` times the value in SI units
     digits  decimals shown in that unit
-    tables  that show it, in the order in which quantities stand here: "run" and "drops" in the
+    tables  that show it, in the order in which quantities stand here: "run" in the
             terminal, "page", and "cell" of a notebook
     """
 
@@ -49,7 +49,7 @@ CREST = Quantity(
 )
 CREST_G = Quantity(
     "peak_deceleration_cfc180_g", "peak deceleration (CFC 180)", "peak in g",
-    "g", 1.0, 1, "run page cell drops",
+    "g", 1.0, 1, "run page cell",
 )
 CREST_TIME = Quantity(
     "peak_deceleration_cfc180_time_s", "time of peak deceleration (CFC 180)", "time of the peak",
@@ -61,7 +61,7 @@ RAW_CREST = Quantity(
 )
 RAW_CREST_G = Quantity(
     "peak_deceleration_g", "peak deceleration, raw", "raw peak in g",
-    "g", 1.0, 1, "run page cell drops",
+    "g", 1.0, 1, "run page cell",
 )
 RAW_CREST_TIME = Quantity(
     "peak_deceleration_time_s", "time of peak deceleration, raw", "time of the raw peak",
@@ -69,7 +69,7 @@ RAW_CREST_TIME = Quantity(
 )
 STRAIN = Quantity(
     "max_strain", "largest strain of the block", "strain",
-    "%", 1e2, 1, "run page cell drops",
+    "%", 1e2, 1, "run page cell",
 )
 BASE_G = Quantity("base_peak_g", "peak of the base, in g", "base", "g", 1.0, 1, "run page cell")
 DISPLACEMENT = Quantity(
@@ -129,7 +129,7 @@ BASE_CHANGE = Quantity(
 )
 RESTITUTION = Quantity(
     "restitution", "coefficient of restitution", "restitution",
-    "", 1.0, 3, "run page drops",
+    "", 1.0, 3, "run page",
 )
 FALL = Quantity(
     "equivalent_drop_height_m", "equivalent drop height", "drop height",
@@ -137,7 +137,7 @@ FALL = Quantity(
 )
 REST = Quantity(
     "rest_height_m", "height of the block at the end", "rest height",
-    "cm", 1e2, 2, "drops",
+    "cm", 1e2, 2,
 )
 WIDTH = Quantity(
     "crushed_width_m", "width of the crushed region", "crushed width",
@@ -156,7 +156,7 @@ NO_ROOM = Quantity(
     "%", 1e2, 1, "run",
 )
 PIECES = Quantity("pieces", "pieces", "pieces", "", 1.0, 0, "run page")
-BROKEN = Quantity("broken_bonds", "broken bonds", "broken bonds", "", 1.0, 0, "run page drops")
+BROKEN = Quantity("broken_bonds", "broken bonds", "broken bonds", "", 1.0, 0, "run page")
 CRACK = Quantity(
     "crack_lowest_height_m", "crack below impactor, down to", "crack",
     "cm", 1e2, 1, "run",

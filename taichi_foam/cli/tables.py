@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from taichi_foam.analysis import quantities as q
 from taichi_foam.analysis.quantities import Quantity, shown_in
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -19,6 +20,16 @@ from taichi_foam.shim2000.compare import (
     median_and_allowed,
 )
 from taichi_foam.shim2000.tests import test_of, title
+
+_OF_DROPS = {
+    q.CREST_G: "peak in g\nCFC 180",
+    q.RAW_CREST_G: "raw",
+    q.STRAIN: "strain\n%",
+    q.RESTITUTION: "restitution",
+    q.REST: "rest height\ncm",
+    q.BROKEN: "broken\nbonds",
+}
+"""Columns of the table of drops, and heads so narrow that it fits 80 columns."""
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
@@ -51,24 +62,18 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
 
 def drops(results: Sequence[Result]) -> Table:
     """The figures of drops on one block, a row each; fits 80 columns."""
-    table, shown = _table(f"{results[0].scene.name}: drops on one block"), shown_in("drops")
-    for words in ("drop", *(_head(each) for each in shown), ""):
+    table = _table(f"{results[0].scene.name}: drops on one block")
+    for words in ("drop", *_OF_DROPS.values(), ""):
         table.add_column(words, justify="right", no_wrap=True)
     for result in results:
         found = result.summary
-        texts = [each.text(found[each.key]) for each in shown]
+        texts = [each.text(found[each.key]) for each in _OF_DROPS]
         said = "interrupted" if found["interrupted"] else ""
         table.add_row(str(result.drop), *texts, "bottomed out" if found["bottomed_out"] else said)
     table.caption, table.caption_justify = (
-        "peak in g: CFC 180; rest height: of the impactor's lowest point on the block at the end",
-        "left",
+        "rest height: of the impactor's lowest point on the block as it lies at the end", "left"
     )  # fmt: skip
     return table
-
-
-def _head(quantity: Quantity) -> str:
-    """Name and unit over a column, on two lines."""
-    return f"{quantity.name}\n{quantity.unit}".rstrip()
 
 
 def study(content: Mapping[str, Any]) -> Table:
@@ -84,7 +89,7 @@ def study(content: Mapping[str, Any]) -> Table:
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
     for quantity in JUDGED:
-        table.add_column(_head(quantity), justify="right", no_wrap=True)
+        table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity) for quantity in JUDGED]
         changed = "" if case["test"] else ", changed"

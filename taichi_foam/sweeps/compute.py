@@ -104,7 +104,7 @@ def _compute_here(
         try:
             compute_chunk(str(store.folder), store.plan.hash, chunk, told)
         except Exception as error:
-            losses.add(chunk, error, f"{type(error).__name__}: {error}".strip())
+            losses.add(chunk, error)
         else:
             losses.break_off()
             dealer.learn(chunk, seconds_of(store.chunk_file(chunk)))
@@ -118,8 +118,8 @@ class _Losses:
         self._store = store
         self._count = self._on_end = 0
 
-    def add(self, chunk: range, error: BaseException, reason: str) -> None:
-        """Note one, and why.
+    def add(self, chunk: range, error: BaseException, reason: str = "") -> None:
+        """Note one, and why: the error's own words unless there are better ones.
 
         Raises:
             UserError: nothing can be computed, or the disk is full.
@@ -133,6 +133,7 @@ class _Losses:
                 f"{store.folder}: cannot be written, {error.strerror}. Fix: make room; "
                 f"{_again(store)}"
             )
+        reason = reason or f"{type(error).__name__}: {error}".strip()
         store.lose(chunk, reason)
         self._count += 1
         self._on_end += 1
@@ -235,8 +236,7 @@ class _Computing:
                 f"the scheduler has given up members {chunk[0]} to {chunk[-1]}; "
                 f"{_again(self._store)}"
             )
-        error = future.exception()
-        reason = f"{type(error).__name__}: {error}".strip()
+        error, reason = future.exception(), ""
         if isinstance(error, KilledWorker):
             reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
         self._losses.add(chunk, error, reason)
@@ -309,14 +309,6 @@ def _client(store: Store, workers: int | None, scheduler: str | None) -> Iterato
         # a worker's parent is this process, and not one that forks for it
         "distributed.worker.multiprocessing-method": "spawn",
     }
-    common: dict[str, Any] = {
-        "threads_per_worker": 1,
-        "dashboard_address": "127.0.0.1:0",
-        "worker_dashboard_address": "127.0.0.1:0",
-        "local_directory": str(scratch),
-        "memory_limit": 0,
-        "silence_logs": logging.CRITICAL + 1,
-    }
     stack = contextlib.ExitStack()
     try:
         stack.enter_context(_quiet())
@@ -334,7 +326,16 @@ def _client(store: Store, workers: int | None, scheduler: str | None) -> Iterato
         stack.callback(shutil.rmtree, scratch, ignore_errors=True)
         with _interrupts_for_this_thread_only():
             # over TLS, with a key that is made now: nobody else on this machine may join
-            cluster = LocalCluster(n_workers=workers, security=True, **common)
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                security=True,
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
+                local_directory=str(scratch),
+                memory_limit=0,
+                silence_logs=logging.CRITICAL + 1,
+            )
         stack.enter_context(cluster)
         yield stack.enter_context(Client(cluster, set_as_default=False))
     finally:

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-
 # Points that a sample's drops are gathered into, along an axis.
 _BINS = 12
 

@@ -43,7 +43,7 @@ def test_terminal_and_page_say_the_same(make_result) -> None:
 
 def test_tables_are_those_that_there_are() -> None:
     named = {table for each in ALL for table in each.tables.split()}
-    assert named == {"run", "page", "cell", "drops"}
+    assert named == {"run", "page", "cell"}
 
 
 def test_the_largest_strain_stands_beside_the_peaks(make_result) -> None:
