@@ -82,7 +82,7 @@ class Run:
     index: int
     begun: Wall
     batch: int
-    rows: list[np.ndarray] = field(default_factory=list)
+    rows: list[np.ndarray] = field(default_factory=list)  # none of them is empty
     snapshots: list[Snapshot] | SnapshotFile = field(default_factory=list)
     recorded: float = -math.inf  # time of the last snapshot [s]
     status: int = RUNNING
@@ -262,7 +262,7 @@ class Slots:
         clock = stored.state.clock
         return Run(
             scene, index, begun, lattice.size.batch,
-            rows=[stored.rows],
+            rows=[stored.rows] if len(stored.rows) else [],
             snapshots=stored.snapshots,
             recorded=stored.snapshots[-1].time,
             status=int(clock["status"]),
@@ -426,7 +426,7 @@ def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
     begun.node_stages = wall.node_stages - stored.node_stages
     return Run(
         stored.scene, index, begun, 1,
-        rows=[stored.rows],
+        rows=[stored.rows] if len(stored.rows) else [],
         snapshots=stored.snapshots,
         recorded=stored.snapshots[-1].time,
         status=int(state.clock["status"]),

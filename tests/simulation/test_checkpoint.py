@@ -22,6 +22,7 @@ from taichi_foam.records.ending import Ending
 from taichi_foam.results.folders import UNFINISHED
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Foam, Model, Numerics, Output, Scene, Wedge
+from taichi_foam.simulation import batches
 from taichi_foam.simulation import checkpoint as checkpoint_module
 from taichi_foam.simulation.checkpoint import CHECKPOINT
 from taichi_foam.simulation.simulate import Progress, resume, run, run_many
@@ -104,6 +105,20 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(options: str, tmp_path
     assert_same(whole, continued)
     assert continued.run["resumed"] == 2
     assert whole.run["resumed"] == 0
+
+
+def test_a_run_that_was_interrupted_before_its_first_row_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(*_: object) -> bool:
+        raise KeyboardInterrupt
+
+    scene = impact(numerics=Numerics(end="rebound"))
+    with monkeypatch.context() as held:
+        held.setattr(batches.Slots, "advance", press)
+        with pytest.raises(KeyboardInterrupt):
+            run(scene, checkpoint=tmp_path)
+    assert run(scene, interrupt_at(0.1), checkpoint=tmp_path).run["resumed"] == 1
 
 
 def test_runs_of_a_batch_go_on_together_or_alone(tmp_path: Path) -> None:
