@@ -22,9 +22,8 @@ from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
-from taichi_foam.laws.shape.edges import edges_of
+from taichi_foam.laws.shape.edges import edges_of, surface_of
 from taichi_foam.laws.shape.outline import convex_hull
-from taichi_foam.laws.shape.rounded import surface_of
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.pulse import MOST_POINTS
@@ -416,7 +415,7 @@ def _pulse(scene: Scene) -> NDArray[np.float64]:
 
 
 def _surface(scene: Scene) -> NDArray[np.float64]:
-    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.rounded.surface_of`."""
+    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.edges.surface_of`."""
     if scene.impactor is None:
         return np.zeros((1, 3))
     return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))

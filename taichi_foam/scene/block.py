@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from taichi_foam.errors import note
 from taichi_foam.laws.bond import FOAMS, BondFoam
-from taichi_foam.parts import Part, choice, is_number, quantity
+from taichi_foam.parts import Corner, Part, choice, is_number, quantity
 from taichi_foam.scene import outlines
 
 MAX_NODES = 4_000_000
@@ -30,10 +30,8 @@ SQUARE = "for square cells"
 OBLONG = 1.25
 """Cells that are so many times as long one way as the other are advised against."""
 
-_Coordinate = Annotated[float, Field(ge=-5, le=5)]
-_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
-_Outline = Annotated[tuple[_Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
-_Hole = Annotated[tuple[_Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
+_Outline = Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
+_Hole = Annotated[tuple[Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
 
 _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 

@@ -23,7 +23,8 @@ def size(points: np.ndarray) -> float:
 def checked(vertices: Sequence[tuple[float, float]]) -> np.ndarray:
     """Corners as an array (n, 2) [m].
 
-    Raises ValueError, in the words of a scene: they are too near to one another, or one repeats.
+    Raises ValueError, in the words of a scene: they are too near to one another, one repeats, or
+    all are on one line.
     """
     points = np.array(vertices)
     extent = size(points)
@@ -42,6 +43,11 @@ def checked(vertices: Sequence[tuple[float, float]]) -> np.ndarray:
                 f"impactor.vertices[{k}] = {list(vertices[k])}: repeats an earlier corner; each "
                 f"must be given once{closes}; leave it out"
             )
+    if len(convex_hull(points)) < 3:
+        raise ValueError(
+            "impactor.vertices: all on one line; they must enclose an area; "
+            "move one of them off the line"
+        )
     return points
 
 

@@ -1,4 +1,4 @@
-"""Any convex polygon as impactor."""
+"""Polygons by their corners as impactors: a convex one, and any outline as one draws it."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -6,13 +6,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.laws.shape.base import Impactor
-from taichi_foam.parts import quantity
+from taichi_foam.laws.shape.base import MOST_CORNERS, Impactor
+from taichi_foam.laws.shape.edges import Edged, counter_clockwise
+from taichi_foam.parts import Corner, quantity
 
 MOST_VERTICES = 16
 
-_Coordinate = Annotated[float, Field(ge=-2, le=2)]
-_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
+_Within2 = Annotated[float, Field(ge=-2, le=2)]
+_Near = Annotated[tuple[_Within2, _Within2], Field(strict=False)]
 
 
 class Polygon(Impactor):
@@ -21,7 +22,7 @@ class Polygon(Impactor):
     shape: Literal["polygon"] = "polygon"
     label: ClassVar[str] = "polygon"
     vertices: Annotated[
-        tuple[_Corner, ...],
+        tuple[_Near, ...],
         Field(strict=False, min_length=3, max_length=MOST_VERTICES),
     ] = quantity(
         ...,
@@ -37,11 +38,6 @@ class Polygon(Impactor):
         points = geometry.checked(self.vertices)
         least = geometry.TOLERANCE * geometry.size(points)
         hull = geometry.convex_hull(points)
-        if len(hull) < 3:
-            raise ValueError(
-                "impactor.vertices: all on one line; they must enclose an area; "
-                "move one of them off the line"
-            )
         for k, vertex in enumerate(points):
             if geometry.distance_inside(hull, vertex) > least:
                 raise ValueError(
@@ -59,6 +55,49 @@ class Polygon(Impactor):
     def corners(self) -> np.ndarray:
         """Return the corners as given [m], counter-clockwise; see the base class."""
         return geometry.convex_hull(np.array(self.vertices))
+
+    def origin(self) -> np.ndarray:
+        """Return the origin of the given corners."""
+        return np.zeros(2)
+
+
+class Outline(Edged):
+    """Any outline that does not cross itself: of a product, out of a drawing."""
+
+    shape: Literal["outline"] = "outline"
+    label: ClassVar[str] = "outline"
+    vertices: Annotated[
+        tuple[Corner, ...],
+        Field(strict=False, min_length=3, max_length=MOST_CORNERS),
+    ] = quantity(
+        ...,
+        "m",
+        "corners (x, y) in order along the outline, either way round, about any origin; in their "
+        "place `file` names a CSV file with a column of each, their unit in the header",
+        allowed=f"3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
+        fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
+        "[0.05, 0.05], [0, 0.05]]",
+    )
+
+    @model_validator(mode="after")
+    def _check_simple(self) -> "Outline":
+        import shapely  # takes a while to load, and most scenes do without
+
+        points = geometry.checked(self.vertices)
+        if not shapely.LinearRing(points).is_simple:
+            said = (
+                str(shapely.is_valid_reason(shapely.Polygon(points))).partition("[")[2].rstrip("]")
+            )
+            place = ", ".join(f"{float(each):.4g}" for each in said.split())
+            raise ValueError(
+                f"impactor.vertices: the outline crosses or touches itself near [{place}]; it must "
+                "be one simple outline; give its corners in order along it"
+            )
+        return self
+
+    def corners(self) -> np.ndarray:
+        """Return the corners as given [m], counter-clockwise; see the base class."""
+        return counter_clockwise(np.array(self.vertices))
 
     def origin(self) -> np.ndarray:
         """Return the origin of the given corners."""
