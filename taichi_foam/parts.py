@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
@@ -48,6 +48,9 @@ Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 """A point [x, y] [m]."""
 
 
+Kind = TypeVar("Kind", bound="Part")
+
+
 class Part(BaseModel):
     """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
 
@@ -58,10 +61,15 @@ class Part(BaseModel):
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
 
+    def with_computed(self: Kind, **values: Any) -> Kind:
+        """A copy with values that follow from others: `model_fields_set` has what was given."""
+        return _given_only(self.model_copy(update=values), self.model_fields_set)
+
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What differs from the defaults, which is what one would write."""
+        """What was given and differs from the defaults, which is what one would write."""
         for name, value in super().__repr_args__():
-            if name is None or value != type(self).model_fields[name].default:
+            field = type(self).model_fields.get(name or "")
+            if field is None or (name in self.model_fields_set and value != field.default):
                 yield name, _Told(value) if _is_long(value) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -84,6 +92,19 @@ class Part(BaseModel):
         """Its own names, without pydantic's."""
         own = {name for name in super().__dir__() if not name.startswith("_")}
         return sorted(own - {*dir(BaseModel)} | {*dir(object)})
+
+
+def completed(given: Mapping[str, Any], computed: Mapping[str, Any], handler: Any) -> Any:
+    """For a "wrap" validator: the part of what was given, and of what follows from it for the rest.
+
+    `model_fields_set` has what was given.
+    """
+    return _given_only(handler({**computed, **given}), given)
+
+
+def _given_only(part: Kind, given: Iterable[str]) -> Kind:
+    object.__setattr__(part, "__pydantic_fields_set__", set(given))
+    return part
 
 
 class _Told:
@@ -179,9 +200,6 @@ def described(field: FieldInfo) -> str:
     """What a field is, and its unit in brackets where it has one."""
     unit = unit_of(field)
     return f"{field.description or ''}{f' [{unit}]' if unit else ''}"
-
-
-Kind = TypeVar("Kind", bound=Part)
 
 
 class Registry(Mapping[str, type[Kind]], Generic[Kind]):

@@ -11,7 +11,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,12 +89,17 @@ def read_rows(path: Path, needs: str) -> Rows:
     return Rows(encoding, rows[:first], rows[first:])
 
 
-def units_in_brackets(path: Path, rows: Rows, units: Collection[str]) -> list[str]:
-    """The header of columns whose units stand in brackets, or in a line of their own; [] if none.
+def two_columns(
+    path: Path, needs: str, units: tuple[Mapping[str, float], Mapping[str, float]]
+) -> tuple[list[tuple[float, float]], set[str | None]]:
+    """The first two columns of a text file in SI units, and what the header says these are in.
 
-    Raises UserError: units stand further up, with text between them and the numbers.
+    Each by the unit in its header's brackets, or in a line of units below; without one it is SI.
+    Raises UserError with file, line and value: unreadable, no number, an unknown unit, one that
+    stands further up, with text between it and the numbers.
     """
-    heads, _ = rows.header({"", *units})
+    rows = read_rows(path, needs)
+    heads, _ = rows.header({"", *units[0], *units[1]})
     if heads and not any(map(IN_BRACKETS.search, heads)):
         for line, cells in rows.above:
             if sum(map(bool, cells)) >= 2 and any(map(IN_BRACKETS.search, cells)):
@@ -102,7 +107,24 @@ def units_in_brackets(path: Path, rows: Rows, units: Collection[str]) -> list[st
                     f"{path}, line {line}: this header has units, but text stands between it and "
                     "the numbers; remove that text, or begin its lines with #"
                 )
-    return heads or []
+    heads = heads or ["", ""]
+    matches = [IN_BRACKETS.search(head) for head in heads[:2]]
+    said = [match[1] if match else None for match in matches]
+    one, two = (factor_of(path, "the header's", *each) for each in zip(said, units, strict=False))
+    pairs = [
+        (one * number_in(path, line, cells, 0), two * number_in(path, line, cells, 1))
+        for line, cells in rows.body
+    ]
+    return pairs, set(said)
+
+
+def factor_of(path: Path, where: str, unit: str | None, units: Mapping[str, float]) -> float:
+    """What numbers in a unit are multiplied by to be SI; None: they are. Raises UserError."""
+    if unit is None:
+        return 1.0
+    if plain_unit(unit) not in units:
+        raise UserError(f"{path}: {where} unit {shown(unit)}: must be one of {', '.join(units)}")
+    return units[plain_unit(unit)]
 
 
 def plain_unit(unit: str) -> str:

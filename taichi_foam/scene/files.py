@@ -9,7 +9,7 @@ from typing import Any
 import tomli_w
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Scene, sources
+from taichi_foam.scene import Scene, library
 from taichi_foam.scene.messages import titled
 from taichi_foam.scene.toml import parsed, read_toml
 
@@ -38,7 +38,7 @@ def completed_scene(data: Mapping[str, Any], folder: Path, source: str) -> dict[
     Raises UserError, titled with the source.
     """
     try:
-        return sources.completed(data, folder)
+        return library.completed(data, folder)
     except ValueError as error:
         raise UserError(titled(source, str(error))) from None
 

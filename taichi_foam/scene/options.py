@@ -12,6 +12,9 @@ from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.scene.pulse import Pulse, Shape
 from taichi_foam.units import STANDARD_GRAVITY
 
+LONGEST_RUN = 10.0
+"""Time [s] by which every run is over."""
+
 # Lists are as good as tuples here: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
 _Row = Annotated[tuple[_Component, _Component], Field(strict=False)]
@@ -180,7 +183,7 @@ class Numerics(Part):
     gravity: float = quantity(
         0.0, "m/s2", "gravity on block and impactor, downwards", at_least=0, at_most=1000
     )
-    end: Annotated[float, Field(gt=0, le=10)] | Literal["rebound"] = quantity(
+    end: Annotated[float, Field(gt=0, le=LONGEST_RUN)] | Literal["rebound"] = quantity(
         "rebound",
         "s",
         "end of the run; rebound: after the impactor has come to rest",
