@@ -25,8 +25,8 @@ from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.csv_file import two_columns
 from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.options import Pulse
 from taichi_foam.scene.paths import NOTHING, at, copied, heads_of_foams, put
-from taichi_foam.scene.pulse import Pulse
 from taichi_foam.scene.toml import parsed, read_toml
 from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, TIME_UNITS
 
@@ -276,9 +276,10 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
     ]
     dense = f"{head or 'block.'}density"
     place = at(data, dense.rpartition(".")[0])
+    place = {} if place in (None, NOTHING) else place
     given = place.model_fields_set if isinstance(place, Part) else place
     # across its rise it is the same foam, and so as dense
-    if head != "across." and (given in (None, NOTHING) or "density" not in given):
+    if head != "across." and isinstance(given, dict | set) and "density" not in given:
         assumed.append(Assumed(key=dense, why=f"that of the foam: {file.title}"))
         if isinstance(place, Part):
             data["block"] = place.model_copy(update={"density": file.density})

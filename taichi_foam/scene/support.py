@@ -92,7 +92,7 @@ class Support(Part):
                     "give more"
                 )
             else:
-                found += outlines.problems_of_ring("support.outline", self.outline)
+                found += geometry.problems_of_ring("support.outline", self.outline)
         if found:
             raise ValueError("\n".join(found))
         return self

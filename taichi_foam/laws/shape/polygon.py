@@ -1,5 +1,6 @@
 """Polygons by their corners as impactors: a convex one, and any outline as one draws it."""
 
+from collections.abc import Callable, Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -11,6 +12,8 @@ from taichi_foam.laws.shape.edges import Edged, counter_clockwise
 from taichi_foam.parts import Corner, quantity
 
 MOST_VERTICES = 16
+
+Corners = Sequence[tuple[float, float]]
 
 _Within2 = Annotated[float, Field(ge=-2, le=2)]
 _Near = Annotated[tuple[_Within2, _Within2], Field(strict=False)]
@@ -35,7 +38,8 @@ class Polygon(Impactor):
 
     @model_validator(mode="after")
     def _check_convex(self) -> "Polygon":
-        points = geometry.checked(self.vertices)
+        _check_size(self.vertices, geometry.problems_of_corners)
+        points = np.array(self.vertices)
         least = geometry.TOLERANCE * geometry.size(points)
         hull = geometry.convex_hull(points)
         for k, vertex in enumerate(points):
@@ -81,18 +85,7 @@ class Outline(Edged):
 
     @model_validator(mode="after")
     def _check_simple(self) -> "Outline":
-        import shapely  # takes a while to load, and most scenes do without
-
-        points = geometry.checked(self.vertices)
-        if not shapely.LinearRing(points).is_simple:
-            said = (
-                str(shapely.is_valid_reason(shapely.Polygon(points))).partition("[")[2].rstrip("]")
-            )
-            place = ", ".join(f"{float(each):.4g}" for each in said.split())
-            raise ValueError(
-                f"impactor.vertices: the outline crosses or touches itself near [{place}]; it must "
-                "be one simple outline; give its corners in order along it"
-            )
+        _check_size(self.vertices, geometry.problems_of_ring)
         return self
 
     def corners(self) -> np.ndarray:
@@ -102,3 +95,15 @@ class Outline(Edged):
     def origin(self) -> np.ndarray:
         """Return the origin of the given corners."""
         return np.zeros(2)
+
+
+def _check_size(vertices: Corners, problems: Callable[[str, Corners], list[str]]) -> None:
+    """Raises ValueError: corners too near to one another, or what else the problems are."""
+    extent = geometry.size(np.array(vertices))
+    if extent < 1e-4:
+        raise ValueError(
+            f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
+            "lengths are in metres"
+        )
+    if found := problems("impactor.vertices", vertices):
+        raise ValueError(found[0])
