@@ -15,6 +15,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taichi_foam.errors import UserError
 from taichi_foam.scene.messages import shown
 
@@ -68,6 +71,42 @@ class Rows:
         return lines[-1], 1
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What a column can hold: by which words its header is known, in which units it may be."""
+
+    name: str
+    units: Mapping[str, float]
+    si: str
+    words: tuple[str, ...] = ()
+
+    def known_in(self, heads: Sequence[str]) -> list[int]:
+        """The columns whose header has one of its words."""
+        return [
+            n for n, head in enumerate(heads) if any(word in head.lower() for word in self.words)
+        ]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a file.
+
+    kind    what it holds
+    number  of the column, from 1
+    head    its header; None: it has none
+    unit    as header or options say it; None: neither does, it is SI
+    over    what it was divided by [m or m2]; None: by nothing
+    values  (n,) SI
+    """
+
+    kind: Kind
+    number: int
+    head: str | None
+    unit: str | None
+    over: float | None
+    values: NDArray[np.float64]
+
+
 def read_rows(path: Path, needs: str) -> Rows:
     """The rows of a text file; lines that begin with `#`, and empty ones, are left out.
 
@@ -89,17 +128,15 @@ def read_rows(path: Path, needs: str) -> Rows:
     return Rows(encoding, rows[:first], rows[first:])
 
 
-def two_columns(
-    path: Path, needs: str, units: tuple[Mapping[str, float], Mapping[str, float]]
-) -> tuple[list[tuple[float, float]], set[str | None]]:
-    """The first two columns of a text file in SI units, and what the header says these are in.
+def two_columns(path: Path, needs: str, kinds: tuple[Kind, Kind]) -> tuple[Column, Column]:
+    """The first two columns of a text file.
 
     Each by the unit in its header's brackets, or in a line of units below; without one it is SI.
     Raises UserError with file, line and value: unreadable, no number, an unknown unit, one that
     stands further up, with text between it and the numbers.
     """
     rows = read_rows(path, needs)
-    heads, _ = rows.header({"", *units[0], *units[1]})
+    heads, _ = rows.header({"", *kinds[0].units, *kinds[1].units})
     if heads and not any(map(IN_BRACKETS.search, heads)):
         for line, cells in rows.above:
             if sum(map(bool, cells)) >= 2 and any(map(IN_BRACKETS.search, cells)):
@@ -107,24 +144,36 @@ def two_columns(
                     f"{path}, line {line}: this header has units, but text stands between it and "
                     "the numbers; remove that text, or begin its lines with #"
                 )
-    heads = heads or ["", ""]
-    matches = [IN_BRACKETS.search(head) for head in heads[:2]]
-    said = [match[1] if match else None for match in matches]
-    one, two = (factor_of(path, "the header's", *each) for each in zip(said, units, strict=False))
-    pairs = [
-        (one * number_in(path, line, cells, 0), two * number_in(path, line, cells, 1))
-        for line, cells in rows.body
-    ]
-    return pairs, set(said)
+    matches = [IN_BRACKETS.search(heads[n]) if heads else None for n in range(2)]
+    one, two = (
+        column(path, rows, kind, n, match and match[1])
+        for n, (kind, match) in enumerate(zip(kinds, matches, strict=True))
+    )
+    return one, two
 
 
-def factor_of(path: Path, where: str, unit: str | None, units: Mapping[str, float]) -> float:
-    """What numbers in a unit are multiplied by to be SI; None: they are. Raises UserError."""
-    if unit is None:
-        return 1.0
-    if plain_unit(unit) not in units:
-        raise UserError(f"{path}: {where} unit {shown(unit)}: must be one of {', '.join(units)}")
-    return units[plain_unit(unit)]
+def column(
+    path: Path,
+    rows: Rows,
+    kind: Kind,
+    at: int,
+    unit: str | None,
+    where: str | None = None,
+    head: str | None = None,
+    over: float | None = None,
+) -> Column:
+    """The column at a place, from 0, in a unit that stands in its header, unless `where` says so.
+
+    Raises UserError with file, line and value: an unknown unit, no number.
+    """
+    if unit is not None and plain_unit(unit) not in kind.units:
+        raise UserError(
+            f"{path}: {where or f'the header of column {at + 1}'}: unit {shown(unit)}: must be one "
+            f"of {', '.join(kind.units)}"
+        )
+    factor = 1.0 if unit is None else kind.units[plain_unit(unit)]
+    values = factor * np.array([number_in(path, line, cells, at) for line, cells in rows.body])
+    return Column(kind, at + 1, head, unit, over, values if over is None else values / over)
 
 
 def plain_unit(unit: str) -> str:

@@ -22,7 +22,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene.assumed import Assumed
-from taichi_foam.scene.csv_file import two_columns
+from taichi_foam.scene.csv_file import Kind, two_columns
 from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, shown
 from taichi_foam.scene.options import Pulse
@@ -38,6 +38,10 @@ SOLID = 1200.0
 
 SCALED = (20, 100)
 """Densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
+
+_LENGTH = Kind("length", LENGTH_UNITS, "m")
+_TIME = Kind("time", TIME_UNITS, "s")
+_ACCELERATION = Kind("acceleration", ACCELERATION_UNITS, "m/s2")
 
 _SCALED_NAME = re.compile(r"rigid-pu-(\d+(?:\.\d+)?)")
 
@@ -314,11 +318,12 @@ def read_corners(path: Path) -> list[tuple[float, float]]:
     metres. A last corner that repeats the first is left out. Lines that begin with `#` are too.
     Raises UserError with file, line and value: unreadable, no number, an unknown unit.
     """
-    found, units = two_columns(path, "x and y", (LENGTH_UNITS, LENGTH_UNITS))
-    if len(units) > 1:
+    x, y = two_columns(path, "x and y", (_LENGTH, _LENGTH))
+    if x.unit != y.unit:
         raise UserError(
             f"{path}: the header must give x and y the same unit, such as x [mm],y [mm]"
         )
+    found = list(zip(x.values.tolist(), y.values.tolist(), strict=True))
     return found[:-1] if len(found) > 1 and found[0] == found[-1] else found
 
 
@@ -328,8 +333,8 @@ def read_pulse(path: Path) -> Pulse:
     A header may say their units in brackets, such as time [ms],acceleration [g], or in a line of
     their own; without one they are s and m/s2. Raises UserError with file, line and value.
     """
-    units = TIME_UNITS, ACCELERATION_UNITS
-    time, acceleration = zip(*two_columns(path, "time and acceleration", units)[0], strict=True)
+    columns = two_columns(path, "time and acceleration", (_TIME, _ACCELERATION))
+    time, acceleration = (column.values.tolist() for column in columns)
     try:
         return Pulse(time=time, acceleration=acceleration)
     except ValidationError as error:

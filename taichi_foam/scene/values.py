@@ -92,5 +92,6 @@ def _settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
             del table[name]
     falls = isinstance(at(data, "impactor.drop_height"), int | float)
     given = {"numerics", "numerics.gravity"} & values.keys()
-    if falls and not given and at(data, "numerics.gravity") == 0.0:  # nothing falls without
+    gravity = at(data, "numerics.gravity")
+    if falls and (gravity is None or (gravity == 0.0 and not given)):  # nothing falls without
         del data["numerics"]["gravity"]
