@@ -229,7 +229,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         for watcher in self.watchers:
             watcher()
 
-    __hash__ = object.__hash__  # there is one of each kind
+    __hash__ = object.__hash__  # type: ignore[assignment]  # there is one of each kind
 
     def __getitem__(self, tag: str) -> type[Kind]:
         return self._kinds[tag]

@@ -38,8 +38,8 @@ def followed(impactor: Impactor, numerics: Numerics) -> tuple[Impactor, Numerics
         velocity = start_velocity(impactor.drop_height, impactor.gap, numerics.gravity)
         if velocity is not None and "velocity" not in impactor.model_fields_set:
             impactor = impactor.with_computed(velocity=velocity)
-    travels = impactor.motion == "crosshead" and impactor.travel and impactor.velocity
-    if travels and "end" not in numerics.model_fields_set:
+    ends = impactor.motion == "crosshead" and "end" not in numerics.model_fields_set
+    if ends and impactor.travel is not None and impactor.velocity > 0.0:
         numerics = numerics.with_computed(end=impactor.travel / impactor.velocity)
     return impactor, numerics
 
@@ -101,34 +101,34 @@ def _pulse(base: Base) -> str:
     return "base.acceleration" if base.pulse is None else f"base.pulse = '{base.pulse}'"
 
 
-def problems_of_fall(drop_height: float, velocity: float, gap: float, gravity: float) -> list[str]:
-    """Why an impactor cannot both fall so far and be what else the scene says."""
+def problems_of_fall(
+    impactor: Impactor, block: Block, gravity: float, plateau_stress: float
+) -> list[str]:
+    """Why an impactor cannot both fall so far and be what else the scene says.
+
+    Nobody can mean a mass that falls on a cushion which it crushes as it stands there.
+    """
+    height, velocity, gap = impactor.drop_height, impactor.velocity, impactor.gap
+    if height is None:
+        return []
     if gravity == 0.0:
         return [
-            f"impactor.drop_height = {drop_height:g}: nothing falls without gravity; "
+            f"impactor.drop_height = {height:g}: nothing falls without gravity; "
             "numerics.gravity must be above 0 m/s2, or leave it out: then it is "
             f"{STANDARD_GRAVITY:g} m/s2"
         ]
-    expected = start_velocity(drop_height, gap, gravity)
+    expected = start_velocity(height, gap, gravity)
     if expected is None:
         return [
-            f"impactor.gap = {gap:g}: must be at most impactor.drop_height = {drop_height:g} m, of "
+            f"impactor.gap = {gap:g}: must be at most impactor.drop_height = {height:g} m, of "
             "which it is the last part; lengths are in metres"
         ]
     if abs(velocity - expected) > _SAME * max(velocity, expected):
         return [
-            f"impactor.velocity = {velocity:g}: impactor.drop_height = {drop_height:g} m comes to "
+            f"impactor.velocity = {velocity:g}: impactor.drop_height = {height:g} m comes to "
             f"{expected:.4g} m/s; give one of the two"
         ]
-    return []
-
-
-def problems_of_weight(
-    impactor: Impactor, block: Block, gravity: float, plateau_stress: float
-) -> list[str]:
-    """Why nobody can mean a mass that falls on a cushion: foam that it crushes as it stands."""
-    area = width_under(impactor, block) * block.depth
-    weight = impactor.mass * gravity
+    area, weight = width_under(impactor, block) * block.depth, impactor.mass * gravity
     if weight <= plateau_stress * area or area == 0.0:
         return []
     return [

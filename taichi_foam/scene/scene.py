@@ -294,14 +294,10 @@ def _problems_of_times(scene: Scene) -> list[str]:
 
 
 def _problems_of_fall(scene: Scene) -> list[str]:
-    impactor = scene.impactor
-    if impactor is None or impactor.drop_height is None:
+    if scene.impactor is None:
         return []
-    gravity = scene.numerics.gravity
     plateau = max(foam.landmarks.plateau_stress for foam in foams_of(scene)[0])
-    return motion.problems_of_fall(
-        impactor.drop_height, impactor.velocity, impactor.gap, gravity
-    ) or motion.problems_of_weight(impactor, scene.block, gravity, plateau)
+    return motion.problems_of_fall(scene.impactor, scene.block, scene.numerics.gravity, plateau)
 
 
 def _problems_of_inertia(scene: Scene) -> list[str]:
