@@ -70,12 +70,16 @@ def followed(scene: Any) -> dict[str, Any]:
 def _with_readings(scene: Any) -> dict[str, Any]:
     """Parts whose foams are read as [foam] is, where they do not say otherwise."""
 
+    readings = _READINGS & _given(scene.foam)
+    if not readings:
+        return {}
+
     def read(part: Any) -> Any:
         if (foam := part.foam) is None:
             return part
-        missing = _READINGS & _given(scene.foam) & type(foam).model_fields.keys() - _given(foam)
+        missing = readings & type(foam).model_fields.keys() - _given(foam)
         values = {key: getattr(scene.foam, key) for key in missing}
-        return part.with_computed(foam=foam.with_computed(**values)) if missing else part
+        return part.with_computed(foam=foam.with_computed(**values))
 
     layers = tuple(map(read, scene.block.layers))
     return {"across": read(scene.across), "block": scene.block.with_computed(layers=layers)}

@@ -286,7 +286,7 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
     if head != "across." and isinstance(given, dict | set) and "density" not in given:
         assumed.append(Assumed(key=dense, why=f"that of the foam: {file.title}"))
         if isinstance(place, Part):
-            data["block"] = place.model_copy(update={"density": file.density})
+            data["block"] = place.with_computed(density=file.density)
         else:
             put(data, dense, file.density)
     known, earlier = {each.key for each in assumed}, data.get("assumed") or []

@@ -8,7 +8,7 @@ from typing import Any
 from taichi_foam.errors import UserError
 from taichi_foam.scene import assumed, block
 from taichi_foam.scene.messages import shown
-from taichi_foam.scene.paths import at, by_key, copied, put
+from taichi_foam.scene.paths import NOTHING, at, by_key, copied, put
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 
 __all__ = ["by_key", "changed", "settings"]
@@ -74,6 +74,16 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
         put(found, key, values[key])
     _settle(found, values)
     assumed.settle(found, values)
+    return found
+
+
+def following(scene: Any) -> list[str]:
+    """Keys of values that follow from others, which were given in their place."""
+    found = []
+    for key, others in _STANDS_FOR.items():
+        part = at(scene, others[0].partition(".")[0])
+        if at(scene, key) not in (None, NOTHING):
+            found += [k for k in others if k.partition(".")[2] not in part.model_fields_set]
     return found
 
 
