@@ -1,15 +1,15 @@
-"""What every part of a scene shares: a strict frozen base, and fields that know their range."""
+"""What all parts of a scene share: a frozen base, fields that know their range, registries."""
 
 from __future__ import annotations
 
 import reprlib
 import sys
-from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from taichi_foam.units import plain
 
@@ -42,6 +42,14 @@ _WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 MOST_SHOWN = 12
 """A list of more values is told by their number and range."""
 
+Coordinate = Annotated[float, Field(ge=-5, le=5)]
+# Lists are as good as tuples here: TOML and most scripts write lists.
+Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+"""A point [x, y] [m]."""
+
+
+Kind = TypeVar("Kind", bound="Part")
+
 
 class Part(BaseModel):
     """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
@@ -53,10 +61,15 @@ class Part(BaseModel):
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
 
+    def with_computed(self: Kind, **values: Any) -> Kind:
+        """A copy with values that follow from others: `model_fields_set` has what was given."""
+        return _given_only(self.model_copy(update=values), self.model_fields_set)
+
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What differs from the defaults, which is what one would write."""
+        """What was given and differs from the defaults, which is what one would write."""
         for name, value in super().__repr_args__():
-            if name is None or value != type(self).model_fields[name].default:
+            field = type(self).model_fields.get(name or "")
+            if field is None or (name in self.model_fields_set and value != field.default):
                 yield name, _Told(value) if _is_long(value) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -79,6 +92,19 @@ class Part(BaseModel):
         """Its own names, without pydantic's."""
         own = {name for name in super().__dir__() if not name.startswith("_")}
         return sorted(own - {*dir(BaseModel)} | {*dir(object)})
+
+
+def completed(given: Mapping[str, Any], computed: Mapping[str, Any], handler: Any) -> Any:
+    """For a "wrap" validator: the part of what was given, and of what follows from it for the rest.
+
+    `model_fields_set` has what was given.
+    """
+    return _given_only(handler({**computed, **given}), given)
+
+
+def _given_only(part: Kind, given: Iterable[str]) -> Kind:
+    object.__setattr__(part, "__pydantic_fields_set__", set(given))
+    return part
 
 
 class _Told:
@@ -174,3 +200,71 @@ def described(field: FieldInfo) -> str:
     """What a field is, and its unit in brackets where it has one."""
     unit = unit_of(field)
     return f"{field.description or ''}{f' [{unit}]' if unit else ''}"
+
+
+class Registry(Mapping[str, type[Kind]], Generic[Kind]):
+    """What a scene may choose from by the word that it writes: classes of one kind, by their tag.
+
+    tag       field that tells them apart, a Literal in each class
+    meaning   what that field says
+    default   tag of what a table without one is; None: a table must have one
+    watchers  called when a class is registered
+    """
+
+    def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
+        self.tag, self.meaning, self.default = tag, meaning, default
+        self.watchers: list[Callable[[], object]] = []
+        self._kinds: dict[str, type[Kind]] = {}
+
+    def register(self, kind: type[Kind]) -> type[Kind]:
+        """Add a class, or replace the one of its tag; returns it, for use as a decorator."""
+        self._kinds[kind.model_fields[self.tag].default] = kind
+        for watcher in self.watchers:
+            watcher()
+        return kind
+
+    def remove(self, tag: str) -> None:
+        """Take a class out again."""
+        del self._kinds[tag]
+        for watcher in self.watchers:
+            watcher()
+
+    __hash__ = object.__hash__  # type: ignore[assignment]  # there is one of each kind
+
+    def __getitem__(self, tag: str) -> type[Kind]:
+        return self._kinds[tag]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """As metadata of a field: a union of all classes, told apart by their tag."""
+        return core_schema.tagged_union_schema(
+            {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
+            discriminator=self.tag_of,
+        )
+
+    @staticmethod
+    def _implies(kind: type[Part], value: Mapping[str, Any]) -> bool:
+        """Whether a table has the key that only this class has."""
+        return getattr(kind, "implied_by", None) in value
+
+    def kind_of(self, value: Any) -> type[Kind] | None:
+        """The class of a table, or of an instance; None if it has none."""
+        tag = self.tag_of(value)
+        return self.get(tag) if isinstance(tag, str) else None
+
+    def tag_of(self, value: Any) -> Any:
+        """The tag of a table, or of an instance; a table without one has that of its keys."""
+        if not isinstance(value, Mapping):
+            return getattr(value, self.tag, None)
+        tag = value.get(self.tag)
+        if tag is None:
+            implied = (name for name, kind in self._kinds.items() if self._implies(kind, value))
+            tag = next(implied, self.default)
+        return tag if tag is None or isinstance(tag, str) else ""  # which no class has

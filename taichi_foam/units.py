@@ -14,7 +14,9 @@ STRESS_UNITS = {
     "gpa": 1e9, "bar": 1e5, "psi": 6894.757293168361,
 }  # fmt: skip
 FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
-"""What a number is multiplied by to be in m, a fraction, in Pa, or in N."""
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+ACCELERATION_UNITS = {"m/s2": 1.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
+"""What a number is multiplied by to be in m, a fraction, in Pa, N, s, or in m/s2."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.records.record import Record
-from taichi_foam.scene.fall import width_under
+from taichi_foam.scene.motion import width_under
 
 Array = NDArray[np.float64]
 

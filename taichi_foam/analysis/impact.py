@@ -13,8 +13,8 @@ from taichi_foam.analysis.body import fell_beside, impactor_now, way_down
 from taichi_foam.analysis.presence import bonded
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
-from taichi_foam.scene.fall import width_under
 from taichi_foam.scene.layers import foams_of_bonds
+from taichi_foam.scene.motion import width_under
 
 PLATEAUS = 2.0
 """Foam has bottomed out when it pressed on the impactor with so many times what its plateau holds:

@@ -19,8 +19,9 @@ from taichi_foam.laws.bond import BondFoam
 from taichi_foam.laws.bond.fit import CrushableFit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.results.files import partial_name, whole_file
+from taichi_foam.scene.csv_file import Column
 from taichi_foam.scene.library import FoamFile
-from taichi_foam.scene.measured import FINEST, Column, CompressionTest
+from taichi_foam.scene.measured import FINEST, CompressionTest
 from taichi_foam.scene.messages import explain, shown
 from taichi_foam.units import plain
 

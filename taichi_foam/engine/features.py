@@ -9,7 +9,7 @@ import numpy as np
 from taichi_foam.engine.grading import grading
 from taichi_foam.engine.strengths import limits
 from taichi_foam.laws.bond import BondLaw
-from taichi_foam.laws.shape import Impactor, rounded
+from taichi_foam.laws.shape import Impactor, edges
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import Filling, filling
 
@@ -62,7 +62,7 @@ def features_of(scene: Scene) -> Features:
     shaped = not _is_plain(scene.block, filled)
     return Features(
         law=law,
-        distance=rounded.distance_of(scene.impactor) if scene.impactor else Impactor.distance,
+        distance=edges.distance_of(scene.impactor) if scene.impactor else Impactor.distance,
         scattered=scene.foam.strength_scatter > 0.0,
         softens=any(
             each.tail > 1.0 for foam in foams for pair in limits(foam, scene.block) for each in pair

@@ -22,12 +22,11 @@ from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
-from taichi_foam.laws.shape.edges import edges_of
+from taichi_foam.laws.shape.edges import edges_of, surface_of
 from taichi_foam.laws.shape.outline import convex_hull
-from taichi_foam.laws.shape.rounded import surface_of
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
-from taichi_foam.scene.pulse import MOST_POINTS
+from taichi_foam.scene.options import MOST_PULSE_POINTS
 
 # RK4 is stable for |h lambda| <= 2.61 everywhere in the left half-plane (2.79 on the real axis,
 # 2.83 on the imaginary one); see docs/model.md for the bound on lambda.
@@ -229,7 +228,7 @@ class ModelFields:
     parameters  (batch,) records of `parameters_type`
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
     hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
-    pulse       (batch, MOST_POINTS) time and acceleration of the base, where it is shaken
+    pulse       (batch, MOST_PULSE_POINTS) time and acceleration of the base, where it is shaken
     support     (batch, SURFACE_ROWS) three numbers each, as `surface`, where it has an outline
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
@@ -265,7 +264,7 @@ class ModelFields:
             layout.listed(MOST_CORNERS, self.hull)
         if features.shaken:
             self.pulse = vec2.field()
-            layout.listed(MOST_POINTS, self.pulse)
+            layout.listed(MOST_PULSE_POINTS, self.pulse)
         if features.supported:
             self.support = vec3.field()
             layout.listed(SURFACE_ROWS, self.support)
@@ -416,7 +415,7 @@ def _pulse(scene: Scene) -> NDArray[np.float64]:
 
 
 def _surface(scene: Scene) -> NDArray[np.float64]:
-    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.rounded.surface_of`."""
+    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.edges.surface_of`."""
     if scene.impactor is None:
         return np.zeros((1, 3))
     return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))

@@ -37,7 +37,7 @@ def install() -> None:
     # the formatters of a shell are a trait, which type checkers take for an object
     formatter: Any = getattr(shell.display_formatter, "formatters")["text/html"]  # noqa: B009
     formatter.for_type_by_name("taichi_foam.results.result", "Result", result_html)
-    formatter.for_type_by_name("taichi_foam.scene.whole", "Scene", scene_html)
+    formatter.for_type_by_name("taichi_foam.scene.scene", "Scene", scene_html)
 
 
 def result_html(result: Result) -> str:

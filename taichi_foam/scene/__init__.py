@@ -10,18 +10,12 @@ from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import Curve
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.laws.shape.base import Impactor
-from taichi_foam.laws.shape.cylinder import Cylinder
-from taichi_foam.laws.shape.drawn import Outline
-from taichi_foam.laws.shape.ellipse import Ellipse
-from taichi_foam.laws.shape.flat import FlatBlock
-from taichi_foam.laws.shape.i_shape import IShape
-from taichi_foam.laws.shape.polygon import Polygon
-from taichi_foam.laws.shape.wedge import Wedge
+from taichi_foam.laws.shape.bodies import Cylinder, Ellipse, FlatBlock, IShape, Wedge
+from taichi_foam.laws.shape.polygon import Outline, Polygon
 from taichi_foam.scene.block import Across, Block, Layer
-from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
-from taichi_foam.scene.pulse import Pulse
+from taichi_foam.scene.options import Base, Model, Numerics, Output, Pulse, Start
+from taichi_foam.scene.scene import Scene
 from taichi_foam.scene.support import Support
-from taichi_foam.scene.whole import Scene
 
 __all__ = [
     "CHOICE_SETS",

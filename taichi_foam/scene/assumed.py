@@ -17,7 +17,7 @@ from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part
-from taichi_foam.scene.paths import NOTHING, at, heads_of_foams, put
+from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
 _READINGS = frozenset({"crush_band"})
 """Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""
@@ -57,59 +57,53 @@ class Assumed(Part):
     )
 
 
-def completed(data: Any) -> Any:
-    """Raw data of a scene with what it assumes of foams of one's own."""
-    if not isinstance(data, Mapping):
-        return data
-    earlier = data.get("assumed")
-    if not isinstance(earlier, list | tuple | None):
-        return data  # what is wrong with it is said where it is checked
-    found = [_unsaid(data, head, earlier) for head in heads_of_foams(data)]
-    data = _with_readings(data)
-    if all(entries is None for entries in found):
-        return data
-    return {**data, "assumed": (*(earlier or ()), *(each for one in found for each in one or ()))}
+def followed(scene: Any) -> dict[str, Any]:
+    """The parts of a scene with what its foams assume, by name, where something follows."""
+    found = [_unsaid(scene, head) for head in heads_of_foams(scene)]
+    parts = _with_readings(scene)
+    if any(entries is not None for entries in found):
+        unsaid = (each for entries in found for each in entries or ())
+        parts["assumed"] = (*(scene.assumed or ()), *unsaid)
+    return parts
 
 
-def _with_readings(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Raw data whose layers' foams are read as [foam] is, where they do not say otherwise."""
-    foam = data.get("foam")
-    for head in heads_of_foams(data):
-        own = at(data, f"{head}foam")
-        kind = FOAMS.kind_of(own)
-        if not head or kind is None or not isinstance(own, Mapping | Part):
-            continue
-        for key in _READINGS & _given(foam) & kind.model_fields.keys() - _given(own):
-            data = put(data, f"{head}foam.{key}", at(foam, key))
-    return data
+def _with_readings(scene: Any) -> dict[str, Any]:
+    """Parts whose foams are read as [foam] is, where they do not say otherwise."""
+
+    readings = _READINGS & _given(scene.foam)
+    if not readings:
+        return {}
+
+    def read(part: Any) -> Any:
+        if (foam := part.foam) is None:
+            return part
+        missing = readings & type(foam).model_fields.keys() - _given(foam)
+        values = {key: getattr(scene.foam, key) for key in missing}
+        return part.with_computed(foam=foam.with_computed(**values))
+
+    layers = tuple(map(read, scene.block.layers))
+    return {"across": read(scene.across), "block": scene.block.with_computed(layers=layers)}
 
 
-def _unsaid(data: Mapping[str, Any], head: str, earlier: Any) -> list[Assumed] | None:
-    """What raw data assumes of one of its foams and has not said yet; None: it is the paper's."""
-    foam = at(data, f"{head}foam")
-    kind = FOAMS.kind_of(None if foam is NOTHING else foam)
-    if kind is None:
-        return None
-    given = _given(foam)
-    known = {_key(each) for each in earlier or ()}
-    of_others = {key for key in known if key and key.startswith(_OTHERS)}
+def _unsaid(scene: Any, head: str) -> list[Assumed] | None:
+    """What a scene assumes of one of its foams and has not said yet; None: it is the paper's."""
+    foam, earlier = at(scene, f"{head}foam"), scene.assumed
+    kind, given = type(foam), _given(foam)
+    known = {each.key for each in earlier or ()}
+    of_others = {key for key in known if key.startswith(_OTHERS)}
     if head:
         said = any(key.startswith(f"{head}foam.") for key in of_others)
     else:  # a list without entries says that all of it was given
         said = earlier is not None and (not known or bool(known - of_others))
-    if "plateau_stress" in given:
-        given |= {"yield_strain"}
-    elif not said and not any(
-        at(foam, key) not in (kind.model_fields[key].default, PAPERS_FOAM.get(key))
+    if not said and all(
+        getattr(foam, key) in (kind.model_fields[key].default, PAPERS_FOAM.get(key))
         for key in given & {*_own(kind), *_implied(kind)}
     ):
         return None
     return [
         Assumed(key=key, why=why)
         for key, why in _unless_given(kind, head).items()
-        if key not in known
-        and key.rpartition(".")[2]
-        not in (given if key.startswith(f"{head}foam.") else _around(data, key))
+        if key not in known and not _is_given(scene, key)
     ]
 
 
@@ -127,39 +121,37 @@ def given_data(scene: Any) -> dict[str, Any]:
         if not data["assumed"] and _is_papers(scene, ""):
             del data["assumed"]  # without entries it would say that all of [foam] was given
     for key in unsaid:
-        part, _, last = key.rpartition(".")
-        at(data, part).pop(last, None)
+        _take(data, key)
     return data
 
 
 def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
-    """Keys that nobody gave of one of a scene's foams, whose nested data is `data`."""
-    foam = at(scene, f"{head}foam")
-    kind, own = type(foam), f"{head}foam."
-    reasons = _unless_given(kind, head)
-    entries = {each.key for each in scene.assumed or () if each.why == reasons.get(each.key)}
+    """Keys that nobody gave of one of a scene's foams, whose nested data is `data`.
+
+    They are what it has if they are left out: a value that somebody wrote over what was assumed is
+    given.
+    """
+    foam, own = at(scene, f"{head}foam"), f"{head}foam."
+    reasons = _unless_given(type(foam), head)
+    readings = {own + key for key in _READINGS} if head else set()
     if _is_papers(scene, head):
-        readings = {own + key for key in _READINGS} if head else set()
-        return {
-            key for key in (*(own + key for key in _own(kind)), *_around_foam(head), *readings)
-            if at(scene, key) == (
-                at(scene, key[len(head) :]) if key in readings else _default(scene, key)
-            )
-        }  # fmt: skip
-    try:  # a value that somebody wrote over what was assumed is given
-        table = at(data, f"{head}foam")
-        rest = {key: table[key] for key in table if own + key not in entries}
-        if head:
-            rest |= {key: getattr(scene.foam, key) for key in _READINGS if own + key in entries}
-        fresh = kind.model_validate(rest)
+        keys = {*(own + key for key in _own(type(foam))), *_around_foam(head), *readings}
+    else:
+        keys = {each.key for each in scene.assumed if each.why == reasons.get(each.key)}
+    rest = {key: value for key, value in at(data, own[:-1]).items() if own + key not in keys}
+    rest |= {key: getattr(scene.foam, key) for key in _READINGS if own + key in keys & readings}
+    try:
+        fresh = type(foam).model_validate(rest)
     except ValidationError:
-        return {key for key in entries if not key.startswith(own)}
-    return {
-        key
-        for key in entries
-        if not key.startswith(own)
-        or getattr(fresh, key[len(own) :]) == getattr(foam, key[len(own) :])
-    }
+        fresh = None
+
+    def is_unchanged(key: str) -> bool:
+        head, _, last = key.rpartition(".")
+        if f"{head}." == own:
+            return fresh is not None and getattr(fresh, last) == getattr(foam, last)
+        return at(scene, key) == type(at(scene, head)).model_fields[last].default
+
+    return set(filter(is_unchanged, keys))
 
 
 def _is_papers(scene: Any, head: str) -> bool:
@@ -185,68 +177,62 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
     """
     if any(key.partition(".")[0].partition("[")[0] == "assumed" for key in values):
         raise UserError("assumed: written by the program; give the keys that it names instead")
-    _forget_layers(data, values)
+    for key in values:
+        if data.get("assumed") and _WHOLE.fullmatch(
+            key
+        ):  # its layers go with what is assumed of them
+            _forget(data, key if key.endswith("]") else "block.layers[")
     for head in list(heads_of_foams(data)):
-        _make_way(data, values, head)
+        place = at(data, head.rstrip("."))
+        foam, kind = place.get("foam"), FOAMS.kind_of(place.get("foam"))
+        named = {f"{head}foam", f"{head}foam.like"} & values.keys()
+        curved = f"{head}foam.curve" in values and kind is not None and not _implied(kind)
+        if not (named or curved):
+            continue
+        for key in _forget(data, head):
+            _take(data, key)
+        place["foam"] = {}
+        if curved and not named and isinstance(foam, dict):
+            place["foam"] = {key: foam[key] for key in _KEPT & foam.keys()}
 
 
-def _forget_layers(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Take what is assumed of layers that `values` replace as a whole."""
-    whole = tuple(
-        key if key.endswith("]") else "block.layers[" for key in values if _WHOLE.fullmatch(key)
-    )
-    entries = list(_entries(data.get("assumed")))
-    left = [each for each in entries if not str(_key(each)).startswith(whole)]
-    if left:
-        data["assumed"] = left
-    elif entries:
+def _forget(data: dict[str, Any], head: str) -> list[str]:
+    """Take entries of keys that begin so, or without a head those of [foam]; returns these keys."""
+    entries = data.get("assumed")
+    if not isinstance(entries, list):
+        return []  # what is wrong with it is said where it is checked
+    keys = [str(_key(each)) for each in entries]
+    gone = [key.startswith(head) if head else not key.startswith(_OTHERS) for key in keys]
+    data["assumed"] = [each for each, goes in zip(entries, gone, strict=True) if not goes]
+    if not data["assumed"]:
         del data["assumed"]
+    return [key for key, goes in zip(keys, gone, strict=True) if goes]
 
 
-def _make_way(data: dict[str, Any], values: Mapping[str, Any], head: str) -> None:
-    place = at(data, head.rstrip("."))
-    foam = place.get("foam")
-    named = {f"{head}foam", f"{head}foam.like"} & values.keys()
-    kind = FOAMS.kind_of(foam)
-    curved = f"{head}foam.curve" in values and kind is not None and not _implied(kind)
-    if not (named or curved):
-        return
-    entries = list(_entries(data.pop("assumed", None)))
-    gone = [each for each in entries if not head or str(_key(each)).startswith(head)]
-    left = [each for each in entries if each not in gone]
-    if not head:  # what is assumed of other foams stays
-        left = [each for each in gone if str(_key(each)).startswith(_OTHERS)]
-        gone = [each for each in gone if each not in left]
-    for entry in gone:
-        part, _, last = str(_key(entry)).rpartition(".")
-        if isinstance(table := at(data, part), dict):
-            table.pop(last, None)
-    if left:
-        data["assumed"] = left
-    place["foam"] = {}
-    if curved and not named and isinstance(foam, dict):
-        place["foam"] = {key: foam[key] for key in _KEPT & foam.keys()}
+def _take(data: Any, key: str) -> None:
+    """Take a dotted key out of nested data, if it is there."""
+    part, _, last = key.rpartition(".")
+    if isinstance(table := at(data, part), dict):
+        table.pop(last, None)
 
 
 def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Nested data of a scene whose `values` have just been changed: what is assumed no longer."""
     for head in heads_of_foams(data):
-        _settle(at(data, f"{head}foam"), f"{head}foam.", values)
-    if data.get("assumed"):
-        entries = _entries(data["assumed"])
+        own, foam = f"{head}foam.", at(data, f"{head}foam")
+        kind = FOAMS.kind_of(foam)
+        if not isinstance(foam, dict):
+            continue
+        if values.get(f"{own}plateau_stress") is not None and f"{own}yield_strain" not in values:
+            foam.pop("yield_strain", None)
+        keys = (
+            {own + key for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
+        )
+        changed = any(key in keys or key.startswith(f"{own}curve.") for key in values)
+        if changed and f"{own}source" not in values:
+            foam.pop("source", None)  # it is that foam no longer
+    if isinstance(entries := data.get("assumed"), list) and entries:
         data["assumed"] = [each for each in entries if _key(each) not in values]
-
-
-def _settle(foam: Any, head: str, values: Mapping[str, Any]) -> None:
-    if not isinstance(foam, dict):
-        return
-    if values.get(f"{head}plateau_stress") is not None and f"{head}yield_strain" not in values:
-        foam.pop("yield_strain", None)
-    kind = FOAMS.kind_of(foam)
-    own = {head + key for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
-    changed = any(key in own or key.startswith(f"{head}curve.") for key in values)
-    if changed and f"{head}source" not in values:
-        foam.pop("source", None)  # it is that foam no longer
 
 
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
@@ -284,16 +270,6 @@ def _around_foam(head: str) -> Mapping[str, str]:
     return {f"{head}density": "that of the block"} if head else _ELSEWHERE
 
 
-def _default(scene: Any, key: str) -> Any:
-    """The default of a value of a scene."""
-    part, _, last = key.rpartition(".")
-    return type(at(scene, part)).model_fields[last].default
-
-
-def _entries(value: Any) -> Iterable[Any]:
-    return value if isinstance(value, list | tuple) else ()
-
-
 def _key(entry: Any) -> str | None:
     """The key of an entry, or of its raw data; None where that is no text."""
     key = entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
@@ -309,14 +285,11 @@ def _implied(kind: type[BondFoam]) -> set[str]:
     return {kind.implied_by} if kind.implied_by else set()
 
 
-def _around(data: Mapping[str, Any], key: str) -> frozenset[str]:
-    return _given(at(data, key.rpartition(".")[0]))
+def _given(part: Part) -> set[str]:
+    """The keys of a part that were given."""
+    return {key for key in part.model_fields_set if getattr(part, key) is not None}
 
 
-def _given(part: Any) -> frozenset[str]:
-    """The keys of a part, or of its raw data, that were given."""
-    if isinstance(part, Part):
-        return frozenset(key for key in part.model_fields_set if getattr(part, key) is not None)
-    if isinstance(part, Mapping):
-        return frozenset(key for key, value in part.items() if value is not None)
-    return frozenset()
+def _is_given(scene: Any, key: str) -> bool:
+    head, _, last = key.rpartition(".")
+    return last in _given(at(scene, head))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from taichi_foam.errors import note
 from taichi_foam.laws.bond import FOAMS, BondFoam
-from taichi_foam.parts import Part, choice, is_number, quantity
+from taichi_foam.parts import Corner, Part, choice, completed, is_number, quantity
 from taichi_foam.scene import outlines
 
 MAX_NODES = 4_000_000
@@ -30,10 +30,8 @@ SQUARE = "for square cells"
 OBLONG = 1.25
 """Cells that are so many times as long one way as the other are advised against."""
 
-_Coordinate = Annotated[float, Field(ge=-5, le=5)]
-_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
-_Outline = Annotated[tuple[_Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
-_Hole = Annotated[tuple[_Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
+_Outline = Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
+_Hole = Annotated[tuple[Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
 
 _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 
@@ -157,9 +155,7 @@ class Block(Part):
         if not isinstance(data, Mapping):
             return handler(data)
         given = _by_todays_names(data)
-        block = handler({**_square(given), **given})
-        object.__setattr__(block, "__pydantic_fields_set__", set(given))
-        return block
+        return completed(given, _square(given), handler)
 
     @model_validator(mode="after")
     def _check_size(self) -> Block:
@@ -182,9 +178,6 @@ class Block(Part):
         if found:
             raise ValueError("\n".join(found))
         return self
-
-    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        return (each for each in super().__repr_args__() if each[0] not in self.computed)
 
     @property
     def computed(self) -> frozenset[str]:
@@ -273,21 +266,6 @@ def advice(block: Block) -> str | None:
         "crush and crack otherwise along x than along y, and make steps shorter; square ones are "
         f"block.cell = {shorter:.4g} in place of block.columns and block.rows"
     )
-
-
-def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Nested data of a scene whose `values` have just been changed: what these take with them.
-
-    Numbers of cells that were given do away with a cell's edge, and with an edge they follow.
-    """
-    block = data.get("block")
-    if not isinstance(block, dict) or "block" in values or block.get("cell") is None:
-        return
-    if {"block.columns", "block.rows"} & values.keys():
-        del block["cell"]
-    else:
-        block.pop("columns", None)
-        block.pop("rows", None)
 
 
 def todays_key(key: str) -> str:

@@ -11,9 +11,12 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene.messages import shown
@@ -68,6 +71,42 @@ class Rows:
         return lines[-1], 1
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What a column can hold: by which words its header is known, in which units it may be."""
+
+    name: str
+    units: Mapping[str, float]
+    si: str
+    words: tuple[str, ...] = ()
+
+    def known_in(self, heads: Sequence[str]) -> list[int]:
+        """The columns whose header has one of its words."""
+        return [
+            n for n, head in enumerate(heads) if any(word in head.lower() for word in self.words)
+        ]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a file.
+
+    kind    what it holds
+    number  of the column, from 1
+    head    its header; None: it has none
+    unit    as header or options say it; None: neither does, it is SI
+    over    what it was divided by [m or m2]; None: by nothing
+    values  (n,) SI
+    """
+
+    kind: Kind
+    number: int
+    head: str | None
+    unit: str | None
+    over: float | None
+    values: NDArray[np.float64]
+
+
 def read_rows(path: Path, needs: str) -> Rows:
     """The rows of a text file; lines that begin with `#`, and empty ones, are left out.
 
@@ -89,12 +128,15 @@ def read_rows(path: Path, needs: str) -> Rows:
     return Rows(encoding, rows[:first], rows[first:])
 
 
-def units_in_brackets(path: Path, rows: Rows, units: Collection[str]) -> list[str]:
-    """The header of columns whose units stand in brackets, or in a line of their own; [] if none.
+def two_columns(path: Path, needs: str, kinds: tuple[Kind, Kind]) -> tuple[Column, Column]:
+    """The first two columns of a text file.
 
-    Raises UserError: units stand further up, with text between them and the numbers.
+    Each by the unit in its header's brackets, or in a line of units below; without one it is SI.
+    Raises UserError with file, line and value: unreadable, no number, an unknown unit, one that
+    stands further up, with text between it and the numbers.
     """
-    heads, _ = rows.header({"", *units})
+    rows = read_rows(path, needs)
+    heads, _ = rows.header({"", *kinds[0].units, *kinds[1].units})
     if heads and not any(map(IN_BRACKETS.search, heads)):
         for line, cells in rows.above:
             if sum(map(bool, cells)) >= 2 and any(map(IN_BRACKETS.search, cells)):
@@ -102,7 +144,36 @@ def units_in_brackets(path: Path, rows: Rows, units: Collection[str]) -> list[st
                     f"{path}, line {line}: this header has units, but text stands between it and "
                     "the numbers; remove that text, or begin its lines with #"
                 )
-    return heads or []
+    matches = [IN_BRACKETS.search(heads[n]) if heads else None for n in range(2)]
+    one, two = (
+        column(path, rows, kind, n, match and match[1])
+        for n, (kind, match) in enumerate(zip(kinds, matches, strict=True))
+    )
+    return one, two
+
+
+def column(
+    path: Path,
+    rows: Rows,
+    kind: Kind,
+    at: int,
+    unit: str | None,
+    where: str | None = None,
+    head: str | None = None,
+    over: float | None = None,
+) -> Column:
+    """The column at a place, from 0, in a unit that stands in its header, unless `where` says so.
+
+    Raises UserError with file, line and value: an unknown unit, no number.
+    """
+    if unit is not None and plain_unit(unit) not in kind.units:
+        raise UserError(
+            f"{path}: {where or f'the header of column {at + 1}'}: unit {shown(unit)}: must be one "
+            f"of {', '.join(kind.units)}"
+        )
+    factor = 1.0 if unit is None else kind.units[plain_unit(unit)]
+    values = factor * np.array([number_in(path, line, cells, at) for line, cells in rows.body])
+    return Column(kind, at + 1, head, unit, over, values if over is None else values / over)
 
 
 def plain_unit(unit: str) -> str:

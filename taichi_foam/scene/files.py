@@ -9,14 +9,23 @@ from typing import Any
 import tomli_w
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Scene, sources
+from taichi_foam.scene import Scene, library
 from taichi_foam.scene.messages import titled
 from taichi_foam.scene.toml import parsed, read_toml
+from taichi_foam.scene.values import following
 
 
 def scene_to_toml(scene: Scene) -> str:
-    """A scene as TOML with every value resolved; `scene_from_toml` gives an equal scene back."""
-    return tomli_w.dumps(scene.model_dump(exclude_none=True))
+    """A scene as TOML with every default filled in; `scene_from_toml` gives an equal scene back.
+
+    What follows from a value that was given in its place is left out: a fall's velocity, the end of
+    a crosshead's travel, the numbers of cells of an edge.
+    """
+    data = scene.model_dump(exclude_none=True)
+    for key in following(scene):
+        part, _, name = key.partition(".")
+        del data[part][name]
+    return tomli_w.dumps(data)
 
 
 def scene_from_toml(path: Path) -> Scene:
@@ -38,7 +47,7 @@ def completed_scene(data: Mapping[str, Any], folder: Path, source: str) -> dict[
     Raises UserError, titled with the source.
     """
     try:
-        return sources.completed(data, folder)
+        return library.completed(data, folder)
     except ValueError as error:
         raise UserError(titled(source, str(error))) from None
 

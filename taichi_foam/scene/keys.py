@@ -10,9 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from taichi_foam.laws.bond import FOAMS
-from taichi_foam.laws.registry import Registry
 from taichi_foam.laws.shape import SHAPES
-from taichi_foam.parts import Part, hints_of
+from taichi_foam.parts import Part, Registry, hints_of
 from taichi_foam.units import plain
 
 CHOSEN: Mapping[str, Registry[Any]] = {"foam": FOAMS, "impactor": SHAPES}

@@ -1,4 +1,4 @@
-"""Foams with a name or in a file of their own: what was measured, what is assumed, and by whom.
+"""What a scene names: foams of the library, and files of foams, tests, drawings and pulses.
 
 A foam file is TOML: what is known of the foam, and its constants in a table `[foam]`, which has the
 keys of a scene's. `taichi-foam foam import` writes one from a test. The library's own are in
@@ -22,9 +22,13 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.csv_file import Kind, two_columns
 from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.options import Pulse
+from taichi_foam.scene.paths import NOTHING, at, copied, heads_of_foams, put
 from taichi_foam.scene.toml import parsed, read_toml
+from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, TIME_UNITS
 
 CELL_WALLS = 127e6
 """Yield stress of solid polyurethane [Pa] (Gibson & Ashby 1997)."""
@@ -34,6 +38,10 @@ SOLID = 1200.0
 
 SCALED = (20, 100)
 """Densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
+
+_LENGTH = Kind("length", LENGTH_UNITS, "m")
+_TIME = Kind("time", TIME_UNITS, "s")
+_ACCELERATION = Kind("acceleration", ACCELERATION_UNITS, "m/s2")
 
 _SCALED_NAME = re.compile(r"rigid-pu-(\d+(?:\.\d+)?)")
 
@@ -189,7 +197,106 @@ def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
     )
 
 
-def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
+def completed(data: Any, folder: Path = Path()) -> Any:
+    """Raw data of a scene with what its names and files stand for: of foam, impactor and pulse.
+
+    What they stand for takes their place before a scene is checked, so that a scene that is written
+    holds all of it. `folder` is where relative paths begin. Raises ValueError, in whole sentences.
+    """
+    if not isinstance(data, Mapping):
+        return data
+    found = copied(data)
+    impactor, base = found.get("impactor"), found.get("base")
+    if isinstance(impactor, dict) and "file" in impactor:
+        found["impactor"] = _drawn(impactor, folder)
+    for head in heads_of_foams(data):
+        _complete(found, head, folder)
+    if isinstance(base, dict) and isinstance(base.get("acceleration"), str | Path | dict):
+        base["acceleration"] = _pulse(base["acceleration"], folder)
+    return found
+
+
+def _pulse(pulse: Any, folder: Path) -> Any:
+    """A pulse, read from its file if it names one."""
+    if isinstance(pulse, str | Path):
+        pulse = {"file": pulse}
+    if "file" not in pulse:
+        return pulse
+    if set(pulse) != {"file"} or not isinstance(pulse["file"], str | Path):
+        raise ValueError(
+            "base.acceleration: must be the name of a CSV file, or a table of time and acceleration"
+        )
+    try:
+        return read_pulse(folder / pulse["file"])
+    except UserError as error:
+        raise ValueError(f"base.acceleration: {error}") from None
+
+
+def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Raw data of an impactor with the corners that its file holds."""
+    rest = {key: value for key, value in impactor.items() if key != "file"}
+    name = impactor["file"]
+    if rest.get("shape", "outline") != "outline":
+        raise ValueError(
+            f"impactor.file = {shown(name)}: holds the corners of an outline; impactor.shape = "
+            f"{shown(rest['shape'])}: must be outline; or leave the file out"
+        )
+    if "vertices" in rest:
+        raise ValueError("impactor.file: impactor.vertices are given too; leave one of them out")
+    if not isinstance(name, str | Path):
+        raise ValueError(f"impactor.file = {shown(name)}: must be the name of a file")
+    try:
+        return {"shape": "outline", **rest, "vertices": read_corners(folder / name)}
+    except UserError as error:
+        raise ValueError(f"impactor.file: {error}") from None
+
+
+def _complete(data: dict[str, Any], head: str, folder: Path) -> None:
+    """Put into raw data of a scene what names and files of one of its foams stand for."""
+    foam = at(data, f"{head}foam")
+    if isinstance(foam, str | Path):
+        foam = {"like": foam}
+    if not isinstance(foam, dict):
+        return
+    if isinstance(foam.get("like"), str | Path):
+        foam = _like(data, head, foam, folder)
+    if isinstance(foam.get("curve"), str | Path | dict):
+        foam["curve"] = curve_of(foam["curve"], f"{head}foam.curve", folder)
+    put(data, f"{head}foam", foam)
+
+
+def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A foam's table with what its `like` names; its density and what it assumes go into `data`."""
+    try:
+        file = foam_of(str(foam.pop("like")), folder)
+    except UserError as error:
+        text = str(error)
+        raise ValueError(f"{head}{text}" if text.startswith("foam = ") else text) from None
+    table, assumed = _used(file, foam)
+    assumed = [
+        Assumed(key=f"{head}{each.key}", why=each.why)
+        for each in assumed
+        if not head or each.key.startswith("foam.")
+    ]
+    dense = f"{head or 'block.'}density"
+    place = at(data, dense.rpartition(".")[0])
+    place = {} if place in (None, NOTHING) else place
+    given = place.model_fields_set if isinstance(place, Part) else place
+    # across its rise it is the same foam, and so as dense
+    if head != "across." and isinstance(given, dict | set) and "density" not in given:
+        assumed.append(Assumed(key=dense, why=f"that of the foam: {file.title}"))
+        if isinstance(place, Part):
+            data["block"] = place.with_computed(density=file.density)
+        else:
+            put(data, dense, file.density)
+    known, earlier = {each.key for each in assumed}, data.get("assumed") or []
+    if isinstance(earlier, list):  # what else is wrong with it is said where it is checked
+        earlier = [each for each in earlier if getattr(each, "key", None) not in known]
+        data["assumed"] = [*earlier, *assumed]
+    return table
+
+
+def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
     """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
     if "curve" in more and foam.foam.implied_by != "curve":
         return dict(more), []  # a curve says all that the file's law does
@@ -202,3 +309,42 @@ def used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[
             table["plateau_stress"] = foam.foam.plateau_stress
     table.setdefault("source", f"{foam.title}: {foam.source}"[:1000])
     return table, [each for each in foam.assumed if each.key.partition(".")[2] not in more]
+
+
+def read_corners(path: Path) -> list[tuple[float, float]]:
+    """The corners (x, y) [m] of an outline in a CSV file, in its order.
+
+    The first two columns are x and y; a header may say their unit in brackets, without one it is
+    metres. A last corner that repeats the first is left out. Lines that begin with `#` are too.
+    Raises UserError with file, line and value: unreadable, no number, an unknown unit.
+    """
+    x, y = two_columns(path, "x and y", (_LENGTH, _LENGTH))
+    if x.unit != y.unit:
+        raise UserError(
+            f"{path}: the header must give x and y the same unit, such as x [mm],y [mm]"
+        )
+    found = list(zip(x.values.tolist(), y.values.tolist(), strict=True))
+    return found[:-1] if len(found) > 1 and found[0] == found[-1] else found
+
+
+def read_pulse(path: Path) -> Pulse:
+    """The pulse of a CSV file: its first two columns are time and acceleration.
+
+    A header may say their units in brackets, such as time [ms],acceleration [g], or in a line of
+    their own; without one they are s and m/s2. Raises UserError with file, line and value.
+    """
+    columns = two_columns(path, "time and acceleration", (_TIME, _ACCELERATION))
+    time, acceleration = (column.values.tolist() for column in columns)
+    try:
+        return Pulse(time=time, acceleration=acceleration)
+    except ValidationError as error:
+        first = error.errors()[0]
+        told = first.get("ctx", {}).get("error")
+        if told is None:
+            key, place = str(first["loc"][0]), first["loc"][-1]
+            told = (
+                f"{key} = {first['input']:g} in row {place + 1 if isinstance(place, int) else 1}: "
+                f"must be {'0 to 10 s' if key == 'time' else '-1e6 to 1e6 m/s2'}; "
+                "give units in the header, such as time [ms],acceleration [g]"
+            )
+        raise UserError(f"{path}: {told}") from None

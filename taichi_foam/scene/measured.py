@@ -6,7 +6,7 @@ Units are the header's. The curve is the loading envelope; unloading and reloadi
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,11 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.parts import is_number as is_finite
 from taichi_foam.scene.csv_file import (
     IN_BRACKETS,
+    Column,
+    Kind,
     Row,
-    number_in,
+    Rows,
+    column,
     plain_unit,
     read_rows,
 )
@@ -40,25 +43,15 @@ UNLOADED = 0.75
 """Share of its stress, at most, that foam keeps while it unloads by a branch."""
 
 
-@dataclass(frozen=True)
-class Kind:
-    """What a column can hold: by which words its header is known, in which units it may be."""
-
-    name: str
-    words: tuple[str, ...]
-    units: Mapping[str, float]
-    si: str
-
-
-STRAIN = Kind("strain", ("strain", "epsilon", "eps", "ε", "stauchung"), STRAIN_UNITS, "fractions")
-STRESS = Kind("stress", ("stress", "sigma", "σ", "spannung"), STRESS_UNITS, "Pa")
+STRAIN = Kind("strain", STRAIN_UNITS, "fractions", ("strain", "epsilon", "eps", "ε", "stauchung"))
+STRESS = Kind("stress", STRESS_UNITS, "Pa", ("stress", "sigma", "σ", "spannung"))
 DISPLACEMENT = Kind(
     "displacement",
-    ("displacement", "extension", "crosshead", "stroke", "travel", "weg"),
     LENGTH_UNITS,
     "m",
+    ("displacement", "extension", "crosshead", "stroke", "travel", "weg"),
 )
-FORCE = Kind("force", ("force", "load", "kraft"), FORCE_UNITS, "N")
+FORCE = Kind("force", FORCE_UNITS, "N", ("force", "load", "kraft"))
 
 
 _UNITS = {
@@ -106,24 +99,6 @@ class Columns:
 
 COLUMN_KEYS = tuple(field.name for field in fields(Columns))
 """What a scene may say of a file."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """Where strains or stresses of a test are from.
-
-    kind    what the column holds
-    number  of the column, from 1
-    head    its header; None: it has none
-    unit    as header or `Columns` say it; None: neither does, it is SI
-    over    what it was divided by [m or m2]; None: by nothing
-    """
-
-    kind: Kind
-    number: int
-    head: str | None
-    unit: str | None
-    over: float | None
 
 
 @dataclass(frozen=True)
@@ -207,14 +182,14 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
     rows = read_rows(path, "strain and stress")
     heads, lines_of_header = rows.header(_UNITS)
     found = (
-        _column(path, heads, _STRAINS, columns.strain, columns.strain_unit, columns.height),
-        _column(path, heads, _STRESSES, columns.stress, columns.stress_unit, columns.area),
+        _column(path, rows, heads, _STRAINS, columns.strain, columns.strain_unit, columns.height),
+        _column(path, rows, heads, _STRESSES, columns.stress, columns.stress_unit, columns.area),
     )
     if found[0].number == found[1].number:
         raise UserError(
             f"{path}: strain and stress are both column {found[0].number}; name two columns"
         )
-    strain, stress = (_upright(_values(path, rows.body, column)) for column in found)
+    strain, stress = (_upright(each.values) for each in found)
     loading = _loading(strain)
     branches = _branches(path, rows.body, strain, stress, loading)
     thinned = _thinned(strain[loading], stress[loading], finest)
@@ -229,6 +204,7 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
 
 def _column(
     path: Path,
+    rows: Rows,
     heads: Sequence[str] | None,
     side: Side,
     given: str | int | None,
@@ -242,8 +218,8 @@ def _column(
             f"{path}: {side.size} = {shown(size)}: must be a number from {side.least:g} to "
             f"{side.most:g} {side.unit}; {side.example}"
         )
-    divided = [] if heads is None else _known_by(heads, side.divided)
-    if heads and divided and given is None and size is None and not _known_by(heads, kind):
+    divided = [] if heads is None else side.divided.known_in(heads)
+    if heads and divided and given is None and size is None and not kind.known_in(heads):
         raise UserError(
             f"{path}: column {divided[0] + 1} ({shown(heads[divided[0]])}) is one of "
             f"{side.divided.name}; {key} needs the specimen's {side.size} [{side.unit}] too: "
@@ -251,13 +227,9 @@ def _column(
         )
     at = _place(path, heads, key, kind, given)
     head = None if heads is None else heads[at]
-    said = unit if unit is not None else _unit(head, kind)
-    if said is not None and plain_unit(said) not in kind.units:
-        where = f"{key}_unit" if unit is not None else f"the header of column {at + 1}"
-        raise UserError(
-            f"{path}: {where}: unit {shown(said)}; must be one of {', '.join(kind.units)}"
-        )
-    return Column(kind, at + 1, head, said, size)
+    where = None if unit is None else f"{key}_unit"
+    said = _unit(head, kind) if unit is None else unit
+    return column(path, rows, kind, at, said, where, head, size)
 
 
 def _place(
@@ -279,7 +251,7 @@ def _place(
         found = [n for n, head in enumerate(plain) if given.lower() == head]
         found = found or [n for n, head in enumerate(heads) if given.lower() in head.lower()]
     else:
-        found = _known_by(heads, kind)
+        found = kind.known_in(heads)
     if len(found) != 1:
         listed = ", ".join(shown(head) for head in heads)
         many = "no column" if not found else f"{len(found)} columns"
@@ -290,11 +262,6 @@ def _place(
     return found[0]
 
 
-def _known_by(heads: Sequence[str], kind: Kind) -> list[int]:
-    """The columns whose header has a word of a kind."""
-    return [n for n, head in enumerate(heads) if any(word in head.lower() for word in kind.words)]
-
-
 def _unit(head: str | None, kind: Kind) -> str | None:
     """The unit in a header's brackets, or its last word; None where it says none."""
     if head is None:
@@ -303,13 +270,6 @@ def _unit(head: str | None, kind: Kind) -> str | None:
         return bracketed[1]
     words = (re.split(between, head.strip())[-1] for between in (r"[\s_,]+", r"[\s_,/]+"))
     return next((word for word in words if plain_unit(word) in kind.units), None)
-
-
-def _values(path: Path, body: Sequence[Row], column: Column) -> Array:
-    """Strains as fractions, or stresses in Pa, of a column."""
-    numbers = np.array([number_in(path, line, row, column.number - 1) for line, row in body])
-    factor = 1.0 if column.unit is None else column.kind.units[plain_unit(column.unit)]
-    return factor * numbers if column.over is None else factor * numbers / column.over
 
 
 def _upright(values: Array) -> Array:

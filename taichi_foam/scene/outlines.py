@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.laws.shape.outline import TOLERANCE, problems_of_ring
+
 if TYPE_CHECKING:
     from shapely import Polygon
 
 Array = NDArray[np.float64]
 Corners = Sequence[tuple[float, float]]
-
-TOLERANCE = 1e-9
-"""Length below which two corners are one, as a fraction of the outline's size."""
 
 AT_ONCE = 8
 """Cells across of a tile whose cut cells are taken one by one."""
@@ -78,32 +77,6 @@ def lengths(shape: Polygon, levels: Array, marks: Array, upright: bool) -> Array
     edge = shapely.intersection(lines, shape.boundary)
     found = _between(inside, len(levels), marks, along) - _between(edge, len(levels), marks, along)
     return np.round(found, ROUNDING)
-
-
-def problems_of_ring(key: str, corners: Corners) -> list[str]:
-    """What is wrong with one polygon's corners, in whole sentences."""
-    import shapely
-
-    points = np.array(corners)
-    least = TOLERANCE * float(np.ptp(points, axis=0).max())
-    for k in range(1, len(points)):
-        near = np.abs(points[:k] - points[k]).max(axis=1) <= least
-        if near.any():
-            closing = k == len(points) - 1 and near[0]
-            return [
-                f"{key}[{k}] = {list(corners[k])}: repeats an earlier corner; each must be given "
-                f"once{', the outline closes by itself' if closing else ''}; leave it out"
-            ]
-    if shapely.MultiPoint(points).convex_hull.area <= least * np.ptp(points, axis=0).max():
-        return [f"{key}: encloses no area; its corners must not be on one line; move one of them"]
-    if not shapely.LinearRing(points).is_simple:
-        where = shapely.is_valid_reason(shapely.Polygon(points)).partition("[")[2].rstrip("]")
-        near = f" near [{', '.join(f'{float(c):.4g}' for c in where.split())}]" if where else ""
-        return [
-            f"{key}: crosses or touches itself{near}; it must be one simple outline, its corners "
-            "in order along it; put them in order"
-        ]
-    return []
 
 
 def _problems_of_holes(outline: Corners, holes: Sequence[Corners]) -> list[str]:

@@ -6,26 +6,23 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
+from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.parts import Part
+from taichi_foam.scene.messages import key_shown
+
 NOTHING = object()
 """What stands where a key leads nowhere."""
 
 _STEP = re.compile(r"([^\[\]]+)((?:\[\d{1,6}\])*)")
 
 
-def steps(key: str) -> list[str | int]:
-    """The names and places of a dotted key; a part that is no name stays as it is."""
-    found: list[str | int] = []
-    for part in key.split("."):
-        step = _STEP.fullmatch(part)
-        found.append(step[1] if step else part)
-        if step:
-            found += map(int, re.findall(r"\d+", step[2]))
-    return found
-
-
 def at(data: Any, key: str) -> Any:
     """What stands under a dotted key, in raw data or in parts; NOTHING if nothing does."""
-    for step in steps(key) if key else ():
+    for step in _steps(key) if key else ():
         if isinstance(step, int):
             listed = isinstance(data, list | tuple) and step < len(data)
             data = data[step] if listed else NOTHING  # type: ignore[index]
@@ -35,26 +32,6 @@ def at(data: Any, key: str) -> Any:
             fields = getattr(type(data), "model_fields", {})
             data = getattr(data, step) if step in fields else NOTHING
     return data
-
-
-def put(data: Any, key: str, value: Any) -> Any:
-    """Raw data or a part with another value under a dotted key, as a copy; tables are made.
-
-    What the key leads through is a table, a part, a list with that place, or nothing.
-    """
-    return _put(data, steps(key), value)
-
-
-def _put(data: Any, left: list[str | int], value: Any) -> Any:
-    if not left:
-        return value
-    step, *rest = left
-    if isinstance(step, int):
-        return [*data[:step], _put(data[step], rest, value), *data[step + 1 :]]
-    if isinstance(data, Mapping) or data in (None, NOTHING):
-        table = {} if data in (None, NOTHING) else data
-        return {**table, step: _put(table.get(step), rest, value)}
-    return data.model_copy(update={step: _put(getattr(data, step), rest, value)})
 
 
 def heads_of_foams(data: Any) -> Iterator[str]:
@@ -70,3 +47,88 @@ def heads_of_foams(data: Any) -> Iterator[str]:
         for number, layer in enumerate(layers):
             if at(layer, "foam") not in (None, NOTHING):
                 yield f"block.layers[{number}]."
+
+
+def by_key(data: Mapping[str, Any], head: str = "") -> dict[str, Any]:
+    """Nested data of a scene as values by dotted key."""
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        nested = by_key(value, f"{head}{name}.") if isinstance(value, Mapping) else None
+        found |= {head + name: value} if nested is None else nested
+    return found
+
+
+def copied(data: Any) -> Any:
+    """A copy of raw data whose tables and lists can be changed."""
+    if isinstance(data, Mapping):
+        return {key: copied(each) for key, each in data.items()}
+    return [copied(each) for each in data] if isinstance(data, list | tuple) else data
+
+
+def put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key in nested dictionaries and lists, making tables on the way.
+
+    A new shape or law takes away the keys of the old one that it lacks. Raises UserError: the key
+    is below one that has none of its own, or beyond the end of a list.
+    """
+    *heads, last = _steps(key)
+    table: Any = data
+    for step in heads:
+        if isinstance(step, int):
+            table = _place(table, step, key)
+            continue
+        if isinstance(table, dict) and table.get(step) is None:
+            table[step] = {}
+        if not isinstance(table, dict) or not isinstance(table[step], dict | list):
+            raise UserError(
+                f"{key_shown(key)}: unknown key; {key_shown(str(step))} has no keys of its own"
+            )
+        table = table[step]
+    for part, registry in (("impactor", SHAPES), ("foam", FOAMS)):
+        if [*heads[-1:], last] == [part, registry.tag] and value in [*registry]:
+            # keys of the old class that the new one lacks would be refused as unknown
+            for old in table.keys() - registry[value].model_fields.keys():
+                del table[old]
+    if last == "foam" and isinstance(value, str):
+        value = {"like": value}
+    if isinstance(last, int):
+        _place(table, last, key)
+    elif not isinstance(table, dict):
+        raise UserError(f"{key_shown(key)}: a list has no keys; say which of it, [0] the first")
+    table[last] = _plain(value)
+
+
+def _steps(key: str) -> list[str | int]:
+    """The names and places of a dotted key; a part that is no name stays as it is."""
+    found: list[str | int] = []
+    for part in key.split("."):
+        step = _STEP.fullmatch(part)
+        found.append(step[1] if step else part)
+        if step:
+            found += map(int, re.findall(r"\d+", step[2]))
+    return found
+
+
+def _place(listed: Any, number: int, key: str) -> Any:
+    """What a list has in a place. Raises UserError: it is none, or has no such place."""
+    if not isinstance(listed, list):
+        raise UserError(f"{key_shown(key)}: unknown key; only lists have places [0], [1] and so on")
+    if number >= len(listed):
+        raise UserError(
+            f"{key_shown(key)}: beyond the end of the list, which has {len(listed)}, counted from "
+            "[0]; give the whole list to make it longer"
+        )
+    return listed[number]
+
+
+def _plain(value: Any) -> Any:
+    """A part as its data, and a NumPy number as Python's: scenes take no other types."""
+    if isinstance(value, Part):
+        names = type(value).model_fields
+        if isinstance(value, BondFoam):  # what was not given is to be told from what was
+            names = [name for name in names if name in {*value.model_fields_set, FOAMS.tag}]
+        found = ((name, getattr(value, name)) for name in names)
+        return {name: _plain(each) for name, each in found if each is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value.item() if isinstance(value, np.generic) else value

@@ -12,13 +12,10 @@ from pydantic import Field, model_validator
 from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import MOST_CORNERS
 from taichi_foam.laws.shape.edges import counter_clockwise
-from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.parts import Corner, Part, choice, quantity
 from taichi_foam.scene import outlines
 from taichi_foam.scene.block import Block
 from taichi_foam.scene.options import Base
-
-_Coordinate = Annotated[float, Field(ge=-5, le=5)]
-_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
 
 _KEYS = {"floor": (), "ribs": ("pitch", "width", "depth"), "outline": ("outline",)}
 """What each kind of support needs."""
@@ -55,15 +52,13 @@ class Support(Part):
     offset: float = quantity(
         0.0, "m", "of a rib's middle from x = 0 (ribs only)", at_least=-5, at_most=5
     )
-    outline: Annotated[tuple[_Corner, ...], Field(strict=False, max_length=MOST_CORNERS)] = (
-        quantity(
-            (),
-            "m",
-            "corners [x, y] of the support, in order along a simple polygon, convex or not, that "
-            "leaves the foam free; beside it there is no floor (outline only)",
-            allowed=f"a list of 3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
-            fix="lengths are in metres, x from mid-width, y up from the block's bottom",
-        )
+    outline: Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)] = quantity(
+        (),
+        "m",
+        "corners [x, y] of the support, in order along a simple polygon, convex or not, that "
+        "leaves the foam free; beside it there is no floor (outline only)",
+        allowed=f"a list of 3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
+        fix="lengths are in metres, x from mid-width, y up from the block's bottom",
     )
 
     @model_validator(mode="after")
@@ -97,7 +92,7 @@ class Support(Part):
                     "give more"
                 )
             else:
-                found += outlines.problems_of_ring("support.outline", self.outline)
+                found += geometry.problems_of_ring("support.outline", self.outline)
         if found:
             raise ValueError("\n".join(found))
         return self

@@ -6,7 +6,7 @@ import shapely
 import shapely.ops
 import taichi as ti
 
-from taichi_foam.laws.shape import rounded
+from taichi_foam.laws.shape import edges
 from taichi_foam.scene import Cylinder, FlatBlock, Impactor, IShape, Outline, Polygon, Wedge
 
 CELL = 0.005
@@ -39,14 +39,14 @@ def distances(rows: Table, points: Table, found: Table, surface: ti.template()):
     for row in range(rows.shape[0]):
         surface[0, row] = vec3(rows[row, 0], rows[row, 1], rows[row, 2])
     for n in range(points.shape[0]):
-        one = rounded.distance(surface, 0, rows.shape[0], vec2(points[n, 0], points[n, 1]))
+        one = edges.rounded_distance(surface, 0, rows.shape[0], vec2(points[n, 0], points[n, 1]))
         for c in ti.static(range(3)):
             found[n, c] = one[c]
 
 
 def at(body: Impactor, points: np.ndarray) -> np.ndarray:
     """Signed distance [m] and normal (n, 3) at points about the body's reference point."""
-    rows = rounded.surface_of(body, CELL)
+    rows = edges.surface_of(body, CELL)
     surface, found = vec3.field(shape=(1, len(rows))), np.zeros((len(points), 3))
     distances(rows, points, found, surface)
     return found
@@ -55,7 +55,7 @@ def at(body: Impactor, points: np.ndarray) -> np.ndarray:
 def drawn(body: Impactor) -> shapely.Polygon:
     """Its outline with arcs of many vertices for edges, by circles that touch both faces."""
     outline, corners = body.outline(), []
-    sizes = rounded.radii(outline, REACH)
+    sizes = edges.radii(outline, REACH)
     for before, corner, after, radius in zip(
         np.roll(outline, 1, axis=0), outline, np.roll(outline, -1, axis=0), sizes, strict=True
     ):
@@ -121,22 +121,22 @@ def test_mirrored_bodies_find_mirrored_numbers_to_the_last_bit() -> None:
 
 
 def test_an_edge_takes_no_more_than_its_reach_and_leaves_half_of_each_face() -> None:
-    sizes = {name: rounded.radii(body.outline(), REACH) for name, body in BODIES.items()}
+    sizes = {name: edges.radii(body.outline(), REACH) for name, body in BODIES.items()}
     np.testing.assert_allclose(sizes["box"], REACH, rtol=1e-12)
     tip = BODIES["wedge"].outline()[:, 1].argmin()
     assert sizes["wedge"][tip] == pytest.approx(REACH * np.tan(np.radians(20)), rel=1e-12)
     thin = IShape(width=0.05, height=0.05, flange=0.002, web=0.01, **FREE)
     corners = thin.outline()
     outer = np.isclose(np.abs(corners[:, 0]), 0.025)
-    np.testing.assert_allclose(rounded.radii(corners, REACH)[outer], 0.0005, rtol=1e-9)
-    assert not rounded.radii(corners, REACH)[~outer].any()
+    np.testing.assert_allclose(edges.radii(corners, REACH)[outer], 0.0005, rtol=1e-9)
+    assert not edges.radii(corners, REACH)[~outer].any()
 
 
 def test_only_cornered_bodies_without_rails_are_rounded() -> None:
     free, railed = FlatBlock(guided=False), FlatBlock()
-    assert rounded.distance_of(free) is rounded.distance
-    assert rounded.distance_of(railed) is railed.distance
-    np.testing.assert_array_equal(rounded.surface_of(railed, CELL), railed.surface())
+    assert edges.distance_of(free) is edges.rounded_distance
+    assert edges.distance_of(railed) is railed.distance
+    np.testing.assert_array_equal(edges.surface_of(railed, CELL), railed.surface())
     circle = Cylinder(guided=False)
-    assert rounded.distance_of(circle) is circle.distance
-    np.testing.assert_array_equal(rounded.surface_of(circle, CELL), circle.surface())
+    assert edges.distance_of(circle) is circle.distance
+    np.testing.assert_array_equal(edges.surface_of(circle, CELL), circle.surface())

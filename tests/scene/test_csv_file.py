@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.drawings import read_corners
+from taichi_foam.scene.library import read_corners, read_pulse
 from taichi_foam.scene.measured import read_test
-from taichi_foam.scene.pulse_file import read_pulse
 from taichi_foam.units import STANDARD_GRAVITY
 
 SQUARE = "0,0\n40,0\n40,30\n0,30\n"

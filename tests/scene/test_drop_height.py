@@ -9,11 +9,14 @@ import pytest
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Numerics, Scene
-from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.scene import Block, FlatBlock, Numerics, Scene
+from taichi_foam.scene.files import scene_from_text, scene_to_toml
+from taichi_foam.scene.toml import tomllib
+from taichi_foam.scene.values import by_key
 from taichi_foam.units import STANDARD_GRAVITY
 
 PAPER = "paper/rectangular-3.03"
+PRESS = FlatBlock(motion="crosshead", velocity=0.5, travel=0.05)
 FALL = math.sqrt(2 * STANDARD_GRAVITY * 0.5)
 
 
@@ -57,6 +60,30 @@ def test_a_velocity_takes_it_away_and_the_rest_gives_a_new_one(fallen: Scene) ->
     heavy = fallen.with_values(impactor__mass=1.0)
     assert heavy.impactor is not None
     assert heavy.impactor.velocity == pytest.approx(FALL, rel=1e-15)
+
+
+def test_what_follows_is_not_given() -> None:
+    """A scene says and writes what was given; one that a former version wrote holds both."""
+    cases = [
+        ({"impactor": FlatBlock(drop_height=0.5)}, ["impactor.velocity"]),
+        ({"impactor": PRESS}, ["numerics.end"]),
+        ({"impactor": FlatBlock(), "block": Block(cell=0.01)}, ["block.columns", "block.rows"]),
+        ({"numerics": Numerics(end=0.01)}, []),
+    ]
+    for parts, following in cases:
+        scene = Scene(**parts)
+        text = scene_to_toml(scene)
+        written, whole = by_key(tomllib.loads(text)), by_key(scene.model_dump(exclude_none=True))
+        assert [key for key in whole if key not in written] == following
+        again = scene_from_text(text, "again")
+        assert again == Scene.checked(scene.model_dump(exclude_none=True), "whole") == scene
+        assert eval(repr(scene)) == scene
+        assert not [key for key in following if f"{key.partition('.')[2]}=" in repr(scene)]
+
+
+def test_a_new_end_takes_a_travel_away() -> None:
+    scene = Scene(impactor=PRESS).with_values(numerics__end=0.2)
+    assert (scene.impactor.travel, scene.numerics.end) == (None, 0.2)
 
 
 def test_a_written_scene_reads_back(fallen: Scene, tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ from taichi_foam.scene import (
     Wedge,
 )
 from taichi_foam.scene.files import scene_to_toml
-from taichi_foam.scene.pulse import Shape
+from taichi_foam.scene.options import PulseShape
 from taichi_foam.shim2000 import tests
 
 # Taichi, once started, has its process flush subnormal numbers to zero.
@@ -149,7 +149,7 @@ impactors = st.one_of(
 
 still = {"pulse": st.none(), "pulse_peak_g": st.none(), "pulse_duration_ms": st.none()}
 shaken = {
-    "pulse": st.sampled_from(get_args(Shape)),
+    "pulse": st.sampled_from(get_args(PulseShape)),
     "pulse_peak_g": floats(1e-3, 1e5),
     "pulse_duration_ms": floats(1e-2, 1e4),
 }

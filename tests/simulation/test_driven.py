@@ -21,7 +21,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Scene, TabulatedFoam
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.scene.measured import read_curve
-from taichi_foam.scene.pulse import Pulse
+from taichi_foam.scene.options import Pulse
 from taichi_foam.simulation.simulate import Progress, run
 from taichi_foam.units import STANDARD_GRAVITY
 

@@ -3,7 +3,7 @@
 from taichi_foam.laws.bond import crushable, tabulated
 from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks, Limit
 from taichi_foam.laws.bond.curve import Curve
-from taichi_foam.laws.registry import Registry
+from taichi_foam.parts import Registry
 
 __all__ = ["FOAMS", "BondFoam", "BondLaw", "Curve", "Landmarks", "Limit"]
 

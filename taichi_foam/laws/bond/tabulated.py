@@ -33,7 +33,7 @@ from taichi_foam.laws.bond.curve import (
     UNLOADING,
     Curve,
 )
-from taichi_foam.parts import quantity
+from taichi_foam.parts import completed, is_number, quantity
 
 DAMPED = 0.005
 """Of the plateau's stress: what dashpots may add for each m/s at which a row of cells closes [s/m].
@@ -132,9 +132,7 @@ class TabulatedFoam(CrushingFoam):
             # what is wrong with it, and only that, is said where it is checked
             with contextlib.suppress(ValueError):
                 given["curve"] = Curve.model_validate(given["curve"])
-        foam = handler({**derived(given), **given})
-        object.__setattr__(foam, "__pydantic_fields_set__", set(given))
-        return foam
+        return completed(given, derived(given), handler)
 
     @model_validator(mode="after")
     def _check_curve(self) -> "TabulatedFoam":
@@ -232,7 +230,7 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
     curve = data.get("curve")
     if not isinstance(curve, Curve):
         return _STANDINS
-    given = {key: value for key, value in data.items() if _is_number(value)}
+    given = {key: value for key, value in data.items() if is_number(value)}
     densification = given.get("densification_strain", 0.0)
     if not -curve.tested <= densification < 0.0:  # not given, or wrong, which is said of it
         densification = -curve.densification
@@ -248,10 +246,6 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
         "tensile_strain": min(plateau / young, LARGEST_LIMIT),
         "shear_strain": min(SHEAR_OVER_PLATEAU * plateau / shear, LARGEST_LIMIT),
     }
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @ti.dataclass

@@ -6,23 +6,21 @@ as it starts.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.parts import Part, choice, quantity
+from taichi_foam.parts import Corner, Part, choice, quantity
 
 SURFACE_ROWS = 1024
 """Rows of numbers that a surface may have."""
 
 MOST_CORNERS = SURFACE_ROWS // 2
 """Corners that an outline may have."""
-
-_Coordinate = Annotated[float, Field(ge=-5, le=5)]
 
 vec3 = ti.types.vector(3, ti.f64)
 
@@ -131,7 +129,7 @@ class Impactor(Part):
         above=0,
         at_most=1e6,
     )
-    centre: Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)] | None = quantity(
+    centre: Corner | None = quantity(
         None,
         "m",
         "centre of mass [x, y], in the frame of the shape's corners, or about the mid-width and "

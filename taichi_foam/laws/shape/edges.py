@@ -1,10 +1,32 @@
-"""Contact with any simple polygon, convex or not, by its edges."""
+"""Contact with any simple polygon, convex or not, by its edges.
+
+The edges of a body that slides and turns are rounded, as far as foam can tell. The lattice knows
+the foam's surface at its mass points only, a cell apart. Under a sharp edge that slides over it the
+next mass point stands higher than those below the sole, and would meet the side of the body: it
+would be pushed along in front. In foam the surface falls from there to the sole, and goes under. On
+an edge that is round a mass point is pressed down along a normal that turns with it, as the edge
+comes over it, and it rises as smoothly where the edge leaves it. The depth in the rounded outline
+is the potential of the force: what the leading edge takes, the trailing one gives back.
+"""
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Impactor, vec3
+
+EDGE_RADIUS = 0.4
+"""Radius of an edge over a cell's shorter side. Less than half: where the edge is in the middle
+between two mass points, as in a face that whole cells divide, the last one is on the level face."""
+
+MOST_OF_FACE = 0.25
+"""So much of a face either of its edges may take: half of it stays as it is."""
+
+STRAIGHT = 0.01
+"""An edge that turns by less [rad] needs no rounding."""
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -76,3 +98,80 @@ def edges_of(outline: np.ndarray) -> np.ndarray:
 def counter_clockwise(points: np.ndarray) -> np.ndarray:
     """Return the corners the other way round if they go clockwise."""
     return points if geometry.area(points) > 0 else points[::-1]
+
+
+def distance_of(impactor: Impactor) -> Callable[..., Any]:
+    """What tells the distance from an impactor; see `Impactor.distance`."""
+    return rounded_distance if _is_rounded(impactor) else impactor.distance
+
+
+def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
+    """Rows of three numbers (n, 3) that this takes, in cells whose shorter side is `cell` [m]."""
+    if not _is_rounded(impactor):
+        return impactor.surface()
+    outline = impactor.outline()
+    rows = edges_of(outline)
+    rows[1::2, 2] = radii(outline, EDGE_RADIUS * cell)
+    return rows
+
+
+def _is_rounded(impactor: Impactor) -> bool:
+    """Whether a body slides and turns and its distance is that of its corners."""
+    cornered = impactor.distance in (Impactor.distance, Edged.distance)
+    return cornered and not impactor.guided
+
+
+def radii(outline: np.ndarray, reach: float) -> np.ndarray:
+    """Radius of each corner of an outline (n,) [m]; 0 where it is hollow, or hardly one.
+
+    It is `reach`, or less where the corner is sharper than a right angle or a face is short: the
+    arc begins no further from the corner than `reach`, and leaves half of each face.
+
+    Args:
+        outline: (n, 2), counter-clockwise [m].
+        reach: [m].
+    """
+    ahead = np.roll(outline, -1, axis=0) - outline
+    behind = np.roll(ahead, 1, axis=0)
+    lengths = np.hypot(*ahead.T), np.hypot(*behind.T)
+    cross = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
+    turn = np.arctan2(cross, (behind * ahead).sum(axis=1))
+    half = np.tan(0.5 * np.clip(turn, STRAIGHT, None))  # length that the arc takes, per radius
+    taken = np.minimum(reach, MOST_OF_FACE * np.minimum(*lengths))
+    return np.where(turn > STRAIGHT, np.minimum(reach, taken / half), 0.0)
+
+
+@ti.func
+def rounded_distance(surface: ti.template(), b, rows, point):
+    """Signed distance [m] to an outline whose corners are rounded, and the normal there.
+
+    The rows are those of `edges_of`; in the second of each edge stands the radius of the
+    corner at its start. Within, between the two ends of an arc and its centre, the arc is the
+    surface. Seen from the centre the point lies at q, and R less its depth below an edge is its
+    component along the edge's normal n: with a and b of them, and c the cosine between the two,
+    q = ((a - b c) n_1 + (b - a c) n_2) / (1 - c^2), in which both count alike.
+    """
+    found = Edged.distance(surface, b, rows, point)
+    if found[0] < 0.0:
+        for edge in range(rows // 2):
+            radius = surface[b, 2 * edge + 1].z
+            if radius > 0.0:
+                before = (2 * edge - 2 + rows) % rows
+                one, two = surface[b, before + 1].xy, surface[b, 2 * edge + 1].xy
+                start, corner = surface[b, before].xy, surface[b, 2 * edge].xy
+                end = surface[b, (2 * edge + 2) % rows].xy
+                below_one = one.dot(point - 0.5 * (start + corner))
+                below_two = two.dot(point - 0.5 * (corner + end))
+                cosine = one.dot(two)
+                along_one, along_two = radius + below_one, radius + below_two
+                share_one = along_one - along_two * cosine
+                share_two = along_two - along_one * cosine
+                inside = below_one < 0.0 and below_two < 0.0
+                if inside and share_one > 0.0 and share_two > 0.0:
+                    squared_sine = 1.0 - cosine * cosine
+                    squared = (along_one * share_one + along_two * share_two) / squared_sine
+                    away = ti.sqrt(squared)
+                    if away - radius > found[0]:
+                        normal = (share_one * one + share_two * two) / (squared_sine * away)
+                        found = vec3(away - radius, normal.x, normal.y)
+    return found

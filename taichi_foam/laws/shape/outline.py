@@ -20,29 +20,38 @@ def size(points: np.ndarray) -> float:
     return float(np.max(np.ptp(points, axis=0)))
 
 
-def checked(vertices: Sequence[tuple[float, float]]) -> np.ndarray:
-    """Corners as an array (n, 2) [m].
+def problems_of_corners(key: str, corners: Sequence[tuple[float, float]]) -> list[str]:
+    """What is wrong with corners under a key of a scene: one repeats, or all are on one line."""
+    points = np.array(corners)
+    least = TOLERANCE * size(points)
+    for k in range(1, len(points)):
+        near = np.abs(points[:k] - points[k]).max(axis=1) <= least
+        if near.any():
+            closing = k == len(points) - 1 and near[0]
+            return [
+                f"{key}[{k}] = {list(corners[k])}: repeats an earlier corner; each must be given "
+                f"once{', the outline closes by itself' if closing else ''}; leave it out"
+            ]
+    if len(convex_hull(points)) < 3:
+        return [
+            f"{key}: encloses no area, its corners are all on one line; move one of them off it"
+        ]
+    return []
 
-    Raises ValueError, in the words of a scene: they are too near to one another, or one repeats.
-    """
-    points = np.array(vertices)
-    extent = size(points)
-    if extent < 1e-4:
-        raise ValueError(
-            f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
-            "lengths are in metres"
-        )
-    for k, vertex in enumerate(points):
-        near = np.flatnonzero(np.linalg.norm(points[:k] - vertex, axis=1) <= TOLERANCE * extent)
-        if near.size:
-            closes = (
-                ", the outline closes by itself" if (near[0], k) == (0, len(points) - 1) else ""
-            )
-            raise ValueError(
-                f"impactor.vertices[{k}] = {list(vertices[k])}: repeats an earlier corner; each "
-                f"must be given once{closes}; leave it out"
-            )
-    return points
+
+def problems_of_ring(key: str, corners: Sequence[tuple[float, float]]) -> list[str]:
+    """What is wrong with the corners of one simple polygon, in order along it."""
+    import shapely  # takes a while to load, and most scenes do without
+
+    found = problems_of_corners(key, corners)
+    if found or shapely.LinearRing(corners).is_simple:
+        return found
+    where = shapely.is_valid_reason(shapely.Polygon(corners)).partition("[")[2].rstrip("]")
+    near = f" near [{', '.join(f'{float(c):.4g}' for c in where.split())}]" if where else ""
+    return [
+        f"{key}: crosses or touches itself{near}; it must be one simple outline, its corners in "
+        "order along it; put them in order"
+    ]
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:

@@ -1,18 +1,22 @@
-"""Any convex polygon as impactor."""
+"""Polygons by their corners as impactors: a convex one, and any outline as one draws it."""
 
+from collections.abc import Callable, Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.laws.shape.base import Impactor
-from taichi_foam.parts import quantity
+from taichi_foam.laws.shape.base import MOST_CORNERS, Impactor
+from taichi_foam.laws.shape.edges import Edged, counter_clockwise
+from taichi_foam.parts import Corner, quantity
 
 MOST_VERTICES = 16
 
-_Coordinate = Annotated[float, Field(ge=-2, le=2)]
-_Corner = Annotated[tuple[_Coordinate, _Coordinate], Field(strict=False)]
+Corners = Sequence[tuple[float, float]]
+
+_Within2 = Annotated[float, Field(ge=-2, le=2)]
+_Near = Annotated[tuple[_Within2, _Within2], Field(strict=False)]
 
 
 class Polygon(Impactor):
@@ -21,7 +25,7 @@ class Polygon(Impactor):
     shape: Literal["polygon"] = "polygon"
     label: ClassVar[str] = "polygon"
     vertices: Annotated[
-        tuple[_Corner, ...],
+        tuple[_Near, ...],
         Field(strict=False, min_length=3, max_length=MOST_VERTICES),
     ] = quantity(
         ...,
@@ -34,14 +38,10 @@ class Polygon(Impactor):
 
     @model_validator(mode="after")
     def _check_convex(self) -> "Polygon":
-        points = geometry.checked(self.vertices)
+        _check_size(self.vertices, geometry.problems_of_corners)
+        points = np.array(self.vertices)
         least = geometry.TOLERANCE * geometry.size(points)
         hull = geometry.convex_hull(points)
-        if len(hull) < 3:
-            raise ValueError(
-                "impactor.vertices: all on one line; they must enclose an area; "
-                "move one of them off the line"
-            )
         for k, vertex in enumerate(points):
             if geometry.distance_inside(hull, vertex) > least:
                 raise ValueError(
@@ -63,3 +63,47 @@ class Polygon(Impactor):
     def origin(self) -> np.ndarray:
         """Return the origin of the given corners."""
         return np.zeros(2)
+
+
+class Outline(Edged):
+    """Any outline that does not cross itself: of a product, out of a drawing."""
+
+    shape: Literal["outline"] = "outline"
+    label: ClassVar[str] = "outline"
+    vertices: Annotated[
+        tuple[Corner, ...],
+        Field(strict=False, min_length=3, max_length=MOST_CORNERS),
+    ] = quantity(
+        ...,
+        "m",
+        "corners (x, y) in order along the outline, either way round, about any origin; in their "
+        "place `file` names a CSV file with a column of each, their unit in the header",
+        allowed=f"3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
+        fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
+        "[0.05, 0.05], [0, 0.05]]",
+    )
+
+    @model_validator(mode="after")
+    def _check_simple(self) -> "Outline":
+        _check_size(self.vertices, geometry.problems_of_ring)
+        return self
+
+    def corners(self) -> np.ndarray:
+        """Return the corners as given [m], counter-clockwise; see the base class."""
+        return counter_clockwise(np.array(self.vertices))
+
+    def origin(self) -> np.ndarray:
+        """Return the origin of the given corners."""
+        return np.zeros(2)
+
+
+def _check_size(vertices: Corners, problems: Callable[[str, Corners], list[str]]) -> None:
+    """Raises ValueError: corners too near to one another, or what else the problems are."""
+    extent = geometry.size(np.array(vertices))
+    if extent < 1e-4:
+        raise ValueError(
+            f"impactor.vertices: {extent:g} m across; must be at least 0.0001 m; "
+            "lengths are in metres"
+        )
+    if found := problems("impactor.vertices", vertices):
+        raise ValueError(found[0])

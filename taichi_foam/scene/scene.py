@@ -14,7 +14,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
-from taichi_foam.scene import assumed, driven, fall, filling, sources, support
+from taichi_foam.scene import assumed, filling, library, motion, support
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.keys import all_parts
@@ -80,7 +80,7 @@ class Scene(Part):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        return assumed.completed(driven.completed(fall.completed(sources.completed(data))))
+        return library.completed(data)
 
     @field_validator("assumed", mode="before")
     @classmethod
@@ -89,6 +89,7 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
+        self._follow()
         unfilled = filling.problems(self.block)
         problems = [
             *_problems_of_foam(self),
@@ -101,7 +102,7 @@ class Scene(Part):
             *_problems_of_inertia(self),
             *(
                 unfilled
-                or driven.problems(self.impactor, self.base, self.numerics)
+                or motion.problems_of_driving(self.impactor, self.base, self.numerics)
                 or _problems_of_fall(self)
                 or _problems_of_contact(self)
             ),
@@ -109,6 +110,14 @@ class Scene(Part):
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    def _follow(self) -> None:
+        """Set what follows from what was given: of falls, crossheads, foams of one's own."""
+        found = assumed.followed(self)
+        if self.impactor is not None:
+            found["impactor"], found["numerics"] = motion.followed(self.impactor, self.numerics)
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], source: str) -> Scene:
@@ -285,14 +294,10 @@ def _problems_of_times(scene: Scene) -> list[str]:
 
 
 def _problems_of_fall(scene: Scene) -> list[str]:
-    impactor = scene.impactor
-    if impactor is None or impactor.drop_height is None:
+    if scene.impactor is None:
         return []
-    gravity = scene.numerics.gravity
     plateau = max(foam.landmarks.plateau_stress for foam in foams_of(scene)[0])
-    return fall.problems(
-        impactor.drop_height, impactor.velocity, impactor.gap, gravity
-    ) or fall.problems_of_weight(impactor, scene.block, gravity, plateau)
+    return motion.problems_of_fall(scene.impactor, scene.block, scene.numerics.gravity, plateau)
 
 
 def _problems_of_inertia(scene: Scene) -> list[str]:

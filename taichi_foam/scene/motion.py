@@ -1,0 +1,147 @@
+"""What moves: an impactor that falls, a crosshead at constant speed, a base that is shaken.
+
+An impactor that falls so far starts at its gap with the velocity that it has there, and gravity
+acts on everything, so that it meets the foam with sqrt(2 g h). A crosshead's travel and speed give
+the end of the run. What follows so is no value that was given (`Part.with_computed`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from taichi_foam.laws.shape import Impactor
+from taichi_foam.scene.block import Block
+from taichi_foam.scene.options import LONGEST_RUN, Base, Numerics
+from taichi_foam.units import STANDARD_GRAVITY, plain
+
+_SAME = 1e-9
+"""Values that differ by less, relative, are one: a scene that was written holds both."""
+
+
+def start_velocity(drop_height: float, gap: float, gravity: float) -> float | None:
+    """Velocity [m/s] that a fall of `drop_height` has `gap` before its end [m]; None: never."""
+    if gravity <= 0.0 or gap > drop_height:
+        return None
+    return math.sqrt(2.0 * gravity * (drop_height - gap))
+
+
+def followed(impactor: Impactor, numerics: Numerics) -> tuple[Impactor, Numerics]:
+    """Both, with the velocity, the gravity and the end that a drop height or a travel stand for.
+
+    What was given stays, right or wrong.
+    """
+    if impactor.drop_height is not None:
+        if "gravity" not in numerics.model_fields_set:
+            numerics = numerics.with_computed(gravity=STANDARD_GRAVITY)
+        velocity = start_velocity(impactor.drop_height, impactor.gap, numerics.gravity)
+        if velocity is not None and "velocity" not in impactor.model_fields_set:
+            impactor = impactor.with_computed(velocity=velocity)
+    ends = impactor.motion == "crosshead" and "end" not in numerics.model_fields_set
+    if ends and impactor.travel is not None and impactor.velocity > 0.0:
+        numerics = numerics.with_computed(end=impactor.travel / impactor.velocity)
+    return impactor, numerics
+
+
+def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numerics) -> list[str]:
+    """Why something cannot be driven so."""
+    shaken = base.shaking is not None
+    found = []
+    if shaken and numerics.end == "rebound":
+        found.append(
+            f"{_pulse(base)}: a base that is shaken makes things rebound at any time; give "
+            "numerics.end a time in seconds, some times as long as the pulse"
+        )
+    if impactor is None:
+        return found
+    if impactor.motion != "crosshead":
+        if impactor.travel is not None:
+            found.append(
+                f"impactor.travel = {impactor.travel:g}: is a crosshead's; set impactor.motion = "
+                "'crosshead', or leave it out"
+            )
+        return found
+    if not impactor.guided:
+        found.append("impactor.guided = false: a crosshead moves straight down; leave it out")
+    if impactor.drop_height is not None:
+        found.append(
+            f"impactor.drop_height = {impactor.drop_height:g}: a crosshead does not fall; give "
+            "impactor.velocity"
+        )
+    if shaken:
+        found.append(
+            f"{_pulse(base)}: a crosshead and a shaken base are two tests; leave one of them out"
+        )
+    if impactor.velocity == 0:
+        found.append("impactor.velocity = 0: a crosshead moves; must be above 0 m/s")
+    elif numerics.end == "rebound":
+        found.append(
+            "numerics.end = 'rebound': a crosshead does not rebound; give impactor.travel, the way "
+            "after which the run ends, or numerics.end in seconds"
+        )
+    elif impactor.travel is not None:
+        expected = impactor.travel / impactor.velocity
+        if expected > LONGEST_RUN:
+            found.append(
+                f"impactor.travel = {impactor.travel:g}: takes {expected:.4g} s at "
+                f"{impactor.velocity:g} m/s; a run has at most {LONGEST_RUN:g} s; lengths are in "
+                "metres; shorten the travel, or take a faster crosshead"
+            )
+        elif abs(float(numerics.end) - expected) > _SAME * expected:
+            found.append(
+                f"numerics.end = {numerics.end:g}: impactor.travel = {impactor.travel:g} m at "
+                f"{impactor.velocity:g} m/s takes {expected:.4g} s; give one of the two"
+            )
+    return found
+
+
+def _pulse(base: Base) -> str:
+    """The key that shakes a base."""
+    return "base.acceleration" if base.pulse is None else f"base.pulse = '{base.pulse}'"
+
+
+def problems_of_fall(
+    impactor: Impactor, block: Block, gravity: float, plateau_stress: float
+) -> list[str]:
+    """Why an impactor cannot both fall so far and be what else the scene says.
+
+    Nobody can mean a mass that falls on a cushion which it crushes as it stands there.
+    """
+    height, velocity, gap = impactor.drop_height, impactor.velocity, impactor.gap
+    if height is None:
+        return []
+    if gravity == 0.0:
+        return [
+            f"impactor.drop_height = {height:g}: nothing falls without gravity; "
+            "numerics.gravity must be above 0 m/s2, or leave it out: then it is "
+            f"{STANDARD_GRAVITY:g} m/s2"
+        ]
+    expected = start_velocity(height, gap, gravity)
+    if expected is None:
+        return [
+            f"impactor.gap = {gap:g}: must be at most impactor.drop_height = {height:g} m, of "
+            "which it is the last part; lengths are in metres"
+        ]
+    if abs(velocity - expected) > _SAME * max(velocity, expected):
+        return [
+            f"impactor.velocity = {velocity:g}: impactor.drop_height = {height:g} m comes to "
+            f"{expected:.4g} m/s; give one of the two"
+        ]
+    area, weight = width_under(impactor, block) * block.depth, impactor.mass * gravity
+    if weight <= plateau_stress * area or area == 0.0:
+        return []
+    return [
+        f"impactor.mass = {impactor.mass:g}: its weight alone presses the foam under it with "
+        f"{plain(1e-3 * weight / area)} kPa, and the plateau is {plain(1e-3 * plateau_stress)} "
+        "kPa: it crushes the cushion that it only stands on; masses are in kilograms (5,000 g is "
+        "5); take a lighter impactor or more foam, or give impactor.velocity in place of "
+        "impactor.drop_height"
+    ]
+
+
+def width_under(impactor: Impactor, block: Block) -> float:
+    """Width of the block, as it is drawn, that lies under an impactor as it starts [m]."""
+    foam = np.array(block.corners)[:, 0]
+    ends = impactor.x + impactor.outline()[:, 0]
+    return float(max(min(foam.max(), ends.max()) - max(foam.min(), ends.min()), 0.0))
