@@ -37,7 +37,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
-from taichi_foam.sweeps.estimate import bytes_in
+from taichi_foam.sweeps.dealing import bytes_in
 from taichi_foam.sweeps.table import MACHINE
 
 # Durations of drops that only wait: exp(N(log median, sigma)).

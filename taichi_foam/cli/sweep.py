@@ -16,7 +16,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
-    from taichi_foam.sweeps.estimate import Estimate
+    from taichi_foam.sweeps.dealing import Estimate
     from taichi_foam.sweeps.run import Standing, Sweep
 
 _DIR = "Folder of a sweep."
@@ -239,7 +239,8 @@ def _check_plan_alone(
 def _say_estimate(
     console: Console, found: Estimate, workers: int | None, threads: int | None
 ) -> None:
-    from taichi_foam.sweeps.estimate import cores, size_text
+    from taichi_foam.results.folders import size_text
+    from taichi_foam.sweeps.dealing import cores
     from taichi_foam.units import duration_text
 
     assert found.core_seconds is not None

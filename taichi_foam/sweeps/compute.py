@@ -1,15 +1,16 @@
-"""The chunks of a sweep, one by one in this process, or as tasks of Dask in others.
+"""The chunks of a sweep: what computes one, and who computes which.
 
-Dask decides who computes what, and computes again what was on a worker that died. Only so many
-chunks are handed to it at a time as workers can compute: neither the scheduler nor this process
-grows with the sweep.
+They are computed one by one in this process, or as tasks of Dask in others. Dask decides who
+computes what, and computes again what was on a worker that died. Only so many chunks are handed to
+it at a time as workers can compute: neither the scheduler nor this process grows with the sweep.
+`compute_chunk` writes where the worker is; nothing travels back.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
-import errno
+import functools
 import itertools
 import logging
 import os
@@ -17,8 +18,10 @@ import queue
 import secrets
 import shutil
 import signal
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -27,12 +30,16 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
+from taichi_foam.records.ending import Ending
+from taichi_foam.records.record import Record
+from taichi_foam.results.folders import UNFINISHED, is_disk_error
+from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.sweeps.chunk import Solve, compute_chunk
-from taichi_foam.sweeps.dealing import Dealer
-from taichi_foam.sweeps.store import SCRATCH, Store
-from taichi_foam.sweeps.table import seconds_of
+from taichi_foam.sweeps import table
+from taichi_foam.sweeps.dealing import Dealer, Solve
+from taichi_foam.sweeps.sampling import Member
+from taichi_foam.sweeps.store import LOST, SCRATCH, Store
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -48,9 +55,63 @@ _PR_SET_PDEATHSIG = 1
 # How long to wait for an answer of the scheduler [s].
 _PATIENCE = 15
 
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
-Inbox = queue.SimpleQueue[Callable[[], None]]
+def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> None:
+    """Compute some members of the sweep in a folder and write them, complete or not at all.
+
+    A drop that fails, or whose values make no scene, has a row with the reason.
+
+    Raises:
+        UserError: the folder is not seen from here, or not by the same versions.
+        OSError: it cannot be written.
+    """
+    store = _opened(folder, plan_hash)
+    members: list[Member] = []
+    rows: dict[int, dict[str, Any]] = {}
+    for number in chunk:
+        try:
+            members.append(store.design.member(number))
+        except UserError as error:
+            rows[number] = table.row_without_scene(store.design, number, str(error))
+    kept = store.plan.keep
+    histories: dict[int, Record] = {}
+    seconds = 0.0
+    for place, result in solve([member.scene for member in members]):
+        if result.ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        begun = time.perf_counter()
+        member = members[place]
+        rows[member.number] = table.row(member, result)
+        if kept.histories != "none":
+            histories[member.number] = result
+        if kept.full == "all" or member.number in kept.full:
+            _save(store, member.number, result)
+        # without what its kernels took to compile
+        seconds += result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
+        seconds += time.perf_counter() - begun
+    if len(rows) < len(chunk):
+        raise RuntimeError("the solver has not given a result for every scene")
+    if kept.histories != "none":
+        table.write_histories(store.history_file(chunk), histories, kept.histories)
+    table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
+    store.lost_file(chunk).unlink(missing_ok=True)
+
+
+@functools.lru_cache(maxsize=1)
+def _opened(folder: str, plan_hash: str) -> Store:
+    """The sweep, read from its folder once in each process."""
+    store = Store.open(folder)
+    if store.plan.hash != plan_hash:
+        raise UserError(f"{folder}: {socket.gethostname()} sees another sweep there")
+    store.check_versions()
+    return store
+
+
+def _save(store: Store, number: int, result: Result) -> None:
+    """Keep a whole result; one that a killed chunk had saved has the same bits already."""
+    folder = store.run_folder(number)
+    if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
+        result.save(folder, overwrite=True)
 
 
 def compute(
@@ -80,13 +141,12 @@ def compute(
     if workers is None and scheduler is None:
         _compute_here(store, solve, on_drops, side_by_side)
         return
-    inbox: Inbox = queue.SimpleQueue()
     with _client(store, workers, scheduler) as client:
         there = max(1, _workers_of(client, store))
         dealer = Dealer(store.design, store.missing(), side_by_side, there)
         driver = None if workers is None else os.getpid()
-        task = partial(_in_one_thread, driver, solve=solve)
-        _Computing(store, dealer, task, on_drops, client, inbox).run()
+        task = partial(_in_one_thread, driver, str(store.folder), store.plan.hash, solve=solve)
+        _Computing(store, dealer, task, on_drops, client).run()
 
 
 def _compute_here(
@@ -107,7 +167,7 @@ def _compute_here(
             losses.add(chunk, error)
         else:
             losses.break_off()
-            dealer.learn(chunk, seconds_of(store.chunk_file(chunk)))
+            dealer.learn(chunk, table.seconds_of(store.chunk_file(chunk)))
     losses.tell()
 
 
@@ -128,10 +188,10 @@ class _Losses:
         store = self._store
         if isinstance(error, UserError):
             raise error
-        if isinstance(error, OSError) and error.errno in _DISK:
+        if is_disk_error(error):
             raise UserError(
-                f"{store.folder}: cannot be written, {error.strerror}. Fix: make room; "
-                f"{_again(store)}"
+                f"{store.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
+                f"Fix: make room; {_again(store)}"
             )
         reason = reason or f"{type(error).__name__}: {error}".strip()
         store.lose(chunk, reason)
@@ -152,7 +212,7 @@ class _Losses:
     @property
     def _words(self) -> str:
         chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
-        lost = self._store.folder / "lost"
+        lost = self._store.folder / LOST
         return f"{chunks} could not be computed, see {lost}; {_again(self._store)}"
 
 
@@ -166,12 +226,10 @@ class _Computing:
         task: Callable[..., None],
         on_drops: Callable[[int], None],
         client: Client,
-        inbox: Inbox,
     ) -> None:
-        self._store = store
-        self._dealer, self._on_drops = dealer, on_drops
-        self._task = partial(task, str(store.folder), store.plan.hash)
-        self._client, self._inbox = client, inbox
+        self._store, self._dealer, self._task = store, dealer, task
+        self._on_drops, self._client = on_drops, client
+        self._inbox: queue.SimpleQueue[tuple[range, Any]] = queue.SimpleQueue()
         self._flying: dict[range, Any] = {}
         self._losses = _Losses(store)
         self._group = f"chunk-{secrets.token_hex(4)}"
@@ -183,7 +241,7 @@ class _Computing:
             self._hand_over()
             while self._flying:
                 try:
-                    self._inbox.get(timeout=1.0)()
+                    self._take(*self._inbox.get(timeout=1.0))
                 except queue.Empty:
                     self._check_scheduler()
         except CommClosedError:
@@ -205,23 +263,23 @@ class _Computing:
                 self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
             )
             self._flying[chunk] = future
-            future.add_done_callback(partial(self._report, chunk))
+            self._await(chunk, future)
 
-    def _report(self, chunk: range, future: Any) -> None:
-        self._inbox.put(partial(self._take, chunk, future))
+    def _await(self, chunk: range, future: Any) -> None:
+        future.add_done_callback(lambda done: self._inbox.put((chunk, done)))
 
     def _take(self, chunk: range, future: Any) -> None:
         """Note what has become of a chunk, and hand over the next."""
         there = future.status == "finished" or self._store.chunk_file(chunk).exists()
         if not there and future.status in ("lost", "pending"):
             # its worker died when it had said that it was done: it is computed again
-            future.add_done_callback(partial(self._report, chunk))
+            self._await(chunk, future)
             return
         if there:
             self._losses.break_off()
             self._on_drops(len(chunk))
             with contextlib.suppress(OSError):  # a disk that is slow to show it
-                self._dealer.learn(chunk, seconds_of(self._store.chunk_file(chunk)))
+                self._dealer.learn(chunk, table.seconds_of(self._store.chunk_file(chunk)))
         else:
             self._check_scheduler()
             self._lose(chunk, future)

@@ -10,18 +10,20 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError, installed, warn_of_run
 from taichi_foam.interrupts import held_interrupts
+from taichi_foam.results.folders import resolved
 from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import dealing, estimate, table
-from taichi_foam.sweeps.chunk import Engine, Solve
+from taichi_foam.sweeps import dealing, table
 from taichi_foam.sweeps.compute import compute
+from taichi_foam.sweeps.dealing import Estimate, Solve
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design, Member
 from taichi_foam.sweeps.store import Store, claimed
@@ -203,19 +205,28 @@ def sweep(
     bars = bars or Bars()
     folder, checked = prepare(plan, out, workers, scheduler)
     _say(bars, checked.notes)
-    is_here = workers is None and scheduler is None
-    arch = arch or "cpu"
+    arch, side_by_side = arch or "cpu", 1
     if solve is None:
-        if is_here:
+        if workers is None and scheduler is None:
             runtime.start(arch, threads)
-        solve = Engine(arch, threads if is_here else threads or 1)
+            threads = int(runtime.settings()["threads"])
+        threads = threads or 1
+        solve = partial(simulate.simulate_many, arch=arch, threads=threads)
+        # a GPU has room for more than a chunk holds
+        side_by_side = threads if arch == "cpu" else dealing.MOST
     with claimed(folder, checked, arch) as store:
         found = Sweep(store)
         for chunk in store.drop_damaged():
             bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read, and are computed again")
         pending = sum(map(len, store.missing()))
         try:
-            _compute(store, solve, pending, bars, workers, scheduler)
+            if pending:
+                what = f"{pending:,} of {len(store.design):,} drops"
+                with bars.counting("computing", what, pending, "drops") as advance:
+                    compute(
+                        store, solve, advance,
+                        side_by_side=side_by_side, workers=workers, scheduler=scheduler,
+                    )  # fmt: skip
         except KeyboardInterrupt:
             with held_interrupts():
                 _collect_if_possible(found)
@@ -250,56 +261,26 @@ def prepare(
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)
     Design(checked).check(MOST_CHECKED)
-    if not str(out).strip() or "\0" in str(out):
-        raise UserError(f"output folder {str(out)!r}: not a path. Fix: give the name of a folder.")
+    resolved(out)  # refuses what is no folder's name
     folder = Path(out).absolute()
-    estimate.check_room(folder, checked)
+    dealing.check_room(folder, checked)
     return folder, checked
 
 
 def tried(
     plan: Plan, arch: str = "cpu", threads: int | None = None, bars: Bars | None = None
-) -> estimate.Estimate:
+) -> Estimate:
     """What a sweep will take, after a short trial in this process. Raises UserError as `sweep`."""
     runtime.start(arch, threads)
     with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
-        return estimate.trial(Design(plan), Engine(arch, threads), advance)
+        solve = partial(simulate.simulate_many, arch=arch, threads=threads)
+        return dealing.trial(Design(plan), solve, advance)
 
 
 def _say(bars: Bars, notes: list[str]) -> None:
     for text in notes:
         bars.say(f"note: {text}")
         warn_of_run(text)
-
-
-def _compute(
-    store: Store,
-    solve: Solve,
-    pending: int,
-    bars: Bars,
-    workers: int | None,
-    scheduler: str | None,
-) -> None:
-    if not pending:
-        return
-    what = f"{pending:,} of {len(store.design):,} drops"
-    with bars.counting("computing", what, pending, "drops") as advance:
-        compute(
-            store, solve, advance,
-            side_by_side=_side_by_side(store, solve), workers=workers, scheduler=scheduler,
-        )  # fmt: skip
-
-
-def _side_by_side(store: Store, solve: Solve) -> int:
-    """How many drops a worker computes at a time, at no more time than one: of a CPU its threads.
-
-    A GPU has room for more than a chunk holds.
-    """
-    if not isinstance(solve, Engine):
-        return 1
-    if store.made_with["arch"] != "cpu":
-        return dealing.MOST
-    return solve.threads or int(runtime.settings()["threads"])
 
 
 def _collect_if_possible(found: Sweep) -> None:

@@ -18,17 +18,17 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import LEFTOVER, whole_file, write_json
-from taichi_foam.results.locks import LOCK, is_locked, locked
+from taichi_foam.results.folders import LOCK, is_locked, locked, made, remove_leftovers
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.table import Shard
@@ -92,17 +92,32 @@ class Store:
                 "begun. Fix: continue it with the NumPy and SciPy that it was begun with."
             )
 
+    def told(self) -> dict[str, Any]:
+        """What `sweep.json` holds."""
+        return {
+            "format": _FORMAT,
+            "hash": self.plan.hash,
+            "members": self.plan.count,
+            "made_with": self.made_with,
+            "points": self.points,
+            "plan": self.plan.data(),
+        }
+
     def chunk_file(self, chunk: range) -> Path:
-        return self.folder / CHUNKS / f"{_name(chunk)}.parquet"
+        return self._file(CHUNKS, chunk, ".parquet")
 
     def history_file(self, chunk: range) -> Path:
-        return self.folder / HISTORIES / f"{_name(chunk)}.parquet"
+        return self._file(HISTORIES, chunk, ".parquet")
+
+    def lost_file(self, chunk: range) -> Path:
+        return self._file(LOST, chunk, ".txt")
+
+    def _file(self, name: str, chunk: range, suffix: str) -> Path:
+        """A file of a chunk, which is called by its first member and its last."""
+        return self.folder / name / f"{chunk[0]:08d}-{chunk[-1]:08d}{suffix}"
 
     def run_folder(self, number: int) -> Path:
         return self.folder / RUNS / f"{number:08d}"
-
-    def lost_file(self, chunk: range) -> Path:
-        return self.folder / LOST / f"{_name(chunk)}.txt"
 
     def finished(self) -> list[range]:
         """The chunks that are complete, in order."""
@@ -189,51 +204,33 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
     Raises UserError: somebody is at work in it, it holds something else, or another sweep (the
     message says in what they differ).
     """
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"{folder}: that is a file. Fix: choose another folder.")
-    if folder.is_dir() and not (folder / MARK).exists():
-        found = sorted(p.name for p in folder.iterdir() if not _is_ours_before_the_mark(p))
-        if found:
-            raise UserError(
-                f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
-                "Fix: choose another folder."
-            )
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with locked(folder):
-            if (folder / MARK).exists():
+    mark = folder / MARK
+    if (
+        folder.is_dir()
+        and not mark.exists()
+        and not all(map(_may_precede_the_mark, folder.iterdir()))
+    ):
+        raise UserError(
+            f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
+            "Fix: choose another folder."
+        )
+    with made(folder), locked(folder):
+        try:
+            if mark.exists():
                 store = Store.open(folder)
                 _check_same(store, plan, arch)
                 store = replace(store, plan=plan)  # which may deal its drops out otherwise
             else:
                 store = Store(folder, plan, Design(plan).fingerprint, versions(arch))
-                with whole_file(folder / MARK) as partial:
-                    write_json(
-                        partial,
-                        {
-                            "format": _FORMAT,
-                            "hash": plan.hash,
-                            "members": plan.count,
-                            "made_with": store.made_with,
-                            "points": store.points,
-                            "plan": plan.data(),
-                        },
-                    )
-            _remove_leftovers(folder)
+                with whole_file(mark) as partial:
+                    write_json(partial, store.told())
+            _tidy(folder)
             (folder / CHUNKS).mkdir(exist_ok=True)
-            try:
-                yield store
-            finally:
-                _remove_leftovers(folder)
-                with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
-                    (folder / LOCK).unlink()
-    finally:
-        # An empty folder that was made for this goes again; one with a sweep in it stays.
-        if not (folder / MARK).exists():
-            for path in made:
-                with contextlib.suppress(OSError):
-                    path.rmdir()
+            yield store
+        finally:
+            _tidy(folder)
+            with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
+                (folder / LOCK).unlink()
 
 
 def versions(arch: str) -> dict[str, str]:
@@ -264,35 +261,21 @@ def _check_same(store: Store, plan: Plan, arch: str) -> None:
     store.check_versions()
 
 
-def _name(chunk: range) -> str:
-    """What the files of a chunk are called: by its first member and its last."""
-    return f"{chunk[0]:08d}-{chunk[-1]:08d}"
-
-
 def _chunks(folder: Path, suffix: str) -> list[range]:
     """The chunks that a folder has files of, in order."""
-    if not folder.is_dir():
-        return []
-    with os.scandir(folder) as entries:
-        found = [_CHUNK.fullmatch(e.name.removesuffix(suffix)) for e in entries]
-    rows = [range(int(each[1]), int(each[2]) + 1) for each in found if each]
+    names = (path.name.removesuffix(suffix) for path in folder.glob(f"*{suffix}"))
+    found = (each for name in names if (each := _CHUNK.fullmatch(name)))
+    rows = [range(int(each[1]), int(each[2]) + 1) for each in found]
     return sorted(rows, key=lambda row: (row.start, row.stop))
 
 
-def _remove_leftovers(folder: Path) -> None:
+def _tidy(folder: Path) -> None:
     """Remove what killed processes were writing."""
-    runs = folder / RUNS
-    places = [folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST))]
-    places += runs.iterdir() if runs.is_dir() else []
-    for place in places:
-        for path in place.iterdir() if place.is_dir() else ():
-            if path.name == SCRATCH or LEFTOVER.match(path.name):
-                if path.is_dir():
-                    shutil.rmtree(path, ignore_errors=True)
-                else:
-                    path.unlink(missing_ok=True)
+    runs = (folder / RUNS).glob("*")
+    remove_leftovers([folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST)), *runs])
+    shutil.rmtree(folder / SCRATCH, ignore_errors=True)
 
 
-def _is_ours_before_the_mark(path: Path) -> bool:
+def _may_precede_the_mark(path: Path) -> bool:
     """Whether a sweep that was killed before it had marked its folder may have left it."""
     return path.name == LOCK or bool(LEFTOVER.match(path.name))

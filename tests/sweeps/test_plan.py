@@ -24,7 +24,7 @@ def design_of(*axes: dict, **more: object) -> Design:
     ("change", "says"),
     [
         ({"axis": [VELOCITY]}, "axis: unknown key; did you mean axes?"),
-        ({"axes": [{**axis(), "cont": 3}]}, "axes[0].cont: unknown key; did you mean count?"),
+        ({"axes": [{**axis(), "cont": 3}]}, "axes[0].cont: unknown key; did you mean axes[0].cou"),
         ({"axes": [axis(), axis()]}, "impactor.velocity is there twice"),
         ({"axes": []}, "none given"),
         ({"axes": [VELOCITY]}, "impactor.velocity: has no count"),

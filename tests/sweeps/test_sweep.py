@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,11 +21,11 @@ from rich.console import Console
 import taichi_foam as tf
 from taichi_foam.errors import RunError, RunWarning, UserError
 from taichi_foam.results.files import whole_file
-from taichi_foam.results.locks import locked
+from taichi_foam.results.folders import locked
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import estimate, run, store
+from taichi_foam.sweeps import run, store
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.run import Sweep
 from taichi_foam.version import version
@@ -187,8 +188,8 @@ def test_two_sweeps_cannot_share_a_folder(tmp_path: Path, swept: Sweep) -> None:
 def test_a_sweep_that_the_disk_cannot_hold_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage = estimate.shutil.disk_usage(tmp_path)._replace(free=10_000)
-    monkeypatch.setattr(estimate.shutil, "disk_usage", lambda path: usage)
+    usage = shutil.disk_usage(tmp_path)._replace(free=10_000)
+    monkeypatch.setattr("taichi_foam.results.folders.shutil.disk_usage", lambda path: usage)
     with pytest.raises(UserError, match=r"needs about .*B, but the disk has 10 kB free"):
         tf.sweep(PLAN, tmp_path / "s", solve=Solver())
     assert names(tmp_path) == set()
