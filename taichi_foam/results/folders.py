@@ -226,7 +226,7 @@ def check_writable(
 
     Raises OSError; UserError: too little room.
     """
-    parent = _existing_parent(target)
+    parent = next((path for path in (target, *target.parents) if path.exists()), target)
     # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
     probe = partial_name(parent / "probe")
     probe.mkdir()
@@ -367,16 +367,6 @@ def _busy(folder: Path) -> str:
     )
 
 
-def _existing_parent(target: Path) -> Path:
-    """`target`, or the nearest folder above that exists. Raises OSError for a file in the way."""
-    for folder in (target, *target.parents):
-        if folder.is_dir():
-            return folder
-        if folder.exists() and folder != target:
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target))
-
-
 def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> None:
     """Refuse what is at `target` if it may not be replaced. Raises UserError, OSError."""
     if not target.exists():
@@ -402,8 +392,6 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
             "Fix: choose another folder, or pass overwrite=True to replace the result.",
             argument="overwrite=True",
         )
-    if not os.access(target, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
 
 
 def _is_litter(path: Path) -> bool:
@@ -426,7 +414,7 @@ def _tidy(target: Path, request: Mapping[str, Any]) -> None:
     moved = Manifest.read(work, _MOVING)
     if moved is not None and Manifest.read(target) is None:
         # it was killed while the files moved up; without a manifest they are no result
-        moved.arrived(target).remove(target)
+        moved.remove(target)
     goes_on = request_in(target) == request
     remove_leftovers([work, *_written_into(target)])
     for path in list(work.iterdir()):

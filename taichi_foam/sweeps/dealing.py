@@ -6,6 +6,7 @@ a drop has the same numbers in any.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
@@ -112,10 +113,8 @@ class Dealer:
         """Mean work of members [node steps]; one whose values make no scene takes none."""
         total = 0.0
         for number in numbers:
-            try:
+            with contextlib.suppress(UserError):
                 total += work(self._design.member(number).scene)
-            except UserError:
-                continue
         return max(1.0, total / len(numbers))
 
 
@@ -184,13 +183,10 @@ def cores(workers: int | None, threads: int | None) -> int:
 
 def _some(design: Design, most: int) -> list[Scene]:
     """Scenes of members, spread evenly; those that cannot be are left out."""
-    numbers = np.unique(np.linspace(0, len(design) - 1, min(most, len(design))).astype(int))
     scenes = []
-    for number in numbers:
-        try:
-            scenes.append(design.member(int(number)).scene)
-        except UserError:
-            continue
+    for number in design.spread(most):
+        with contextlib.suppress(UserError):
+            scenes.append(design.member(number).scene)
     if not scenes:
         design.member(0)  # says what is wrong with it
     return scenes

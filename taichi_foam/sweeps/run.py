@@ -230,7 +230,10 @@ def sweep(
         except KeyboardInterrupt:
             with held_interrupts():
                 _collect_if_possible(found)
-            raise KeyboardInterrupt(_words_of_rest(found)) from None
+            done, drops = found.standing.done, found.standing.drops
+            raise KeyboardInterrupt(
+                f"{done:,} of {drops:,} drops are in {folder}; the same command goes on"
+            ) from None
         except (RunError, UserError):
             _collect_if_possible(found)
             raise
@@ -287,11 +290,3 @@ def _collect_if_possible(found: Sweep) -> None:
     """Put what there is into the table; the disk may be what has failed."""
     with contextlib.suppress(OSError):
         found.collect()
-
-
-def _words_of_rest(found: Sweep) -> str:
-    standing = found.standing
-    return (
-        f"{standing.done:,} of {standing.drops:,} drops are in {found.folder}; "
-        "the same command goes on"
-    )
