@@ -416,7 +416,7 @@ def _tidy(target: Path, request: Mapping[str, Any]) -> None:
         # it was killed while the files moved up; without a manifest they are no result
         moved.remove(target)
     goes_on = request_in(target) == request
-    remove_leftovers([work, *_written_into(target)])
+    remove_leftovers([*_written_into(work), *_written_into(target)])
     for path in list(work.iterdir()):
         if path.name in (_MOVING, _STAGING) or not (goes_on or path.name == LOCK):
             _remove(path)

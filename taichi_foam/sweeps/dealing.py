@@ -138,8 +138,8 @@ def room(design: Design) -> Estimate:
     full = len(design) if plan.keep.full == "all" else len(plan.keep.full)
     size += full * float(np.mean([storage_bytes(scene) for scene in some]))
     # about as many chunks at most as on one core, if none ever grows
-    first = Dealer(design, [range(len(design))]).next()
-    size += _ROW * len(design) + _SHARD * (-(-len(design) // len(first)) if first else 0)
+    first = Dealer(design, [range(len(design))]).next() or range(1)
+    size += _ROW * len(design) + _SHARD * math.ceil(len(design) / len(first))
     return Estimate(len(design), int(size))
 
 
