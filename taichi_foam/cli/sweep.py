@@ -17,7 +17,7 @@ from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
     from taichi_foam.sweeps.dealing import Estimate
-    from taichi_foam.sweeps.run import Standing, Sweep
+    from taichi_foam.sweeps.store import Standing, Sweep
 
 _DIR = "Folder of a sweep."
 
@@ -219,7 +219,7 @@ def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> s
 
 
 def _opened(folder: str) -> Sweep:
-    from taichi_foam.sweeps.run import Sweep
+    from taichi_foam.sweeps.store import Sweep
 
     return Sweep.open(folder)
 

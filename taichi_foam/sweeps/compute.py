@@ -39,7 +39,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.dealing import Dealer, Solve
 from taichi_foam.sweeps.sampling import Member
-from taichi_foam.sweeps.store import LOST, SCRATCH, Store
+from taichi_foam.sweeps.store import LOST, SCRATCH, Sweep
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -65,15 +65,15 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         UserError: the folder is not seen from here, or not by the same versions.
         OSError: it cannot be written.
     """
-    store = _opened(folder, plan_hash)
+    sweep = _opened(folder, plan_hash)
     members: list[Member] = []
     rows: dict[int, dict[str, Any]] = {}
     for number in chunk:
         try:
-            members.append(store.design.member(number))
+            members.append(sweep.design.member(number))
         except UserError as error:
-            rows[number] = table.row_without_scene(store.design, number, str(error))
-    kept = store.plan.keep
+            rows[number] = table.row_without_scene(sweep.design, number, str(error))
+    kept = sweep.plan.keep
     histories: dict[int, Record] = {}
     seconds = 0.0
     for place, result in solve([member.scene for member in members]):
@@ -85,37 +85,37 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         if kept.histories != "none":
             histories[member.number] = result
         if kept.full == "all" or member.number in kept.full:
-            _save(store, member.number, result)
+            _save(sweep, member.number, result)
         # without what its kernels took to compile
         seconds += result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
         seconds += time.perf_counter() - begun
     if len(rows) < len(chunk):
         raise RuntimeError("the solver has not given a result for every scene")
     if kept.histories != "none":
-        table.write_histories(store.history_file(chunk), histories, kept.histories)
-    table.write_rows(store.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
-    store.lost_file(chunk).unlink(missing_ok=True)
+        table.write_histories(sweep.history_file(chunk), histories, kept.histories)
+    table.write_rows(sweep.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
+    sweep.lost_file(chunk).unlink(missing_ok=True)
 
 
 @functools.lru_cache(maxsize=1)
-def _opened(folder: str, plan_hash: str) -> Store:
+def _opened(folder: str, plan_hash: str) -> Sweep:
     """The sweep, read from its folder once in each process."""
-    store = Store.open(folder)
-    if store.plan.hash != plan_hash:
+    sweep = Sweep.open(folder)
+    if sweep.plan.hash != plan_hash:
         raise UserError(f"{folder}: {socket.gethostname()} sees another sweep there")
-    store.check_versions()
-    return store
+    sweep.check_versions()
+    return sweep
 
 
-def _save(store: Store, number: int, result: Result) -> None:
+def _save(sweep: Sweep, number: int, result: Result) -> None:
     """Keep a whole result; one that a killed chunk had saved has the same bits already."""
-    folder = store.run_folder(number)
+    folder = sweep.run_folder(number)
     if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
         result.save(folder, overwrite=True)
 
 
 def compute(
-    store: Store,
+    sweep: Sweep,
     solve: Solve,
     on_drops: Callable[[int], None],
     *,
@@ -126,7 +126,7 @@ def compute(
     """Compute all drops of a sweep that are not there yet, and write them into its folder.
 
     Args:
-        store: the sweep, claimed.
+        sweep: the sweep, claimed.
         solve: what computes scenes; it is sent to workers that are other processes.
         on_drops: called in this thread with how many more drops have been computed.
         side_by_side: how many drops a worker computes at a time, at no more time than one.
@@ -139,18 +139,18 @@ def compute(
         KeyboardInterrupt: Ctrl-C; likewise.
     """
     if workers is None and scheduler is None:
-        _compute_here(store, solve, on_drops, side_by_side)
+        _compute_here(sweep, solve, on_drops, side_by_side)
         return
-    with _client(store, workers, scheduler) as client:
-        there = max(1, _workers_of(client, store))
-        dealer = Dealer(store.design, store.missing(), side_by_side, there)
+    with _client(sweep, workers, scheduler) as client:
+        there = max(1, _workers_of(client, sweep))
+        dealer = Dealer(sweep.design, sweep.missing(), side_by_side, there)
         driver = None if workers is None else os.getpid()
-        task = partial(_in_one_thread, driver, str(store.folder), store.plan.hash, solve=solve)
-        _Computing(store, dealer, task, on_drops, client).run()
+        task = partial(_in_one_thread, driver, str(sweep.folder), sweep.plan.hash, solve=solve)
+        _Computing(sweep, dealer, task, on_drops, client).run()
 
 
 def _compute_here(
-    store: Store, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
+    sweep: Sweep, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
 ) -> None:
     """Chunk after chunk in this thread."""
 
@@ -159,23 +159,23 @@ def _compute_here(
             yield place, result
             on_drops(1)
 
-    dealer, losses = Dealer(store.design, store.missing(), side_by_side, 1), _Losses(store)
+    dealer, losses = Dealer(sweep.design, sweep.missing(), side_by_side, 1), _Losses(sweep)
     for chunk in iter(dealer.next, None):
         try:
-            compute_chunk(str(store.folder), store.plan.hash, chunk, told)
+            compute_chunk(str(sweep.folder), sweep.plan.hash, chunk, told)
         except Exception as error:
             losses.add(chunk, error)
         else:
             losses.break_off()
-            dealer.learn(chunk, table.seconds_of(store.chunk_file(chunk)))
+            dealer.learn(chunk, table.seconds_of(sweep.chunk_file(chunk)))
     losses.tell()
 
 
 class _Losses:
     """Chunks that could not be computed."""
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    def __init__(self, sweep: Sweep) -> None:
+        self._sweep = sweep
         self._count = self._on_end = 0
 
     def add(self, chunk: range, error: BaseException, reason: str = "") -> None:
@@ -185,16 +185,16 @@ class _Losses:
             UserError: nothing can be computed, or the disk is full.
             RunError: so many on end that there is no point in going on.
         """
-        store = self._store
+        sweep = self._sweep
         if isinstance(error, UserError):
             raise error
         if is_disk_error(error):
             raise UserError(
-                f"{store.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
-                f"Fix: make room; {_again(store)}"
+                f"{sweep.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
+                f"Fix: make room; {_again(sweep)}"
             )
         reason = reason or f"{type(error).__name__}: {error}".strip()
-        store.lose(chunk, reason)
+        sweep.lose(chunk, reason)
         self._count += 1
         self._on_end += 1
         if self._on_end >= _MOST_LOST:
@@ -212,8 +212,8 @@ class _Losses:
     @property
     def _words(self) -> str:
         chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
-        lost = self._store.folder / LOST
-        return f"{chunks} could not be computed, see {lost}; {_again(self._store)}"
+        lost = self._sweep.folder / LOST
+        return f"{chunks} could not be computed, see {lost}; {_again(self._sweep)}"
 
 
 class _Computing:
@@ -221,17 +221,17 @@ class _Computing:
 
     def __init__(
         self,
-        store: Store,
+        sweep: Sweep,
         dealer: Dealer,
         task: Callable[..., None],
         on_drops: Callable[[int], None],
         client: Client,
     ) -> None:
-        self._store, self._dealer, self._task = store, dealer, task
+        self._sweep, self._dealer, self._task = sweep, dealer, task
         self._on_drops, self._client = on_drops, client
         self._inbox: queue.SimpleQueue[tuple[range, Any]] = queue.SimpleQueue()
         self._flying: dict[range, Any] = {}
-        self._losses = _Losses(store)
+        self._losses = _Losses(sweep)
         self._group = f"chunk-{secrets.token_hex(4)}"
 
     def run(self) -> None:
@@ -245,7 +245,7 @@ class _Computing:
                 except queue.Empty:
                     self._check_scheduler()
         except CommClosedError:
-            raise RunError(_words_of_loss(self._store)) from None
+            raise RunError(_words_of_loss(self._sweep)) from None
         finally:
             with contextlib.suppress(Exception):  # nobody may be there any more
                 self._client.cancel(list(self._flying.values()), force=True)
@@ -257,7 +257,7 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        room = max(1, _workers_of(self._client, self._store)) - len(self._flying)
+        room = max(1, _workers_of(self._client, self._sweep)) - len(self._flying)
         for chunk in itertools.islice(iter(self._dealer.next, None), max(0, room)):
             future = self._client.submit(
                 self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
@@ -270,7 +270,7 @@ class _Computing:
 
     def _take(self, chunk: range, future: Any) -> None:
         """Note what has become of a chunk, and hand over the next."""
-        there = future.status == "finished" or self._store.chunk_file(chunk).exists()
+        there = future.status == "finished" or self._sweep.chunk_file(chunk).exists()
         if not there and future.status in ("lost", "pending"):
             # its worker died when it had said that it was done: it is computed again
             self._await(chunk, future)
@@ -279,7 +279,7 @@ class _Computing:
             self._losses.break_off()
             self._on_drops(len(chunk))
             with contextlib.suppress(OSError):  # a disk that is slow to show it
-                self._dealer.learn(chunk, table.seconds_of(self._store.chunk_file(chunk)))
+                self._dealer.learn(chunk, table.seconds_of(self._sweep.chunk_file(chunk)))
         else:
             self._check_scheduler()
             self._lose(chunk, future)
@@ -292,7 +292,7 @@ class _Computing:
         if future.status != "error":
             raise RunError(
                 f"the scheduler has given up members {chunk[0]} to {chunk[-1]}; "
-                f"{_again(self._store)}"
+                f"{_again(self._sweep)}"
             )
         error, reason = future.exception(), ""
         if isinstance(error, KilledWorker):
@@ -301,24 +301,24 @@ class _Computing:
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
-            raise RunError(_words_of_loss(self._store))
+            raise RunError(_words_of_loss(self._sweep))
 
 
-def _workers_of(client: Client, store: Store) -> int:
+def _workers_of(client: Client, sweep: Sweep) -> int:
     """How many chunks can be computed at a time now. Raises RunError: the scheduler is gone."""
     try:
         workers: Any = client.nthreads()
     except OSError:  # whatever it was, nobody answers
-        raise RunError(_words_of_loss(store)) from None
+        raise RunError(_words_of_loss(sweep)) from None
     return sum(workers.values())
 
 
-def _words_of_loss(store: Store) -> str:
-    return f"the scheduler is gone; {_again(store)}"
+def _words_of_loss(sweep: Sweep) -> str:
+    return f"the scheduler is gone; {_again(sweep)}"
 
 
-def _again(store: Store) -> str:
-    return f"what is complete is in {store.folder}, and the same command goes on"
+def _again(sweep: Sweep) -> str:
+    return f"what is complete is in {sweep.folder}, and the same command goes on"
 
 
 _alone: ThreadPoolExecutor | None = None
@@ -353,12 +353,12 @@ def _end_with(driver: int | None) -> None:
 
 
 @contextlib.contextmanager
-def _client(store: Store, workers: int | None, scheduler: str | None) -> Iterator[Client]:
+def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterator[Client]:
     """A client of the scheduler that is wanted."""
     import dask.config
     from distributed import Client, LocalCluster
 
-    scratch = store.folder / SCRATCH
+    scratch = sweep.folder / SCRATCH
     settings = {
         "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
         # no pages about the cluster

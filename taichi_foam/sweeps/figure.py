@@ -121,16 +121,15 @@ def shown(
         else:
             raise UserError("map: it takes two axes, and the sweep has one")
         axis.set_xlabel(across.label)
-        axis.set_title(sweep.store.plan.name or "")
+        axis.set_title(sweep.plan.name or "")
     return figure
 
 
 def _drops(sweep: Sweep, measure: str) -> _Drops:
-    store = sweep.store
-    shards = store.shards()
+    shards = sweep.shards()
     if not shards:
-        raise UserError(f"{store.folder}: nothing is complete yet")
-    keys = store.design.keys
+        raise UserError(f"{sweep.folder}: nothing is complete yet")
+    keys = sweep.design.keys
     found = table.read(shards, [*keys, measure, table.MEMBER])
     if measure not in found.column_names:
         raise UserError(f"{measure}: no column of the table; {_guess(measure, shards, keys)}")
@@ -141,7 +140,7 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     if any(isinstance(value, str) for value in values):
         raise UserError(f"{measure}: holds words, and a figure takes numbers")
     factor = 100.0 if shares else QUANTITIES[measure].factor if measure in QUANTITIES else 1.0
-    plan = store.plan
+    plan = sweep.plan
     return _Drops(
         # of repeats alone each is a place of its own
         {key: _Axis(key, found[key].to_pylist(), plan) for key in keys or [table.MEMBER]},

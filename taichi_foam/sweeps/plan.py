@@ -75,8 +75,8 @@ class Axis(Part):
         if self.values is not None:
             if self.low is not None or self.high is not None or self.count is not None:
                 raise ValueError(f"{self.key}: has both values and a range; give one of them")
-            twice = _twice([repr(value) for value in self.values[:1000]])
-            if twice is not None:
+            few = self.values if len(self.values) <= 1000 else ()
+            if (twice := _twice([repr(value) for value in few])) is not None:
                 raise ValueError(f"{self.key}: values holds {twice} twice; leave one out")
             return self
         if self.low is None or self.high is None:
