@@ -142,11 +142,9 @@ def compute(
         _compute_here(sweep, solve, on_drops, side_by_side)
         return
     with _client(sweep, workers, scheduler) as client:
-        there = max(1, _workers_of(client, sweep))
-        dealer = Dealer(sweep.design, sweep.missing(), side_by_side, there)
         driver = None if workers is None else os.getpid()
         task = partial(_in_one_thread, driver, str(sweep.folder), sweep.plan.hash, solve=solve)
-        _Computing(sweep, dealer, task, on_drops, client).run()
+        _Computing(sweep, side_by_side, task, on_drops, client).run()
 
 
 def _compute_here(
@@ -159,61 +157,64 @@ def _compute_here(
             yield place, result
             on_drops(1)
 
-    dealer, losses = Dealer(sweep.design, sweep.missing(), side_by_side, 1), _Losses(sweep)
-    for chunk in iter(dealer.next, None):
+    course = _Course(sweep, side_by_side)
+    for chunk in course.chunks:
         try:
             compute_chunk(str(sweep.folder), sweep.plan.hash, chunk, told)
         except Exception as error:
-            losses.add(chunk, error)
+            course.lose(chunk, error)
         else:
-            losses.break_off()
-            dealer.learn(chunk, table.seconds_of(sweep.chunk_file(chunk)))
-    losses.tell()
+            course.take(chunk)
+    course.end()
 
 
-class _Losses:
-    """Chunks that could not be computed."""
+class _Course:
+    """The chunks of a sweep, and what becomes of them wherever they are computed.
 
-    def __init__(self, sweep: Sweep) -> None:
+    chunks  those that are yet to be dealt out
+    """
+
+    def __init__(self, sweep: Sweep, side_by_side: int, workers: int = 1) -> None:
         self._sweep = sweep
+        self._dealer = Dealer(sweep.design, sweep.missing(), side_by_side, workers)
+        self.chunks: Iterator[range] = iter(self._dealer.next, None)
         self._count = self._on_end = 0
 
-    def add(self, chunk: range, error: BaseException, reason: str = "") -> None:
-        """Note one, and why: the error's own words unless there are better ones.
+    def take(self, chunk: range) -> None:
+        """Note that one has been computed."""
+        self._on_end = 0
+        with contextlib.suppress(OSError):  # a disk that is slow to show it
+            self._dealer.learn(chunk, table.seconds_of(self._sweep.chunk_file(chunk)))
+
+    def lose(self, chunk: range, error: BaseException, reason: str = "") -> None:
+        """Note one that could not be, and why: the error's own words unless there are better ones.
 
         Raises:
             UserError: nothing can be computed, or the disk is full.
             RunError: so many on end that there is no point in going on.
         """
-        sweep = self._sweep
         if isinstance(error, UserError):
             raise error
         if is_disk_error(error):
             raise UserError(
-                f"{sweep.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
-                f"Fix: make room; {_again(sweep)}"
+                f"{self._sweep.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
+                f"Fix: make room; {_again(self._sweep)}"
             )
         reason = reason or f"{type(error).__name__}: {error}".strip()
-        sweep.lose(chunk, reason)
+        self._sweep.lose(chunk, reason)
         self._count += 1
         self._on_end += 1
         if self._on_end >= _MOST_LOST:
-            raise RunError(f"{self._words}\ngiven up: {reason}")
+            self.end(f"\ngiven up: {reason}")
 
-    def break_off(self) -> None:
-        """A chunk has been computed: no more on end."""
-        self._on_end = 0
-
-    def tell(self) -> None:
-        """Raises RunError if there were any."""
+    def end(self, why: str = "") -> None:
+        """Raises RunError if any could not be computed."""
         if self._count:
-            raise RunError(self._words)
-
-    @property
-    def _words(self) -> str:
-        chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
-        lost = self._sweep.folder / LOST
-        return f"{chunks} could not be computed, see {lost}; {_again(self._sweep)}"
+            chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
+            lost = self._sweep.folder / LOST
+            raise RunError(
+                f"{chunks} could not be computed, see {lost}; {_again(self._sweep)}{why}"
+            )
 
 
 class _Computing:
@@ -222,17 +223,17 @@ class _Computing:
     def __init__(
         self,
         sweep: Sweep,
-        dealer: Dealer,
+        side_by_side: int,
         task: Callable[..., None],
         on_drops: Callable[[int], None],
         client: Client,
     ) -> None:
-        self._sweep, self._dealer, self._task = sweep, dealer, task
+        self._sweep, self._task = sweep, task
         self._on_drops, self._client = on_drops, client
         self._inbox: queue.SimpleQueue[tuple[range, Any]] = queue.SimpleQueue()
         self._flying: dict[range, Any] = {}
-        self._losses = _Losses(sweep)
         self._group = f"chunk-{secrets.token_hex(4)}"
+        self._course = _Course(sweep, side_by_side, self._workers())
 
     def run(self) -> None:
         from distributed.comm.core import CommClosedError
@@ -245,11 +246,11 @@ class _Computing:
                 except queue.Empty:
                     self._check_scheduler()
         except CommClosedError:
-            raise RunError(_words_of_loss(self._sweep)) from None
+            raise self._gone() from None
         finally:
             with contextlib.suppress(Exception):  # nobody may be there any more
                 self._client.cancel(list(self._flying.values()), force=True)
-        self._losses.tell()
+        self._course.end()
 
     def _hand_over(self) -> None:
         """Keep the workers busy: those that are there now, and at least one that may come.
@@ -257,8 +258,8 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        room = max(1, _workers_of(self._client, self._sweep)) - len(self._flying)
-        for chunk in itertools.islice(iter(self._dealer.next, None), max(0, room)):
+        room = self._workers() - len(self._flying)
+        for chunk in itertools.islice(self._course.chunks, max(0, room)):
             future = self._client.submit(
                 self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
             )
@@ -276,10 +277,8 @@ class _Computing:
             self._await(chunk, future)
             return
         if there:
-            self._losses.break_off()
             self._on_drops(len(chunk))
-            with contextlib.suppress(OSError):  # a disk that is slow to show it
-                self._dealer.learn(chunk, table.seconds_of(self._sweep.chunk_file(chunk)))
+            self._course.take(chunk)
         else:
             self._check_scheduler()
             self._lose(chunk, future)
@@ -297,24 +296,25 @@ class _Computing:
         error, reason = future.exception(), ""
         if isinstance(error, KilledWorker):
             reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
-        self._losses.add(chunk, error, reason)
+        self._course.lose(chunk, error, reason)
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
-            raise RunError(_words_of_loss(self._sweep))
+            raise self._gone()
 
+    def _workers(self) -> int:
+        """How many chunks can be computed at a time now, or at least when one worker has come.
 
-def _workers_of(client: Client, sweep: Sweep) -> int:
-    """How many chunks can be computed at a time now. Raises RunError: the scheduler is gone."""
-    try:
-        workers: Any = client.nthreads()
-    except OSError:  # whatever it was, nobody answers
-        raise RunError(_words_of_loss(sweep)) from None
-    return sum(workers.values())
+        Raises RunError: the scheduler is gone.
+        """
+        try:
+            workers: Any = self._client.nthreads()
+        except OSError:  # whatever it was, nobody answers
+            raise self._gone() from None
+        return max(1, sum(workers.values()))
 
-
-def _words_of_loss(sweep: Sweep) -> str:
-    return f"the scheduler is gone; {_again(sweep)}"
+    def _gone(self) -> RunError:
+        return RunError(f"the scheduler is gone; {_again(self._sweep)}")
 
 
 def _again(sweep: Sweep) -> str:
