@@ -247,8 +247,7 @@ class Plan(Part):
         """The same sweep, complete in itself: its scene a table, with every value.
 
         `folder` is where a scene that is a file is looked for first, and where names of files in
-        one that is a table begin. Raises UserError: the scene
-        cannot be.
+        one that is a table begin. Raises UserError: the scene cannot be.
         """
         if isinstance(self.scene, str):
             near = (folder or Path()) / self.scene

@@ -46,7 +46,6 @@ _CHUNK = re.compile(r"(\d{8})-(\d{8})")
 CHUNKS, HISTORIES, RUNS, LOST = "chunks", "histories", "runs", "lost"
 _FORMAT = 2
 
-
 _TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
 """Measures of which one at least differs as soon as two drops differ in anything."""
 
@@ -323,11 +322,9 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
     message says in what they differ).
     """
     mark = folder / MARK
-    if (
-        folder.is_dir()
-        and not mark.exists()
-        and not all(map(_may_precede_the_mark, folder.iterdir()))
-    ):
+    # one that was killed before it had marked the folder has left no others
+    strange = [p for p in folder.glob("*") if p.name != LOCK and not LEFTOVER.match(p.name)]
+    if strange and not mark.exists():
         raise UserError(
             f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
             "Fix: choose another folder."
@@ -392,8 +389,3 @@ def _tidy(folder: Path) -> None:
     runs = (folder / RUNS).glob("*")
     remove_leftovers([folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST)), *runs])
     shutil.rmtree(folder / SCRATCH, ignore_errors=True)
-
-
-def _may_precede_the_mark(path: Path) -> bool:
-    """Whether a sweep that was killed before it had marked its folder may have left it."""
-    return path.name == LOCK or bool(LEFTOVER.match(path.name))
