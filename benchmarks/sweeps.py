@@ -37,7 +37,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
-from taichi_foam.sweeps.estimate import bytes_in
+from taichi_foam.sweeps.dealing import bytes_in
 from taichi_foam.sweeps.table import MACHINE
 
 # Durations of drops that only wait: exp(N(log median, sigma)).
@@ -131,7 +131,7 @@ def scheduling(drops: int, workers: int, chunk: int | None, folder: Path) -> Non
     begun = time.perf_counter()
     tf.sweep(plan, folder, workers=workers, solve=Waiting())
     again = time.perf_counter() - begun
-    chunks = len(done.store.finished())
+    chunks = len(done.finished())
     files = sum(1 for path in folder.rglob("*") if path.is_file())
     print(
         f"{drops:,} drops that only wait, {MEDIAN_S * 1e3:g} ms in the median, in {chunks:,} "
@@ -179,7 +179,7 @@ def real(drops: int, rows: int, folder: Path) -> None:
     assert done.standing.done == len(scenes)
     print(
         f"{len(scenes):,} drops of {2 * rows} x {rows} mass points, in "
-        f"{len(done.store.finished())} chunks, in this process:\n"
+        f"{len(done.finished())} chunks, in this process:\n"
         f"  simulate_many {alone:.1f} s, the sweep {took:.1f} s: {took / alone:.3f} times\n"
         f"  processor time {alone_cpu:.1f} s and {cpu:.1f} s: {cpu / alone_cpu:.3f} times\n"
         f"  memory: {growth(seen)}"

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_foam.errors import UserError
-from taichi_foam.results import manifest
-from taichi_foam.results.folders import check_output_folder
+from taichi_foam.results import folders, manifest
 from taichi_foam.simulation.progress import Bars
 
 
@@ -37,12 +34,12 @@ def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, bars: Bars) -> li
             drawn.
         KeyboardInterrupt: on Ctrl-C, with a message that names what had been completed.
     """
-    if not folder.strip() or "\0" in folder:
-        raise UserError(f"output folder {folder!r}: not a path. Fix: give the name of a folder.")
-    with _explained(folder):
-        _check(Path(folder), [name for job in jobs for name in job.names], overwrite)
+    place = folders.resolved(folder)
     done: list[str] = []
-    with _made(folder) as place, _explained(folder):
+    with folders.explained(folder, " with --out"):
+        _check(Path(folder), [name for job in jobs for name in job.names], overwrite)
+        folders.check_writable(place)
+    with folders.explained(folder, " with --out"), folders.made(place):
         total = sum(job.pieces for job in jobs)
         try:
             with bars.counting("pictures", "drawing pictures", total, "pictures") as on_piece:
@@ -57,9 +54,7 @@ def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, bars: Bars) -> li
 
 
 def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
-    """Refuse a folder that is a file, and names that are taken. Raises OSError too."""
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"output folder {folder}: that is a file. Fix: choose another --out.")
+    """Refuse names that are taken. Raises OSError too."""
     for name in names:
         path = folder / name
         if not os.path.lexists(path):
@@ -73,33 +68,4 @@ def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
                 "Fix: pass --overwrite to replace it, or choose another folder with --out."
             )
         if path.is_dir():
-            check_output_folder(path, overwrite)
-
-
-@contextlib.contextmanager
-def _made(folder: str) -> Iterator[Path]:
-    """Make a folder with its parents and try it; those made that are empty at the end go again."""
-    place = Path(os.path.realpath(folder))
-    missing = [path for path in (*reversed(place.parents), place) if not path.exists()]
-    try:
-        with _explained(folder):
-            place.mkdir(parents=True, exist_ok=True)
-            # Permission bits do not tell all: root, /proc, read-only disks.
-            tempfile.TemporaryDirectory(prefix=".taichi-foam-", dir=place).cleanup()
-        yield place
-    finally:
-        for path in reversed(missing):
-            with contextlib.suppress(OSError):  # it has content
-                path.rmdir()
-
-
-@contextlib.contextmanager
-def _explained(folder: str) -> Iterator[None]:
-    """Turn a system error into a UserError about `folder`."""
-    try:
-        yield
-    except OSError as error:
-        raise UserError(
-            f"output folder {folder}: cannot be written ({error.strerror or error}). "
-            "Fix: free some space, or choose a folder that you may write to with --out."
-        ) from error
+            folders.check_output_folder(path, overwrite)

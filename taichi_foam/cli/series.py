@@ -12,9 +12,8 @@ from taichi_foam.cli.outcome import say_assumed, say_where
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.drops_file import write_drops
 from taichi_foam.results.folders import Claim, claimed
-from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.results.result import Result, storage_bytes, write_drops
 from taichi_foam.scene import Scene
 
 if TYPE_CHECKING:

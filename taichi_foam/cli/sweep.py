@@ -16,8 +16,8 @@ from taichi_foam.errors import UserError
 from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
-    from taichi_foam.sweeps.estimate import Estimate
-    from taichi_foam.sweeps.run import Standing, Sweep
+    from taichi_foam.sweeps.dealing import Estimate
+    from taichi_foam.sweeps.store import Standing, Sweep
 
 _DIR = "Folder of a sweep."
 
@@ -219,7 +219,7 @@ def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> s
 
 
 def _opened(folder: str) -> Sweep:
-    from taichi_foam.sweeps.run import Sweep
+    from taichi_foam.sweeps.store import Sweep
 
     return Sweep.open(folder)
 
@@ -239,7 +239,8 @@ def _check_plan_alone(
 def _say_estimate(
     console: Console, found: Estimate, workers: int | None, threads: int | None
 ) -> None:
-    from taichi_foam.sweeps.estimate import cores, size_text
+    from taichi_foam.results.folders import size_text
+    from taichi_foam.sweeps.dealing import cores
     from taichi_foam.units import duration_text
 
     assert found.core_seconds is not None

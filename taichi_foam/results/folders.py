@@ -4,6 +4,9 @@ A folder that is claimed has a folder `unfinished` in it. There lie the lock, wh
 (`request.json`), and everything that is not complete yet. When the result is complete, its files
 move up, the manifest last, and `unfinished` goes. Wherever a process is killed, the same request
 finds what there is and goes on; an older result in the folder stays until the new one is complete.
+
+Folders of sweeps and of pictures, which are no such results, are kept with the same pieces: `made`,
+`locked`, `check_writable`, `remove_leftovers`, `explained`.
 """
 
 from __future__ import annotations
@@ -13,28 +16,25 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import filelock
+
 from taichi_foam.errors import UserError
 from taichi_foam.interrupts import held_interrupts
-from taichi_foam.results.files import (
-    LEFTOVER,
-    partial_name,
-    plain,
-    synced,
-    whole_file,
-    write_json,
-)
-from taichi_foam.results.locks import LOCK, busy, is_locked, locked
+from taichi_foam.results.files import LEFTOVER, partial_name, plain, synced, whole_file, write_json
 from taichi_foam.results.manifest import MANIFEST, Manifest
 from taichi_foam.units import si_scale
 from taichi_foam.version import version
 
 UNFINISHED = "unfinished"
 """Name of the folder, in that of a result, of what is not complete yet."""
+
+LOCK = "lock"
+"""Name of the file in a folder that whoever works in it holds locked."""
 
 # what a request has beside what was asked for: the version
 _MARK = "taichi_foam"
@@ -54,7 +54,7 @@ _REASONS = {
     errno.ELOOP: ("the path runs through a loop of links", "choose another path"),
     errno.EFBIG: ("a file would exceed the size limit", "raise the limit or write fewer snapshots"),
 }
-# These come without a file name, and whatever raised them wrote to the folder.
+# Whatever raised these wrote to the folder.
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -145,32 +145,27 @@ def claimed(
             fills up or refuses while the block writes. Other exceptions pass through.
     """
     wanted = _marked(request)
-    _remove_cleared(_resolve(path))
+    target = resolved(path)
+    _remove_cleared(target)
     check_output_folder(path, overwrite, needed_bytes, request)
-    target = _resolve(path)
     work = target / UNFINISHED
-    made = [folder for folder in (*reversed(target.parents), target) if not folder.exists()]
-    try:
-        with contextlib.ExitStack() as stack:
-            with _explained(target):
-                work.mkdir(parents=True, exist_ok=True)
-                stack.enter_context(locked(work, shown=target))
-                _check_target(target, overwrite, wanted)  # it may have been filled meanwhile
-                _tidy(target, wanted)
-            claim = Claim(target, work)
-            try:
-                yield claim
-            except OSError as error:
-                inside = target in Path(str(error.filename)).parents
-                if error.errno in _DISK_ERRORS or (inside and error.errno in _REASONS):
-                    raise _explain(error, target) from error
-                raise
-            finally:
-                claim._clear()
-    finally:
-        for folder in reversed(made):
-            with contextlib.suppress(OSError):  # not empty
-                folder.rmdir()
+    with contextlib.ExitStack() as stack:
+        with explained(target):
+            stack.enter_context(made(target))
+            work.mkdir(exist_ok=True)
+            stack.enter_context(locked(work, shown=target))
+            _check_target(target, overwrite, wanted)  # it may have been filled meanwhile
+            _tidy(target, wanted)
+        claim = Claim(target, work)
+        try:
+            yield claim
+        except OSError as error:
+            inside = target in Path(str(error.filename)).parents
+            if is_disk_error(error) or (inside and error.errno in _REASONS):
+                raise _explain(error, target) from error
+            raise
+        finally:
+            claim._clear()
 
 
 @contextlib.contextmanager
@@ -201,25 +196,104 @@ def check_output_folder(
     is false; it holds what this program has not written, and no result of it; a file of the result
     has been changed since; the folder cannot be written to; too little room.
     """
-    target = _resolve(path)
-    with _explained(target):
-        parent = _existing_parent(target)
+    target = resolved(path)
+    with explained(target):
         if is_locked(target / UNFINISHED):
-            raise UserError(busy(target))
+            raise UserError(_busy(target))
         _check_target(target, overwrite, _marked(request))
-        _check_unchanged(target)
-        # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
-        probe = partial_name(parent / "probe")
-        probe.mkdir()
-        probe.rmdir()
-        free = shutil.disk_usage(parent).free
+        result = Manifest.read(target)
+        if result is not None and (edited := result.edited(target)):
+            raise UserError(
+                f"output folder {target}: changed since the result in it was written: "
+                f"{', '.join(edited[:5])}. Fix: move that elsewhere, or choose another folder."
+            )
+        fix = (
+            "make output.snapshot_interval and output.history_interval longer, or set "
+            'output.snapshot_precision = "single"'
+        )
+        check_writable(target, needed_bytes, "the result", fix)
+
+
+def check_writable(
+    target: Path, needed_bytes: float = 0, what: str = "", fix: str = "", there: int = 0
+) -> None:
+    """Refuse a folder, which need not exist, that nothing can be written to, or too little.
+
+    Args:
+        target: the folder.
+        needed_bytes: what shall be written into it, of which `there` are there already.
+        what, fix: how messages call that, and what makes it smaller.
+
+    Raises OSError; UserError: too little room.
+    """
+    parent = next((path for path in (target, *target.parents) if path.exists()), target)
+    # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
+    probe = partial_name(parent / "probe")
+    probe.mkdir()
+    probe.rmdir()
+    free = shutil.disk_usage(parent).free + there
     if free < needed_bytes:
         raise UserError(
-            f"output folder {target}: the result needs about {size_text(needed_bytes)}, but the "
-            f"disk has {size_text(free)} free. Fix: free some space, choose another disk, make "
-            "output.snapshot_interval and output.history_interval longer, or set "
-            'output.snapshot_precision = "single".'
+            f"output folder {target}: {what} needs about {size_text(needed_bytes)}, but the disk "
+            f"has {size_text(free)} free. Fix: free some space, choose another disk, {fix}."
         )
+
+
+@contextlib.contextmanager
+def made(folder: Path) -> Iterator[None]:
+    """A folder for as long as the block lasts, made with its parents where it is absent.
+
+    Those that were made and are empty at the end go again. Raises OSError.
+    """
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for path in new:
+            with contextlib.suppress(OSError):  # not empty
+                path.rmdir()
+
+
+@contextlib.contextmanager
+def locked(folder: Path, shown: Path | None = None) -> Iterator[None]:
+    """Keep all other processes out of `folder`, which must exist, for as long as the block lasts.
+
+    `shown` is the folder that messages name, by default `folder`. The system itself gives the lock
+    back when the process ends, however it ends: the file that is then left locks nobody out.
+
+    Raises:
+        UserError: another process is at work in the folder.
+        OSError: the folder cannot be written to.
+    """
+    lock = filelock.FileLock(folder / LOCK, timeout=0, thread_local=False)
+    try:
+        lock.acquire()
+    except filelock.Timeout as error:
+        raise UserError(_busy(shown or folder)) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a process is at work in `folder`; one that does not exist is not."""
+    if not (folder / LOCK).is_file():
+        return False
+    try:
+        with locked(folder):
+            return False
+    except UserError:
+        return True
+
+
+def remove_leftovers(folders: Iterable[Path]) -> None:
+    """Take away what killed processes were writing into folders, as far as that can be."""
+    for path in [path for folder in folders if folder.is_dir() for path in folder.iterdir()]:
+        if LEFTOVER.match(path.name):
+            with contextlib.suppress(OSError):
+                _remove(path)
 
 
 def request_in(folder: Path) -> dict[str, Any] | None:
@@ -240,30 +314,63 @@ def _marked(request: Mapping[str, Any] | None) -> dict[str, Any]:
     return plain({**(request or {}), _MARK: version()})
 
 
-def _resolve(path: str | Path) -> Path:
-    """The absolute path with links followed."""
+def resolved(path: str | Path) -> Path:
+    """The absolute path of an output folder, with links followed.
+
+    Raises UserError: it is malformed, or that of a file.
+    """
     text = os.fspath(path)
     if not text.strip() or "\0" in text:
         raise UserError(f"output folder {text!r}: not a path. Fix: give the name of a folder.")
-    return Path(os.path.realpath(text))
+    target = Path(os.path.realpath(text))
+    with explained(target):
+        if target.exists() and not target.is_dir():
+            raise UserError(f"output folder {target}: that is a file. Fix: choose another folder.")
+    return target
 
 
-def _existing_parent(target: Path) -> Path:
-    """`target`, or the nearest folder above that exists. Raises OSError for a file in the way."""
-    for folder in (target, *target.parents):
-        if folder.is_dir():
-            return folder
-        if folder.exists() and folder != target:
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target))
+def size_text(count: float) -> str:
+    """A number of bytes for people."""
+    scale, prefix = si_scale(count, least=0, digits=3)
+    return f"{count / scale:.3g} {prefix}B" if prefix else f"{count:.3g} bytes"
+
+
+@contextlib.contextmanager
+def explained(target: str | Path, how: str = "") -> Iterator[None]:
+    """Turn every system error of the block into a UserError about `target`.
+
+    `how` ends what there is to do about it: by which option one chooses another folder.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise _explain(error, target, how) from error
+
+
+def is_disk_error(error: BaseException) -> bool:
+    """Whether a disk is full or refuses: such errors come without a file name."""
+    return isinstance(error, OSError) and error.errno in _DISK_ERRORS
+
+
+def _explain(error: OSError, target: str | Path, how: str = "") -> UserError:
+    """The user's message for a system error on the way to `target`."""
+    default = (error.strerror or str(error), "choose another folder")
+    reason, fix = _REASONS.get(error.errno or 0, default)
+    return UserError(f"output folder {target}: cannot be written, {reason}. Fix: {fix}{how}.")
+
+
+def _busy(folder: Path) -> str:
+    """What to say of a folder that another process is at work in."""
+    return (
+        f"{folder}: another process is at work in it. Fix: wait until it has ended, or choose "
+        "another folder."
+    )
 
 
 def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> None:
     """Refuse what is at `target` if it may not be replaced. Raises UserError, OSError."""
     if not target.exists():
         return
-    if not target.is_dir():
-        raise UserError(f"output folder {target}: that is a file. Fix: choose another path.")
     result, before = Manifest.read(target), request_in(target)
     if before is not None and before != request and not overwrite:
         raise UserError(
@@ -284,18 +391,6 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
             f"output folder {target}: it exists and is not empty: it holds a result. "
             "Fix: choose another folder, or pass overwrite=True to replace the result.",
             argument="overwrite=True",
-        )
-    if not os.access(target, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
-
-
-def _check_unchanged(target: Path) -> None:
-    """Refuse a result that somebody has edited since. It reads all files of the result."""
-    result = Manifest.read(target)
-    if result is not None and (edited := result.edited(target)):
-        raise UserError(
-            f"output folder {target}: changed since the result in it was written: "
-            f"{', '.join(edited[:5])}. Fix: move that elsewhere, or choose another folder."
         )
 
 
@@ -319,10 +414,9 @@ def _tidy(target: Path, request: Mapping[str, Any]) -> None:
     moved = Manifest.read(work, _MOVING)
     if moved is not None and Manifest.read(target) is None:
         # it was killed while the files moved up; without a manifest they are no result
-        moved.arrived(target).remove(target)
+        moved.remove(target)
     goes_on = request_in(target) == request
-    for path in [*_leftovers(target), *_leftovers(work)]:
-        _remove(path)
+    remove_leftovers([*_written_into(work), *_written_into(target)])
     for path in list(work.iterdir()):
         if path.name in (_MOVING, _STAGING) or not (goes_on or path.name == LOCK):
             _remove(path)
@@ -337,12 +431,12 @@ def _remove_cleared(target: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def _leftovers(folder: Path) -> Iterator[Path]:
-    """What a killed process was writing into a folder, and into those that its manifest lists."""
+def _written_into(folder: Path) -> Iterator[Path]:
+    """A folder, and those in it that its manifest lists, at any depth."""
     if folder.is_dir() and not folder.is_symlink():
-        yield from (path for path in folder.iterdir() if LEFTOVER.match(path.name))
+        yield folder
         for name in (Manifest.read(folder) or Manifest()).folders:
-            yield from _leftovers(folder / name)
+            yield from _written_into(folder / name)
 
 
 def _remove(path: Path) -> None:
@@ -367,25 +461,3 @@ def _move(source: Path, target: Path, replaceable: Collection[Path]) -> None:
         else:
             os.replace(path, place)
     source.rmdir()
-
-
-@contextlib.contextmanager
-def _explained(target: Path) -> Iterator[None]:
-    """Turn every system error of the block into a UserError about `target`."""
-    try:
-        yield
-    except OSError as error:
-        raise _explain(error, target) from error
-
-
-def _explain(error: OSError, target: Path) -> UserError:
-    """The user's message for a system error on the way to `target`."""
-    default = (error.strerror or str(error), "choose another folder")
-    reason, fix = _REASONS.get(error.errno or 0, default)
-    return UserError(f"output folder {target}: cannot be written, {reason}. Fix: {fix}.")
-
-
-def size_text(count: float) -> str:
-    """A number of bytes for people."""
-    scale, prefix = si_scale(count, least=0, digits=3)
-    return f"{count / scale:.3g} {prefix}B" if prefix else f"{count:.3g} bytes"

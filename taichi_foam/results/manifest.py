@@ -108,11 +108,6 @@ class Manifest:
             found += [f"{name}/{each}" for each in inner.changed(folder / name)]
         return found
 
-    def arrived(self, folder: Path) -> Manifest:
-        """The part of it that lies in `folder` as it was written."""
-        files = {name: entry for name, entry in self.files.items() if entry.fits(folder / name)}
-        return Manifest(files, frozenset(f for f in self.folders if (folder / f).is_dir()))
-
     def edited(self, folder: Path) -> list[str]:
         """Of its files, also in its folders, those that are there and not as they were written."""
         return [name for name in self.changed(folder) if os.path.lexists(folder / name)]

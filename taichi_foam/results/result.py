@@ -34,31 +34,31 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.files import write_json
+from taichi_foam.results.files import write_csv, write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.packed import check_numbers, check_shapes
 from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
 
 _FORMAT = 2
-_LONGEST_SUMMARY = 10_000_000
 # without these there is no result
 _FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
 _STATE = "state.npz"
@@ -187,30 +187,22 @@ def _write_scene(result: Result, path: Path) -> None:
 
 
 def _write_history(result: Result, path: Path) -> None:
-    history, columns = result.history, []
-    for name, each in history.items():
+    columns = {}
+    for name, each in result.history.items():
         # tolist gives Python floats, whose repr is the shortest text that reads back the same.
         values = np.asarray(each, dtype=np.float64).tolist()
         is_integer = name in COLUMNS and COLUMNS[name].is_integer
-        columns.append(map(int if is_integer else repr, values))
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(history)
-        writer.writerows(zip(*columns, strict=True))
+        columns[name] = map(int, values) if is_integer else values
+    write_csv(path, columns)
 
 
 def _write_curve(result: Result, path: Path) -> None:
     """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
     from taichi_foam.analysis.compression import compression_curve
 
-    curve = compression_curve(result)
-    if curve is None:
-        return
-    strain, stress = curve
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("strain [-]", "stress [Pa]"))
-        writer.writerows(zip(strain.tolist(), stress.tolist(), strict=True))
+    if curve := compression_curve(result):
+        strain, stress = curve
+        write_csv(path, {"strain [-]": strain.tolist(), "stress [Pa]": stress.tolist()})
 
 
 def _write_state(result: Result, path: Path) -> None:
@@ -249,11 +241,7 @@ def _read_history(path: Path) -> History:
 
 
 def _read_run(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file:
-        text = file.read(_LONGEST_SUMMARY + 1)
-    if len(text) > _LONGEST_SUMMARY:
-        raise ValueError(f"summary.json is longer than {_LONGEST_SUMMARY:,} bytes")
-    summary = json.loads(text)
+    summary = json.loads(path.read_bytes())
     if not (isinstance(summary, dict) and isinstance(summary.get("run"), dict)):
         raise ValueError("summary.json has no table `run`")
     return summary["run"]
@@ -263,12 +251,7 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     """The block as the run has left it; None where there is none."""
     if not path.is_file():
         return None
-    shapes = Cushion.shapes(scene.block)
-    check_numbers(path, shapes)
-    with np.load(path) as archive:
-        if archive["format"] != _FORMAT:
-            raise ValueError(f"{path.name} has format {archive['format']}, not {_FORMAT}")
-        return Cushion.from_arrays({name: archive[name] for name in shapes})
+    return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene.block)))
 
 
 def _words(error: BaseException) -> str:
@@ -298,16 +281,77 @@ def _write_snapshots(result: Result, path: Path) -> None:
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
-    most = int(scene.numerics.latest_end / scene.output.snapshot_interval) + 3
-    there = shapes(scene)
-    check_shapes(path, there, most)
-    with np.load(path) as archive:
-        if archive["format"] != _FORMAT:
-            raise ValueError(f"snapshots.npz has format {archive['format']}, not {_FORMAT}")
-        arrays = {name: archive[name] for name in there}
+    arrays = _read_arrays(path, shapes(scene), "time")
     return [
-        snapshot_of({name: arrays[name][n] for name in there}) for n in range(len(arrays["time"]))
+        snapshot_of(dict(zip(arrays, values, strict=True)))
+        for values in zip(*arrays.values(), strict=True)
     ]
+
+
+def _read_arrays(
+    path: Path, shapes: Mapping[str, tuple[int, ...]], series: str | None = None
+) -> dict[str, NDArray[Any]]:
+    """Arrays of numbers from an .npz, as many of each shape as `series` has entries.
+
+    Raises ValueError, KeyError, zipfile.BadZipFile, zlib.error, OSError: it is damaged, or holds
+    others than these.
+    """
+    with zipfile.ZipFile(path) as archive:
+        if (written := _read_array(archive, "format", ())) != _FORMAT:
+            raise ValueError(f"{path.name} has format {written}, not {_FORMAT}")
+        count = _read_array(archive, series).shape[:1] if series else ()
+        return {name: _read_array(archive, name, (*count, *s)) for name, s in shapes.items()}
+
+
+def _read_array(
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None = None
+) -> NDArray[Any]:
+    """One array. Of one that is larger than its shape takes nothing is unpacked."""
+    entry = archive.getinfo(f"{name}.npy")
+    if shape is not None and entry.file_size > 8 * math.prod(shape) + 1000:
+        raise ValueError(f"{name} is longer than its shape {shape}")
+    with archive.open(entry) as file:
+        array = np.lib.format.read_array(file)
+        if array.dtype.kind not in "fi" or file.read(1):
+            raise ValueError(f"{name} holds something else than numbers of its shape")
+    if shape is not None and array.shape != shape:
+        raise ValueError(f"{name} has the shape {array.shape}, not {shape}")
+    return array
+
+
+DROP_COLUMNS = (
+    "drop",
+    "peak_deceleration_cfc180_g",
+    "peak_deceleration_g",
+    "max_strain",
+    "max_displacement_m",
+    "impact_duration_s",
+    "restitution",
+    "contact_height_m",
+    "rest_height_m",
+    "bottomed_out",
+    "broken_bonds",
+    "energy_residual",
+    "interrupted",
+)
+"""Columns of the table of a series of drops on one block: keys of their summary.json."""
+
+
+def write_drops(path: Path, summaries: Sequence[Mapping[str, Any]]) -> None:
+    """Write a CSV with a row for each drop, in order; what has no answer is empty.
+
+    Raises OSError.
+    """
+    words = {True: "true", False: "false"}
+    write_csv(
+        path,
+        {
+            key: [
+                words[each[key]] if isinstance(each[key], bool) else each[key] for each in summaries
+            ]
+            for key in DROP_COLUMNS
+        },
+    )
 
 
 # What measures brings SciPy along, which takes half a second to load: these import it themselves.

@@ -60,11 +60,13 @@ class Key:
 def parts(scene: type[Part]) -> dict[str, type[Part]]:
     """Classes of a scene's parts but those that are chosen, by the key that they stand under."""
     return {
-        name: field.annotation
+        name: kind
         for name, field in scene.model_fields.items()
+        for kind in (field.annotation, *get_args(field.annotation))
         if name not in CHOSEN
-        and isinstance(field.annotation, type)
-        and issubclass(field.annotation, Part)
+        and get_origin(kind) is None
+        and isinstance(kind, type)
+        and issubclass(kind, Part)
     }
 
 

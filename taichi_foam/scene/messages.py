@@ -15,7 +15,7 @@ from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, hints_of
 from taichi_foam.scene.keys import CHOSEN, all_parts, listed_in, parts
 
-_CLOSE = 0.8
+_CLOSE = 0.75
 """How like a known key a word is that is a slip of the pen: drop_height is no height."""
 
 _INERTIA = "impactor.inertia, about the centre of mass, in kg m2"
@@ -92,7 +92,7 @@ def nearest(path: str, here: Mapping[str, str], scene: type[Part]) -> str | None
     everywhere = {
         name: f"{part}.{name}"
         for part, kind in all_parts(scene)
-        for name in kind.model_fields
+        for name in _names(kind)
         if f"{part}.{name}" != path
     }
     for known in (here, everywhere):
@@ -104,10 +104,10 @@ def nearest(path: str, here: Mapping[str, str], scene: type[Part]) -> str | None
     return None
 
 
-def titled(source: str, problems: str) -> str:
-    """Return problems as an indented list under the scene that has them."""
+def titled(source: str, problems: str, kind: str = "scene") -> str:
+    """Return problems as an indented list under the scene, or what it is, that has them."""
     listed = "\n".join(f"  {line}" for line in problems.splitlines())
-    return f"{source}: not a valid scene:\n{listed}"
+    return f"{source}: not a valid {kind}:\n{listed}"
 
 
 class _Short(reprlib.Repr):
@@ -133,6 +133,11 @@ def _printable(text: str, most: int = _LONGEST_LINE) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in cut)
 
 
+def _names(part: type[Part]) -> list[str]:
+    """The keys of a part as one writes them."""
+    return [field.alias or name for name, field in part.model_fields.items()]
+
+
 def _root(title: str, scene: type[Part]) -> tuple[str, type[Part]]:
     """Where in a scene a class stands, by its name: a part may also be built by itself."""
     return next(
@@ -151,6 +156,7 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
         return
     registry = CHOSEN.get(path.rpartition(".")[2], SHAPES)
     tag, tags = registry.tag, ", ".join(registry)
+    hints = hints_of(field) if field else {}
     if kind == "extra_forbidden":
         yield _unknown_key(path, owner, scene)
     elif kind == "union_tag_not_found" and isinstance(value, Mapping):
@@ -158,14 +164,15 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
     elif kind == "union_tag_invalid":
         given = value.get(tag) if isinstance(value, Mapping) else context["tag"]
         yield f"{path}.{tag} = {shown(given)}: must be one of {tags}"
-    elif kind in _NO_TABLE and "allowed" not in (hints_of(field) if field else {}):
-        known = ", ".join(owner.model_fields)
+    elif kind in _NO_TABLE and "allowed" not in hints:
+        known = ", ".join(_names(owner))
         yield f"{path} = {shown(value)}: must be a table with keys such as {known}"
     elif kind == "bool_type":
         yield f"{path} = {shown(value)}: must be true or false"
+    elif not (allowed := hints.get("allowed") or context.get("expected")):
+        said = detail["msg"].replace("Input should be", "must be")
+        yield f"{path}: missing" if kind == "missing" else f"{path} = {shown(value)}: {said}"
     else:
-        hints = hints_of(field) if field else {}
-        allowed = str(hints.get("allowed") or context.get("expected") or detail["msg"])
         # Ranges that begin with a word say themselves what kind of value they want.
         sort = _KIND_OF_VALUE.get(kind, "") if allowed.startswith(("above", "at")) else ""
         given = ": missing;" if kind == "missing" else f" = {shown(value)}:"
@@ -209,7 +216,7 @@ def _head_of_foam(path: str) -> str:
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
     """Say that a key is unknown, and which known one is meant."""
     head, _, key = path.rpartition(".")
-    here = {name: f"{head}.{name}".lstrip(".") for name in owner.model_fields}
+    here = {name: f"{head}.{name}".lstrip(".") for name in _names(owner)}
     if key in _CONCEPTS:
         answer = _CONCEPTS[key]
     elif near := nearest(path, here, scene):

@@ -1,15 +1,16 @@
-"""The chunks of a sweep, one by one in this process, or as tasks of Dask in others.
+"""The chunks of a sweep: what computes one, and who computes which.
 
-Dask decides who computes what, and computes again what was on a worker that died. Only so many
-chunks are handed to it at a time as workers can compute: neither the scheduler nor this process
-grows with the sweep.
+They are computed one by one in this process, or as tasks of Dask in others. Dask decides who
+computes what, and computes again what was on a worker that died. Only so many chunks are handed to
+it at a time as workers can compute: neither the scheduler nor this process grows with the sweep.
+`compute_chunk` writes where the worker is; nothing travels back.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
-import errno
+import functools
 import itertools
 import logging
 import os
@@ -17,8 +18,10 @@ import queue
 import secrets
 import shutil
 import signal
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -27,12 +30,16 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
+from taichi_foam.records.ending import Ending
+from taichi_foam.records.record import Record
+from taichi_foam.results.folders import UNFINISHED, is_disk_error
+from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.sweeps.chunk import Solve, compute_chunk
-from taichi_foam.sweeps.dealing import Dealer
-from taichi_foam.sweeps.store import SCRATCH, Store
-from taichi_foam.sweeps.table import seconds_of
+from taichi_foam.sweeps import table
+from taichi_foam.sweeps.dealing import Dealer, Solve
+from taichi_foam.sweeps.sampling import Member
+from taichi_foam.sweeps.store import LOST, SCRATCH, Sweep
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -48,13 +55,67 @@ _PR_SET_PDEATHSIG = 1
 # How long to wait for an answer of the scheduler [s].
 _PATIENCE = 15
 
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
-Inbox = queue.SimpleQueue[Callable[[], None]]
+def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> None:
+    """Compute some members of the sweep in a folder and write them, complete or not at all.
+
+    A drop that fails, or whose values make no scene, has a row with the reason.
+
+    Raises:
+        UserError: the folder is not seen from here, or not by the same versions.
+        OSError: it cannot be written.
+    """
+    sweep = _opened(folder, plan_hash)
+    members: list[Member] = []
+    rows: dict[int, dict[str, Any]] = {}
+    for number in chunk:
+        try:
+            members.append(sweep.design.member(number))
+        except UserError as error:
+            rows[number] = table.row_without_scene(sweep.design, number, str(error))
+    kept = sweep.plan.keep
+    histories: dict[int, Record] = {}
+    seconds = 0.0
+    for place, result in solve([member.scene for member in members]):
+        if result.ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        begun = time.perf_counter()
+        member = members[place]
+        rows[member.number] = table.row(member, result)
+        if kept.histories != "none":
+            histories[member.number] = result
+        if kept.full == "all" or member.number in kept.full:
+            _save(sweep, member.number, result)
+        # without what its kernels took to compile
+        seconds += result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
+        seconds += time.perf_counter() - begun
+    if len(rows) < len(chunk):
+        raise RuntimeError("the solver has not given a result for every scene")
+    if kept.histories != "none":
+        table.write_histories(sweep.history_file(chunk), histories, kept.histories)
+    table.write_rows(sweep.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
+    sweep.lost_file(chunk).unlink(missing_ok=True)
+
+
+@functools.lru_cache(maxsize=1)
+def _opened(folder: str, plan_hash: str) -> Sweep:
+    """The sweep, read from its folder once in each process."""
+    sweep = Sweep.open(folder)
+    if sweep.plan.hash != plan_hash:
+        raise UserError(f"{folder}: {socket.gethostname()} sees another sweep there")
+    sweep.check_versions()
+    return sweep
+
+
+def _save(sweep: Sweep, number: int, result: Result) -> None:
+    """Keep a whole result; one that a killed chunk had saved has the same bits already."""
+    folder = sweep.run_folder(number)
+    if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
+        result.save(folder, overwrite=True)
 
 
 def compute(
-    store: Store,
+    sweep: Sweep,
     solve: Solve,
     on_drops: Callable[[int], None],
     *,
@@ -65,7 +126,7 @@ def compute(
     """Compute all drops of a sweep that are not there yet, and write them into its folder.
 
     Args:
-        store: the sweep, claimed.
+        sweep: the sweep, claimed.
         solve: what computes scenes; it is sent to workers that are other processes.
         on_drops: called in this thread with how many more drops have been computed.
         side_by_side: how many drops a worker computes at a time, at no more time than one.
@@ -78,19 +139,16 @@ def compute(
         KeyboardInterrupt: Ctrl-C; likewise.
     """
     if workers is None and scheduler is None:
-        _compute_here(store, solve, on_drops, side_by_side)
+        _compute_here(sweep, solve, on_drops, side_by_side)
         return
-    inbox: Inbox = queue.SimpleQueue()
-    with _client(store, workers, scheduler) as client:
-        there = max(1, _workers_of(client, store))
-        dealer = Dealer(store.design, store.missing(), side_by_side, there)
+    with _client(sweep, workers, scheduler) as client:
         driver = None if workers is None else os.getpid()
-        task = partial(_in_one_thread, driver, solve=solve)
-        _Computing(store, dealer, task, on_drops, client, inbox).run()
+        task = partial(_in_one_thread, driver, str(sweep.folder), sweep.plan.hash, solve=solve)
+        _Computing(sweep, side_by_side, task, on_drops, client).run()
 
 
 def _compute_here(
-    store: Store, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
+    sweep: Sweep, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
 ) -> None:
     """Chunk after chunk in this thread."""
 
@@ -99,61 +157,64 @@ def _compute_here(
             yield place, result
             on_drops(1)
 
-    dealer, losses = Dealer(store.design, store.missing(), side_by_side, 1), _Losses(store)
-    for chunk in iter(dealer.next, None):
+    course = _Course(sweep, side_by_side)
+    for chunk in course.chunks:
         try:
-            compute_chunk(str(store.folder), store.plan.hash, chunk, told)
+            compute_chunk(str(sweep.folder), sweep.plan.hash, chunk, told)
         except Exception as error:
-            losses.add(chunk, error)
+            course.lose(chunk, error)
         else:
-            losses.break_off()
-            dealer.learn(chunk, seconds_of(store.chunk_file(chunk)))
-    losses.tell()
+            course.take(chunk)
+    course.end()
 
 
-class _Losses:
-    """Chunks that could not be computed."""
+class _Course:
+    """The chunks of a sweep, and what becomes of them wherever they are computed.
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    chunks  those that are yet to be dealt out
+    """
+
+    def __init__(self, sweep: Sweep, side_by_side: int, workers: int = 1) -> None:
+        self._sweep = sweep
+        self._dealer = Dealer(sweep.design, sweep.missing(), side_by_side, workers)
+        self.chunks: Iterator[range] = iter(self._dealer.next, None)
         self._count = self._on_end = 0
 
-    def add(self, chunk: range, error: BaseException, reason: str = "") -> None:
-        """Note one, and why: the error's own words unless there are better ones.
+    def take(self, chunk: range) -> None:
+        """Note that one has been computed."""
+        self._on_end = 0
+        with contextlib.suppress(OSError):  # a disk that is slow to show it
+            self._dealer.learn(chunk, table.seconds_of(self._sweep.chunk_file(chunk)))
+
+    def lose(self, chunk: range, error: BaseException, reason: str = "") -> None:
+        """Note one that could not be, and why: the error's own words unless there are better ones.
 
         Raises:
             UserError: nothing can be computed, or the disk is full.
             RunError: so many on end that there is no point in going on.
         """
-        store = self._store
         if isinstance(error, UserError):
             raise error
-        if isinstance(error, OSError) and error.errno in _DISK:
+        if is_disk_error(error):
             raise UserError(
-                f"{store.folder}: cannot be written, {error.strerror}. Fix: make room; "
-                f"{_again(store)}"
+                f"{self._sweep.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
+                f"Fix: make room; {_again(self._sweep)}"
             )
         reason = reason or f"{type(error).__name__}: {error}".strip()
-        store.lose(chunk, reason)
+        self._sweep.lose(chunk, reason)
         self._count += 1
         self._on_end += 1
         if self._on_end >= _MOST_LOST:
-            raise RunError(f"{self._words}\ngiven up: {reason}")
+            self.end(f"\ngiven up: {reason}")
 
-    def break_off(self) -> None:
-        """A chunk has been computed: no more on end."""
-        self._on_end = 0
-
-    def tell(self) -> None:
-        """Raises RunError if there were any."""
+    def end(self, why: str = "") -> None:
+        """Raises RunError if any could not be computed."""
         if self._count:
-            raise RunError(self._words)
-
-    @property
-    def _words(self) -> str:
-        chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
-        lost = self._store.folder / "lost"
-        return f"{chunks} could not be computed, see {lost}; {_again(self._store)}"
+            chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
+            lost = self._sweep.folder / LOST
+            raise RunError(
+                f"{chunks} could not be computed, see {lost}; {_again(self._sweep)}{why}"
+            )
 
 
 class _Computing:
@@ -161,20 +222,18 @@ class _Computing:
 
     def __init__(
         self,
-        store: Store,
-        dealer: Dealer,
+        sweep: Sweep,
+        side_by_side: int,
         task: Callable[..., None],
         on_drops: Callable[[int], None],
         client: Client,
-        inbox: Inbox,
     ) -> None:
-        self._store = store
-        self._dealer, self._on_drops = dealer, on_drops
-        self._task = partial(task, str(store.folder), store.plan.hash)
-        self._client, self._inbox = client, inbox
+        self._sweep, self._task = sweep, task
+        self._on_drops, self._client = on_drops, client
+        self._inbox: queue.SimpleQueue[tuple[range, Any]] = queue.SimpleQueue()
         self._flying: dict[range, Any] = {}
-        self._losses = _Losses(store)
         self._group = f"chunk-{secrets.token_hex(4)}"
+        self._course = _Course(sweep, side_by_side, self._workers())
 
     def run(self) -> None:
         from distributed.comm.core import CommClosedError
@@ -183,15 +242,15 @@ class _Computing:
             self._hand_over()
             while self._flying:
                 try:
-                    self._inbox.get(timeout=1.0)()
+                    self._take(*self._inbox.get(timeout=1.0))
                 except queue.Empty:
                     self._check_scheduler()
         except CommClosedError:
-            raise RunError(_words_of_loss(self._store)) from None
+            raise self._gone() from None
         finally:
             with contextlib.suppress(Exception):  # nobody may be there any more
                 self._client.cancel(list(self._flying.values()), force=True)
-        self._losses.tell()
+        self._course.end()
 
     def _hand_over(self) -> None:
         """Keep the workers busy: those that are there now, and at least one that may come.
@@ -199,29 +258,27 @@ class _Computing:
         None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
         that waits at a worker that dies would count as one that may have killed it.
         """
-        room = max(1, _workers_of(self._client, self._store)) - len(self._flying)
-        for chunk in itertools.islice(iter(self._dealer.next, None), max(0, room)):
+        room = self._workers() - len(self._flying)
+        for chunk in itertools.islice(self._course.chunks, max(0, room)):
             future = self._client.submit(
                 self._task, chunk, key=(self._group, chunk.start), priority=-chunk.start
             )
             self._flying[chunk] = future
-            future.add_done_callback(partial(self._report, chunk))
+            self._await(chunk, future)
 
-    def _report(self, chunk: range, future: Any) -> None:
-        self._inbox.put(partial(self._take, chunk, future))
+    def _await(self, chunk: range, future: Any) -> None:
+        future.add_done_callback(lambda done: self._inbox.put((chunk, done)))
 
     def _take(self, chunk: range, future: Any) -> None:
         """Note what has become of a chunk, and hand over the next."""
-        there = future.status == "finished" or self._store.chunk_file(chunk).exists()
+        there = future.status == "finished" or self._sweep.chunk_file(chunk).exists()
         if not there and future.status in ("lost", "pending"):
             # its worker died when it had said that it was done: it is computed again
-            future.add_done_callback(partial(self._report, chunk))
+            self._await(chunk, future)
             return
         if there:
-            self._losses.break_off()
             self._on_drops(len(chunk))
-            with contextlib.suppress(OSError):  # a disk that is slow to show it
-                self._dealer.learn(chunk, seconds_of(self._store.chunk_file(chunk)))
+            self._course.take(chunk)
         else:
             self._check_scheduler()
             self._lose(chunk, future)
@@ -234,33 +291,34 @@ class _Computing:
         if future.status != "error":
             raise RunError(
                 f"the scheduler has given up members {chunk[0]} to {chunk[-1]}; "
-                f"{_again(self._store)}"
+                f"{_again(self._sweep)}"
             )
         error, reason = future.exception(), ""
         if isinstance(error, KilledWorker):
             reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
-        self._losses.add(chunk, error, reason)
+        self._course.lose(chunk, error, reason)
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
-            raise RunError(_words_of_loss(self._store))
+            raise self._gone()
+
+    def _workers(self) -> int:
+        """How many chunks can be computed at a time now, or at least when one worker has come.
+
+        Raises RunError: the scheduler is gone.
+        """
+        try:
+            workers: Any = self._client.nthreads()
+        except OSError:  # whatever it was, nobody answers
+            raise self._gone() from None
+        return max(1, sum(workers.values()))
+
+    def _gone(self) -> RunError:
+        return RunError(f"the scheduler is gone; {_again(self._sweep)}")
 
 
-def _workers_of(client: Client, store: Store) -> int:
-    """How many chunks can be computed at a time now. Raises RunError: the scheduler is gone."""
-    try:
-        workers: Any = client.nthreads()
-    except OSError:  # whatever it was, nobody answers
-        raise RunError(_words_of_loss(store)) from None
-    return sum(workers.values())
-
-
-def _words_of_loss(store: Store) -> str:
-    return f"the scheduler is gone; {_again(store)}"
-
-
-def _again(store: Store) -> str:
-    return f"what is complete is in {store.folder}, and the same command goes on"
+def _again(sweep: Sweep) -> str:
+    return f"what is complete is in {sweep.folder}, and the same command goes on"
 
 
 _alone: ThreadPoolExecutor | None = None
@@ -295,12 +353,12 @@ def _end_with(driver: int | None) -> None:
 
 
 @contextlib.contextmanager
-def _client(store: Store, workers: int | None, scheduler: str | None) -> Iterator[Client]:
+def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterator[Client]:
     """A client of the scheduler that is wanted."""
     import dask.config
     from distributed import Client, LocalCluster
 
-    scratch = store.folder / SCRATCH
+    scratch = sweep.folder / SCRATCH
     settings = {
         "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
         # no pages about the cluster

@@ -23,6 +23,7 @@ from taichi_foam.picture.style import CYCLE, INK, STYLE, blank
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import band
 from taichi_foam.sweeps import table
+from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.run import Sweep
 
 if TYPE_CHECKING:
@@ -46,21 +47,40 @@ _UNITS = {
 }  # fmt: skip
 
 
+class _Axis:
+    """An axis of a sweep: the value on it of each drop that has a row.
+
+    names   of its different values, in rising order where they are numbers
+    places  where each of these stands: numbers at themselves, others side by side
+    """
+
+    def __init__(self, key: str, values: list[Any], plan: Plan) -> None:
+        given = next((axis for axis in plan.axes if axis.key == key), None)
+        self.key, self.values = key, values
+        self.label = _label_of_axis(key, plan.base)
+        self.is_log = given is not None and given.spacing == "log"
+        self.is_drawn = given is not None and given.is_range and plan.sample is not None
+        different = dict.fromkeys(values)
+        self.is_numeric = all(map(_is_number, different))
+        order = sorted(different) if self.is_numeric else [*different]
+        self.names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
+        if len(set(self.names.values())) < len(order):  # closer together than four digits tell
+            self.names = {v: str(v) for v in order}
+        self.places = {v: float(v if self.is_numeric else k) for k, v in enumerate(order)}
+
+
 @dataclass(frozen=True)
 class _Drops:
-    """The drops of a sweep that have a row: values on the axes, and of the measure.
+    """The drops of a sweep that have a row: values on the axes, by key, and of the measure.
 
     A value of the measure is None for no answer. Of one that is true or false it is 100 or 0, and
     the mean of many is the share of drops [%] that it is true of.
     """
 
-    axes: Mapping[str, list[Any]]
+    axes: Mapping[str, _Axis]
     values: list[float | None]
     shares: bool
     sampled: bool
-    ranges: frozenset[str]
-    logarithmic: frozenset[str]
-    scene: Scene
 
 
 def shown(
@@ -86,31 +106,30 @@ def shown(
     """
     drops = _drops(sweep, measure)
     keys = list(drops.axes)
-    x = _axis(x, keys, keys[0] if keys else None, "x")
+    x = _chosen(x, keys, "x")
     rest = [key for key in keys if key != x]
-    by = _axis(by, rest, rest[0] if rest else None, "by") if by or rest else None
-    if as_map and by is None:
-        raise UserError("map: it takes two axes, and the sweep has one")
+    across, up = drops.axes[x], drops.axes[_chosen(by, rest, "by")] if by or rest else None
+    label = _label_of_measure(measure, drops.shares)
     with mpl.rc_context(STYLE):
         figure = blank(8.0, 5.4)
         axis = figure.subplots()
-        if as_map:
-            assert by is not None
-            _draw_map(figure, axis, drops, measure, x, by)
+        if not as_map:
+            _draw_curves(axis, drops, across, up)
+            axis.set_ylabel(label)
+        elif up is not None:
+            _draw_map(axis, drops, across, up, label)
         else:
-            _draw_curves(axis, drops, x, by)
-            axis.set_ylabel(_label_of_measure(measure, drops.shares))
-        axis.set_xlabel(_label_of_axis(x, drops.scene))
-        axis.set_title(sweep.store.plan.name or "")
+            raise UserError("map: it takes two axes, and the sweep has one")
+        axis.set_xlabel(across.label)
+        axis.set_title(sweep.plan.name or "")
     return figure
 
 
 def _drops(sweep: Sweep, measure: str) -> _Drops:
-    store = sweep.store
-    shards = store.shards()
+    shards = sweep.shards()
     if not shards:
-        raise UserError(f"{store.folder}: nothing is complete yet")
-    keys = store.design.keys
+        raise UserError(f"{sweep.folder}: nothing is complete yet")
+    keys = sweep.design.keys
     found = table.read(shards, [*keys, measure, table.MEMBER])
     if measure not in found.column_names:
         raise UserError(f"{measure}: no column of the table; {_guess(measure, shards, keys)}")
@@ -120,18 +139,14 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     shares = all(value is None or isinstance(value, bool) for value in values)
     if any(isinstance(value, str) for value in values):
         raise UserError(f"{measure}: holds words, and a figure takes numbers")
-    axes = {key: found[key].to_pylist() for key in keys}
-    if not axes:  # repeats alone
-        axes = {table.MEMBER: found[table.MEMBER].to_pylist()}
     factor = 100.0 if shares else QUANTITIES[measure].factor if measure in QUANTITIES else 1.0
+    plan = sweep.plan
     return _Drops(
-        axes,
+        # of repeats alone each is a place of its own
+        {key: _Axis(key, found[key].to_pylist(), plan) for key in keys or [table.MEMBER]},
         [None if value is None else factor * float(value) for value in values],
         shares,
-        store.plan.sample is not None,
-        frozenset(axis.key for axis in store.plan.axes if axis.is_range),
-        frozenset(axis.key for axis in store.plan.axes if axis.spacing == "log"),
-        store.plan.base,
+        plan.sample is not None,
     )
 
 
@@ -152,34 +167,31 @@ def _guess(measure: str, shards: Sequence[table.Shard], keys: Sequence[str]) -> 
     return f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
 
 
-def _axis(given: str | None, keys: Sequence[str], usual: str | None, name: str) -> str:
-    if given is None:
-        assert usual is not None
-        return usual
-    if given not in keys:
+def _chosen(given: str | None, keys: Sequence[str], name: str) -> str:
+    """The key of an axis; the first if none is given."""
+    if given is not None and given not in keys:
         raise UserError(f"{name} = {given!r}: no axis of the sweep; there are {', '.join(keys)}")
-    return given
+    return given or keys[0]
 
 
-def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
+def _draw_curves(axis: Axes, drops: _Drops, x: _Axis, by: _Axis | None) -> None:
     groups = _groups(drops, by)
-    if len(groups) > _MOST_CURVES:
+    if by is not None and len(groups) > _MOST_CURVES:
         raise UserError(
-            f"{by}: {len(groups)} curves are too many for a figure; take another axis, or a map"
+            f"{by.key}: {len(groups)} curves are too many for a figure; take another axis, or a map"
         )
-    places = _places(drops.axes[x])
-    colours = CYCLE if len(groups) <= len(CYCLE) else _shades(len(groups))
+    shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, len(groups)))
+    colours = CYCLE if len(groups) <= len(CYCLE) else list(shades)
     ends: list[tuple[float, float, str, Any]] = []
     for colour, (name, members) in zip(colours, groups.items(), strict=False):
-        at = [places[_hashable(drops.axes[x][k])] for k in members]
+        at = [x.places[x.values[k]] for k in members]
         values = [drops.values[k] for k in members]
-        if drops.sampled and _is_number(drops.axes[x][0]):
+        if drops.sampled and x.is_numeric:
             axis.plot(at, _finite(values), ".", color=colour, alpha=0.35, markersize=5)
             at = _binned(np.array(at))
-        centres = sorted(set(at))
-        cells = [[v for v, a in zip(values, at, strict=True) if a == c] for c in centres]
-        low, median, high = np.array([_summed_up(cell, drops.shares) for cell in cells]).T
-        low, median, high = (np.where(np.isfinite(v), v, np.nan) for v in (low, median, high))
+        cells = _cells(at, values)
+        centres = list(cells)
+        low, median, high = np.array([_summed_up(cell, drops.shares) for cell in cells.values()]).T
         if np.nanmax(high - low, initial=0.0) > 0:
             axis.fill_between(centres, low, high, color=colour, alpha=0.18, linewidth=0)
         axis.plot(centres, median, "o-", color=colour, markersize=5)
@@ -188,16 +200,13 @@ def _draw_curves(axis: Axes, drops: _Drops, x: str, by: str | None) -> None:
             ends.append((centres[there[-1]], float(median[there[-1]]), name, colour))
     if drops.shares:
         axis.set_ylim(-3.0, 103.0)
-    _scale(axis, "x", x, places, drops)
-    _name_curves(axis, ends, by, drops.scene)
+    _scale(axis, "x", x)
+    if by is not None and ends:
+        _name_curves(axis, ends, f"by {by.label}")
 
 
-def _name_curves(
-    axis: Axes, ends: Sequence[tuple[float, float, str, Any]], by: str | None, scene: Scene
-) -> None:
+def _name_curves(axis: Axes, ends: Sequence[tuple[float, float, str, Any]], words: str) -> None:
     """Write each curve's value beside its end, and above them what it is a value of."""
-    if not ends or by is None:
-        return
     low, high = axis.get_ylim()
     heights = np.array(spread([end[1] for end in ends], 0.055 * (high - low)))
     margin = 0.02 * (high - low)  # as many as there can be have room between the ends of the axis
@@ -211,67 +220,60 @@ def _name_curves(
         axis.set_xlim(right[0], right[1] * (right[1] / right[0]) ** 0.12)
     else:
         axis.set_xlim(right[0], right[1] + 0.12 * (right[1] - right[0]))
-    words = f"by {_label_of_axis(by, scene)}"
     axis.text(1.0, 1.02, words, transform=axis.transAxes, ha="right", color=INK)
+
+
+def _cells(places: Sequence[Any], values: Sequence[float | None]) -> dict[Any, list[float | None]]:
+    """The values at each place, in rising order of these."""
+    found: dict[Any, list[float | None]] = {place: [] for place in sorted(set(places))}
+    for place, value in zip(places, values, strict=True):
+        found[place].append(value)
+    return found
 
 
 def _summed_up(values: Sequence[float | None], shares: bool) -> tuple[float, float, float]:
     """Low end of the band, median, high end; of what is true or false its mean share, thrice.
 
-    Infinite where most drops have no answer; NaN where a share has none at all.
+    NaN where most drops have no answer, or a share has none at all.
     """
     if not shares:
-        return band(values)
+        low, median, high = (end if math.isfinite(end) else math.nan for end in band(values))
+        return low, median, high
     known = [value for value in values if value is not None]
     mean = float(np.mean(known)) if known else math.nan
     return mean, mean, mean
 
 
-def _draw_map(figure: Figure, axis: Axes, drops: _Drops, measure: str, x: str, by: str) -> None:
-    across, up = _places(drops.axes[x]), _places(drops.axes[by])
+def _draw_map(axis: Axes, drops: _Drops, x: _Axis, by: _Axis, label: str) -> None:
     look: dict[str, Any] = {"cmap": "cividis"}
     if drops.shares:
         look |= {"vmin": 0.0, "vmax": 100.0}
-    is_table = not drops.sampled and len(across) <= _MOST_COLUMNS and len(up) <= _MOST_ROWS
-    if is_table:
-        across, up = _side_by_side(across), _side_by_side(up)
-    at = [across[_hashable(v)] for v in drops.axes[x]]
-    high = [up[_hashable(v)] for v in drops.axes[by]]
+    is_table = not drops.sampled and len(x.places) <= _MOST_COLUMNS and len(by.places) <= _MOST_ROWS
+    across, up = (
+        {value: float(k) for k, value in enumerate(each.places)} if is_table else each.places
+        for each in (x, by)
+    )
+    at, high = [across[v] for v in x.values], [up[v] for v in by.values]
     if drops.sampled:
         drawn = axis.scatter(at, high, c=_finite(drops.values), s=60, **look)
     else:
         columns, rows = sorted(set(at)), sorted(set(high))
         medians = np.full((len(rows), len(columns)), np.nan)
-        cells: dict[tuple[float, float], list[float | None]] = {}
-        for u, v, value in zip(at, high, drops.values, strict=True):
-            cells.setdefault((u, v), []).append(value)
-        for (u, v), values in cells.items():
-            _, middle, _ = _summed_up(values, drops.shares)
-            medians[rows.index(v), columns.index(u)] = middle if math.isfinite(middle) else np.nan
+        for (u, v), values in _cells(list(zip(at, high, strict=True)), drops.values).items():
+            medians[rows.index(v), columns.index(u)] = _summed_up(values, drops.shares)[1]
         drawn = axis.pcolormesh(columns, rows, medians, shading="nearest", **look)
         axis.grid(visible=False)
         if is_table:
             _print_numbers(axis, drawn, columns, rows, medians)
-    for which, key, places in (("x", x, across), ("y", by, up)):
+    for which, each, places in (("x", x, across), ("y", by, up)):
         if is_table:
-            _name_cells(axis, which, places)
+            own = getattr(axis, f"{which}axis")
+            own.set_ticks(list(places.values()), list(each.names.values()))
+            own.set_tick_params(length=0)
         else:
-            _scale(axis, which, key, places, drops)
-    axis.set_ylabel(_label_of_axis(by, drops.scene))
-    figure.colorbar(drawn, ax=axis, label=_label_of_measure(measure, drops.shares))
-
-
-def _side_by_side(places: Mapping[Any, float]) -> dict[Any, float]:
-    """The same values at equal distances, in the order of their places."""
-    return {value: float(k) for k, value in enumerate(sorted(places, key=lambda v: places[v]))}
-
-
-def _name_cells(axis: Axes, which: str, places: Mapping[Any, float]) -> None:
-    """Write the value of each column or row of a table beside it."""
-    names = [f"{value:.4g}" if _is_number(value) else str(value) for value in places]
-    own = getattr(axis, f"{which}axis")
-    own.set_ticks(list(places.values()), names)
-    own.set_tick_params(length=0)
+            _scale(axis, which, each)
+    axis.set_ylabel(by.label)
+    axis.figure.colorbar(drawn, ax=axis, label=label)
 
 
 def _print_numbers(
@@ -293,48 +295,31 @@ def _print_numbers(
         )  # fmt: skip
 
 
-def _scale(axis: Axes, which: str, key: str, places: Mapping[Any, float], drops: _Drops) -> None:
+def _scale(axis: Axes, which: str, given: _Axis) -> None:
     """Give an axis of the figure the scale and the ticks of the sweep's."""
     own = getattr(axis, f"{which}axis")
-    is_numeric = _is_number(next(iter(places)))
-    if key in drops.logarithmic:
+    if given.is_log:
         getattr(axis, f"set_{which}scale")("log")
         own.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
         own.set_minor_formatter(ticker.NullFormatter())
         own.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
-    if not is_numeric:
-        own.set_ticks(list(places.values()), [str(value) for value in places])
-    elif len(places) <= _MOST_TICKS and not (drops.sampled and key in drops.ranges):
-        own.set_ticks(list(places.values()), [f"{value:.4g}" for value in places], minor=False)
+    if not given.is_numeric or (len(given.places) <= _MOST_TICKS and not given.is_drawn):
+        own.set_ticks(list(given.places.values()), list(given.names.values()), minor=False)
 
 
-def _groups(drops: _Drops, by: str | None) -> dict[str, list[int]]:
+def _groups(drops: _Drops, by: _Axis | None) -> dict[str, list[int]]:
     """Places of drops by the value of an axis, in rising order; of a sampled range by its bin."""
     if by is None:
         return {"": list(range(len(drops.values)))}
-    values = drops.axes[by]
-    numbers = all(_is_number(value) for value in values)
-    if drops.sampled and numbers and len(set(values)) > _MOST_CURVES:
-        edges = np.quantile(values, [0, 1 / 3, 2 / 3, 1])
-        bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, 2)
+    if drops.sampled and by.is_numeric and len(by.places) > _MOST_CURVES:
+        edges = np.quantile(by.values, [0, 1 / 3, 2 / 3, 1])
+        bins = np.clip(np.searchsorted(edges, by.values, side="right") - 1, 0, 2)
         names = [f"{edges[k]:.3g} to {edges[k + 1]:.3g}" for k in range(3)]
         return {names[k]: np.flatnonzero(bins == k).tolist() for k in range(3)}
-    found: dict[Any, list[int]] = {}
-    for place, value in enumerate(values):
-        found.setdefault(_hashable(value), []).append(place)
-    order = sorted(found) if numbers else list(found)
-    names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
-    if len(set(names.values())) < len(names):  # closer together than four digits tell
-        names = {v: str(v) for v in order}
-    return {names[v]: found[v] for v in order}
-
-
-def _places(values: Sequence[Any]) -> dict[Any, float]:
-    """Where each value of an axis stands: numbers at themselves, others side by side."""
-    different = list(dict.fromkeys(map(_hashable, values)))
-    if all(_is_number(value) for value in different):
-        return {value: float(value) for value in different}
-    return {value: float(place) for place, value in enumerate(different)}
+    found: dict[str, list[int]] = {name: [] for name in by.names.values()}
+    for place, value in enumerate(by.values):
+        found[by.names[value]].append(place)
+    return found
 
 
 def _binned(at: Floats) -> list[float]:
@@ -347,20 +332,12 @@ def _binned(at: Floats) -> list[float]:
     return centres.tolist()
 
 
-def _shades(count: int) -> list[Any]:
-    return list(mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)))
-
-
 def _finite(values: Sequence[float | None]) -> list[float]:
     return [math.nan if value is None else value for value in values]
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _hashable(value: Any) -> Any:
-    return value if not isinstance(value, (list, dict)) else str(value)
 
 
 def _label_of_measure(key: str, is_share: bool) -> str:
@@ -384,10 +361,5 @@ def _label_of_axis(key: str, scene: Scene) -> str:
     words = key.replace(".", " ").replace("_", " ")
     if not unit:
         return words
-    words = words.removesuffix(f" {unit}")  # impactor.rotation_deg
-    return f"{words} ({_written(unit)})"
-
-
-def _written(unit: str) -> str:
-    """A unit as people write it: m/s2 is m/s²."""
-    return re.sub(r"(?<=[a-zA-Z])[23]", lambda found: "²³"[int(found[0]) - 2], unit)
+    written = re.sub(r"(?<=[a-zA-Z])[23]", lambda found: "²³"[int(found[0]) - 2], unit)
+    return f"{words.removesuffix(f' {unit}')} ({written})"  # impactor.rotation_deg

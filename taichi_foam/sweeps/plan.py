@@ -20,21 +20,21 @@ A plan is a TOML file, or the same as a mapping:
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import completed_scene
+from taichi_foam.scene.messages import explain, shown, titled
 from taichi_foam.scene.toml import read_toml
 from taichi_foam.scene.values import by_key, settings
 
@@ -74,26 +74,29 @@ class Axis(Part):
     def _check_range(self) -> Axis:
         if self.values is not None:
             if self.low is not None or self.high is not None or self.count is not None:
-                raise ValueError("has both values and a range; give one of them")
-            shown = [repr(value) for value in self.values]
-            twice = next((value for value in shown if shown.count(value) > 1), None)
-            if len(shown) <= 1000 and twice is not None:
-                raise ValueError(f"values holds {twice} twice; leave one out")
+                raise ValueError(f"{self.key}: has both values and a range; give one of them")
+            few = self.values if len(self.values) <= 1000 else ()
+            if (twice := _twice([repr(value) for value in few])) is not None:
+                raise ValueError(f"{self.key}: values holds {twice} twice; leave one out")
             return self
         if self.low is None or self.high is None:
-            raise ValueError("has no values; give values = [...], or from, to and count")
+            raise ValueError(
+                f"{self.key}: has no values; give values = [...], or from, to and count"
+            )
         if self.low >= self.high:
             raise ValueError(
-                f"from = {self.low:g} is not below to = {self.high:g}; exchange them, or give one "
-                "value as values = [...]"
+                f"{self.key}: from = {self.low:g} is not below to = {self.high:g}; exchange them, "
+                "or give one value as values = [...]"
             )
         if self.spacing == "log" and self.low <= 0:
             raise ValueError(
-                f"from = {self.low:g}: a logarithmic range must be above 0; take spacing = "
-                '"linear", or a larger from'
+                f"{self.key}: from = {self.low:g}: a logarithmic range must be above 0; take "
+                'spacing = "linear", or a larger from'
             )
         if self.count == 1:
-            raise ValueError("count = 1: a range has at least its two ends; give values = [...]")
+            raise ValueError(
+                f"{self.key}: count = 1: a range has at least its two ends; give values = [...]"
+            )
         return self
 
 
@@ -128,9 +131,13 @@ class Plan(Part):
     """A whole sweep, checked as far as it can be without its scene."""
 
     name: str | None = Field(None, min_length=1, max_length=100)
-    scene: str | dict[str, Any]
+    scene: str | dict[str, Any] = Field(
+        json_schema_extra={"allowed": "the name of a scene, that of its file, or a table"}
+    )
     choices: str | None = None
-    set: dict[str, Any] = Field({}, description="values of the scene by dotted key")
+    set: dict[str, Any] = Field(
+        {}, json_schema_extra={"allowed": "a table of values of the scene by dotted key"}
+    )
     axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
     sample: Sample | None = None
     repeats: Repeats = Repeats()
@@ -142,8 +149,7 @@ class Plan(Part):
         if not self.axes and self.repeats.count == 1:
             raise ValueError("axes: none given; a sweep varies at least one key, or repeats")
         keys = [axis.key for axis in self.axes]
-        twice = next((key for key in keys if keys.count(key) > 1), None)
-        if twice is not None:
+        if (twice := _twice(keys)) is not None:
             raise ValueError(f"axes: {twice} is there twice; a key has one axis")
         ranges = [axis for axis in self.axes if axis.is_range]
         if self.sample is not None and not ranges:
@@ -199,9 +205,7 @@ class Plan(Part):
         try:
             return cls.model_validate(data)
         except ValidationError as error:
-            lines = dict.fromkeys(_problem(detail, data) for detail in error.errors())
-            listed = "\n".join(f"  {line}" for line in lines)
-            raise UserError(f"{source}: not a valid plan:\n{listed}") from None
+            raise UserError(titled(source, explain(error, cls), "plan")) from None
 
     @classmethod
     def load(cls, source: str | Path | Mapping[str, Any] | Plan) -> Plan:
@@ -243,8 +247,7 @@ class Plan(Part):
         """The same sweep, complete in itself: its scene a table, with every value.
 
         `folder` is where a scene that is a file is looked for first, and where names of files in
-        one that is a table begin. Raises UserError: the scene
-        cannot be.
+        one that is a table begin. Raises UserError: the scene cannot be.
         """
         if isinstance(self.scene, str):
             near = (folder or Path()) / self.scene
@@ -272,10 +275,15 @@ class Plan(Part):
         """How it differs from the data of another one in what a row hangs on, a line for a key."""
         old, new = (by_key(_by_axis(_without_chunk(data))) for data in (other, self.data()))
         return [
-            f"{key}: was {_shown(old.get(key))}, is {_shown(new.get(key))}"
+            f"{key}: was {shown(old.get(key))}, is {shown(new.get(key))}"
             for key in dict.fromkeys([*old, *new])
             if old.get(key) != new.get(key)
         ]
+
+
+def _twice(values: Sequence[str]) -> str | None:
+    """The first value that is there twice."""
+    return next((value for value in values if values.count(value) > 1), None)
 
 
 def axis_of(text: str) -> dict[str, Any]:
@@ -345,45 +353,3 @@ def _by_axis(data: Mapping[str, Any]) -> dict[str, Any]:
     """Data of a plan with its axes by their keys, not by their places."""
     axes = {f"axes[{axis['key']}]": axis for axis in data.get("axes", ())}
     return {**{key: value for key, value in data.items() if key != "axes"}, **axes}
-
-
-def _problem(detail: Any, data: Mapping[str, Any]) -> str:
-    """One of pydantic's details for people."""
-    path, owner, names = "", Plan, []
-    found: Any = data
-    for step in detail["loc"]:
-        if isinstance(step, int):
-            path += f"[{step}]"
-            found = found[step] if isinstance(found, Sequence) and step < len(found) else None
-            continue
-        if owner is not None:
-            names = [field.alias or name for name, field in owner.model_fields.items()]
-        path += f".{step}" if path else step
-        if isinstance(found, Mapping):
-            found = found.get(step)
-        owner = _PARTS.get(step, owner)
-    kind, context = detail["type"], detail.get("ctx", {})
-    if kind == "value_error":
-        return f"{path}: {context['error']}" if path else str(context["error"])
-    if kind == "extra_forbidden":
-        key = str(detail["loc"][-1])
-        near = difflib.get_close_matches(key, names, n=1, cutoff=0.6)
-        return f"{path}: unknown key; " + (
-            f"did you mean {near[0]}?" if near else f"known here: {', '.join(names)}"
-        )
-    if kind == "missing":
-        return f"{path}: missing"
-    message = str(detail["msg"]).replace("Input should be", "must be")
-    return f"{path} = {_shown(detail['input'])}: {message}"
-
-
-_PARTS: dict[str, type[BaseModel]] = {
-    "axes": Axis, "sample": Sample, "repeats": Repeats, "keep": Keep,
-}  # fmt: skip
-
-METHODS = get_args(Method)
-
-
-def _shown(value: Any) -> str:
-    text = "none" if value is None else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -9,165 +9,25 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from taichi_foam.engine import runtime
 from taichi_foam.errors import RunError, UserError, installed, warn_of_run
 from taichi_foam.interrupts import held_interrupts
-from taichi_foam.results.result import Result
+from taichi_foam.results.folders import resolved
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import dealing, estimate, table
-from taichi_foam.sweeps.chunk import Engine, Solve
+from taichi_foam.sweeps import dealing, table
 from taichi_foam.sweeps.compute import compute
+from taichi_foam.sweeps.dealing import Estimate, Solve
 from taichi_foam.sweeps.plan import Plan
-from taichi_foam.sweeps.sampling import Design, Member
-from taichi_foam.sweeps.store import Store, claimed
+from taichi_foam.sweeps.sampling import Design
+from taichi_foam.sweeps.store import Sweep, claimed
 
 MOST_CHECKED = 10_000
 """Drops whose scenes are built before any is computed; of more, as many spread evenly."""
-
-
-_TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
-"""Measures of which one at least differs as soon as two drops differ in anything."""
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How far a sweep is.
-
-    drops    of the whole plan
-    done     those with a row
-    failed   those among them that failed: diverged, or their values make no scene
-    lost     those whose chunk could not be computed; the same command tries them again
-    at_work  whether a process computes it now
-    """
-
-    drops: int
-    done: int
-    failed: int
-    lost: int
-    at_work: bool
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """A sweep on disk, whole or not."""
-
-    store: Store
-
-    @classmethod
-    def open(cls, folder: str | Path) -> Sweep:
-        """The sweep in a folder. Raises UserError: there is none, or it is damaged."""
-        return cls(Store.open(folder))
-
-    @property
-    def notes(self) -> list[str]:
-        """What there is to say of its repeats, in words: seeds that have changed nothing."""
-        repeats = self.store.plan.repeats
-        if repeats.count == 1 or repeats.vary != "seed":
-            return []
-        found = table.read(self.store.shards(), [table.MEMBER, *_TELLING])
-        same = table.same_in_groups(found, repeats.count)
-        if not any(same):
-            return []
-        where = "of all combinations" if all(same) else f"of {sum(same):,} of {len(same):,}"
-        where = where if len(same) > 1 else "of the drop"
-        return [
-            f"repeats.vary = 'seed': the seeds have changed nothing in the repeats {where}: "
-            "scattered strengths matter only where foam breaks or comes near to it. "
-            "Fix: vary the velocity"
-        ]
-
-    @property
-    def folder(self) -> Path:
-        return self.store.folder
-
-    @property
-    def standing(self) -> Standing:
-        """How far it is."""
-        store = self.store
-        failures = table.read(store.shards(), ["failure"])
-        return Standing(
-            drops=len(store.design),
-            done=len(failures),
-            failed=len(failures) - failures["failure"].null_count if len(failures) else 0,
-            lost=sum(map(len, store.lost())),
-            at_work=store.is_at_work,
-        )
-
-    def collect(self) -> int:
-        """Write results.parquet and results.csv of what there is; return how many rows they have.
-
-        Raises OSError: they cannot be written.
-        """
-        store = self.store
-        more = [
-            table.row_without_scene(store.design, number, f"lost: {reason}")
-            for chunk, reason in store.lost().items()
-            for number in chunk
-        ]
-        return table.collect(store.shards(), more, store.folder)
-
-    def to_pandas(self) -> Any:
-        """The table as a frame; a row a drop.
-
-        Raises UserError: nothing has been computed yet, or pandas is not installed.
-        """
-        with installed("a table as a frame", "pandas"):
-            import pandas
-        path = self.folder / table.PARQUET
-        if not path.is_file():
-            raise UserError(f"{self.folder}: has no {table.PARQUET} yet")
-        return pandas.read_parquet(path)
-
-    def histories(self, number: int) -> Any:
-        """The history of a member as a frame, if the plan keeps histories.
-
-        Raises UserError: it does not, or the member's chunk is not complete.
-        """
-        with installed("a history as a frame", "pandas"):
-            import pandas
-        self._check_number(number)
-        chunk = next((each for each in self.store.finished() if number in each), None)
-        path = None if chunk is None else self.store.history_file(chunk)
-        if path is None or not path.is_file():
-            raise UserError(
-                f"{self.folder}: there is no history of member {number}; it is not computed yet, "
-                "or the plan does not keep them (keep.histories). Fix: compute it again in full."
-            )
-        found = pandas.read_parquet(path, filters=[("member", "==", number)])
-        return found.drop(columns="member")
-
-    def again(
-        self,
-        number: int,
-        on_progress: simulate.ProgressCallback | None = None,
-        *,
-        threads: int | None = None,
-    ) -> Result:
-        """Compute a member again, in full: the numbers are those of its row, to the last bit.
-
-        Raises UserError: no such member, or other versions than those of the sweep; RunError as
-        `run`.
-        """
-        scene = self.member(number).scene
-        self.store.check_versions()
-        arch = self.store.made_with["arch"]
-        return simulate.run(scene, on_progress, arch=arch, threads=threads)
-
-    def member(self, number: int) -> Member:
-        """One drop: its values and its scene. Raises UserError: there is none."""
-        self._check_number(number)
-        return self.store.design.member(number)
-
-    def _check_number(self, number: int) -> None:
-        if not 0 <= number < len(self.store.design):
-            raise UserError(
-                f"member {number}: there is none; they are 0 to {len(self.store.design) - 1}"
-            )
 
 
 def sweep(
@@ -203,27 +63,38 @@ def sweep(
     bars = bars or Bars()
     folder, checked = prepare(plan, out, workers, scheduler)
     _say(bars, checked.notes)
-    is_here = workers is None and scheduler is None
-    arch = arch or "cpu"
+    arch, side_by_side = arch or "cpu", 1
     if solve is None:
-        if is_here:
+        if workers is None and scheduler is None:
             runtime.start(arch, threads)
-        solve = Engine(arch, threads if is_here else threads or 1)
-    with claimed(folder, checked, arch) as store:
-        found = Sweep(store)
-        for chunk in store.drop_damaged():
+            threads = int(runtime.settings()["threads"])
+        threads = threads or 1
+        solve = partial(simulate.simulate_many, arch=arch, threads=threads)
+        # a GPU has room for more than a chunk holds
+        side_by_side = threads if arch == "cpu" else dealing.MOST
+    with claimed(folder, checked, arch) as found:
+        for chunk in found.drop_damaged():
             bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read, and are computed again")
-        pending = sum(map(len, store.missing()))
+        pending = sum(map(len, found.missing()))
         try:
-            _compute(store, solve, pending, bars, workers, scheduler)
-        except KeyboardInterrupt:
-            with held_interrupts():
-                _collect_if_possible(found)
-            raise KeyboardInterrupt(_words_of_rest(found)) from None
-        except (RunError, UserError):
-            _collect_if_possible(found)
-            raise
-        store.forget_lost()
+            if pending:
+                what = f"{pending:,} of {len(found.design):,} drops"
+                with bars.counting("computing", what, pending, "drops") as advance:
+                    compute(
+                        found, solve, advance,
+                        side_by_side=side_by_side, workers=workers, scheduler=scheduler,
+                    )  # fmt: skip
+        except (KeyboardInterrupt, RunError, UserError) as error:
+            # the disk may be what has failed
+            with held_interrupts(), contextlib.suppress(OSError):
+                found.collect()
+            if not isinstance(error, KeyboardInterrupt):
+                raise
+            done, drops = found.standing.done, found.standing.drops
+            raise KeyboardInterrupt(
+                f"{done:,} of {drops:,} drops are in {folder}; the same command goes on"
+            ) from None
+        found.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
             found.collect()
     _say(bars, found.notes)
@@ -250,67 +121,23 @@ def prepare(
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)
     Design(checked).check(MOST_CHECKED)
-    if not str(out).strip() or "\0" in str(out):
-        raise UserError(f"output folder {str(out)!r}: not a path. Fix: give the name of a folder.")
+    resolved(out)  # refuses what is no folder's name
     folder = Path(out).absolute()
-    estimate.check_room(folder, checked)
+    dealing.check_room(folder, checked)
     return folder, checked
 
 
 def tried(
     plan: Plan, arch: str = "cpu", threads: int | None = None, bars: Bars | None = None
-) -> estimate.Estimate:
+) -> Estimate:
     """What a sweep will take, after a short trial in this process. Raises UserError as `sweep`."""
     runtime.start(arch, threads)
     with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
-        return estimate.trial(Design(plan), Engine(arch, threads), advance)
+        solve = partial(simulate.simulate_many, arch=arch, threads=threads)
+        return dealing.trial(Design(plan), solve, advance)
 
 
 def _say(bars: Bars, notes: list[str]) -> None:
     for text in notes:
         bars.say(f"note: {text}")
         warn_of_run(text)
-
-
-def _compute(
-    store: Store,
-    solve: Solve,
-    pending: int,
-    bars: Bars,
-    workers: int | None,
-    scheduler: str | None,
-) -> None:
-    if not pending:
-        return
-    what = f"{pending:,} of {len(store.design):,} drops"
-    with bars.counting("computing", what, pending, "drops") as advance:
-        compute(
-            store, solve, advance,
-            side_by_side=_side_by_side(store, solve), workers=workers, scheduler=scheduler,
-        )  # fmt: skip
-
-
-def _side_by_side(store: Store, solve: Solve) -> int:
-    """How many drops a worker computes at a time, at no more time than one: of a CPU its threads.
-
-    A GPU has room for more than a chunk holds.
-    """
-    if not isinstance(solve, Engine):
-        return 1
-    if store.made_with["arch"] != "cpu":
-        return dealing.MOST
-    return solve.threads or int(runtime.settings()["threads"])
-
-
-def _collect_if_possible(found: Sweep) -> None:
-    """Put what there is into the table; the disk may be what has failed."""
-    with contextlib.suppress(OSError):
-        found.collect()
-
-
-def _words_of_rest(found: Sweep) -> str:
-    standing = found.standing
-    return (
-        f"{standing.done:,} of {standing.drops:,} drops are in {found.folder}; "
-        "the same command goes on"
-    )

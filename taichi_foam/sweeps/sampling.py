@@ -112,8 +112,12 @@ class Design:
 
     def check(self, most: int) -> None:
         """Build all scenes, or `most` of them spread evenly. Raises UserError: one cannot be."""
-        for number in np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).astype(int)):
-            self.member(int(number))
+        for number in self.spread(most):
+            self.member(number)
+
+    def spread(self, most: int) -> list[int]:
+        """All numbers, or `most` of them spread evenly."""
+        return np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).astype(int)).tolist()
 
     def _varied(self, data: dict[str, Any], repeat: int) -> tuple[str, float | int]:
         """The key that repeats vary, and its value in one of them.

@@ -18,19 +18,22 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
-from taichi_foam.errors import UserError
+from taichi_foam.errors import UserError, installed
 from taichi_foam.results.files import LEFTOVER, whole_file, write_json
-from taichi_foam.results.locks import LOCK, is_locked, locked
+from taichi_foam.results.folders import LOCK, is_locked, locked, made, remove_leftovers
+from taichi_foam.results.result import Result
+from taichi_foam.simulation import simulate
+from taichi_foam.sweeps import table
 from taichi_foam.sweeps.plan import Plan
-from taichi_foam.sweeps.sampling import Design
+from taichi_foam.sweeps.sampling import Design, Member
 from taichi_foam.sweeps.table import Shard
 from taichi_foam.version import version
 
@@ -43,10 +46,31 @@ _CHUNK = re.compile(r"(\d{8})-(\d{8})")
 CHUNKS, HISTORIES, RUNS, LOST = "chunks", "histories", "runs", "lost"
 _FORMAT = 2
 
+_TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
+"""Measures of which one at least differs as soon as two drops differ in anything."""
+
 
 @dataclass(frozen=True)
-class Store:
-    """The folder of a sweep, and its plan."""
+class Standing:
+    """How far a sweep is.
+
+    drops    of the whole plan
+    done     those with a row
+    failed   those among them that failed: diverged, or their values make no scene
+    lost     those whose chunk could not be computed; the same command tries them again
+    at_work  whether a process computes it now
+    """
+
+    drops: int
+    done: int
+    failed: int
+    lost: int
+    at_work: bool
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep on disk, whole or not: its folder, its plan, and what it was begun with."""
 
     folder: Path
     plan: Plan
@@ -54,7 +78,7 @@ class Store:
     made_with: dict[str, str]
 
     @classmethod
-    def open(cls, folder: str | Path) -> Store:
+    def open(cls, folder: str | Path) -> Sweep:
         """The sweep in a folder. Raises UserError: there is none, or it is damaged."""
         root = Path(folder)
         mark = root / MARK
@@ -92,17 +116,32 @@ class Store:
                 "begun. Fix: continue it with the NumPy and SciPy that it was begun with."
             )
 
+    def told(self) -> dict[str, Any]:
+        """What `sweep.json` holds."""
+        return {
+            "format": _FORMAT,
+            "hash": self.plan.hash,
+            "members": self.plan.count,
+            "made_with": self.made_with,
+            "points": self.points,
+            "plan": self.plan.data(),
+        }
+
     def chunk_file(self, chunk: range) -> Path:
-        return self.folder / CHUNKS / f"{_name(chunk)}.parquet"
+        return self._file(CHUNKS, chunk, ".parquet")
 
     def history_file(self, chunk: range) -> Path:
-        return self.folder / HISTORIES / f"{_name(chunk)}.parquet"
+        return self._file(HISTORIES, chunk, ".parquet")
+
+    def lost_file(self, chunk: range) -> Path:
+        return self._file(LOST, chunk, ".txt")
+
+    def _file(self, name: str, chunk: range, suffix: str) -> Path:
+        """A file of a chunk, which is called by its first member and its last."""
+        return self.folder / name / f"{chunk[0]:08d}-{chunk[-1]:08d}{suffix}"
 
     def run_folder(self, number: int) -> Path:
         return self.folder / RUNS / f"{number:08d}"
-
-    def lost_file(self, chunk: range) -> Path:
-        return self.folder / LOST / f"{_name(chunk)}.txt"
 
     def finished(self) -> list[range]:
         """The chunks that are complete, in order."""
@@ -175,13 +214,106 @@ class Store:
             partial.write_text(reason + "\n", encoding="utf-8")
 
     @property
-    def is_at_work(self) -> bool:
-        """Whether a process computes it now."""
-        return is_locked(self.folder)
+    def notes(self) -> list[str]:
+        """What there is to say of its repeats, in words: seeds that have changed nothing."""
+        repeats = self.plan.repeats
+        if repeats.count == 1 or repeats.vary != "seed":
+            return []
+        found = table.read(self.shards(), [table.MEMBER, *_TELLING])
+        same = table.same_in_groups(found, repeats.count)
+        if not any(same):
+            return []
+        where = "of all combinations" if all(same) else f"of {sum(same):,} of {len(same):,}"
+        where = where if len(same) > 1 else "of the drop"
+        return [
+            f"repeats.vary = 'seed': the seeds have changed nothing in the repeats {where}: "
+            "scattered strengths matter only where foam breaks or comes near to it. "
+            "Fix: vary the velocity"
+        ]
+
+    @property
+    def standing(self) -> Standing:
+        """How far it is."""
+        failures = table.read(self.shards(), ["failure"])
+        return Standing(
+            drops=len(self.design),
+            done=len(failures),
+            failed=len(failures) - failures["failure"].null_count if len(failures) else 0,
+            lost=sum(map(len, self.lost())),
+            at_work=is_locked(self.folder),
+        )
+
+    def collect(self) -> int:
+        """Write results.parquet and results.csv of what there is; return how many rows they have.
+
+        Raises OSError: they cannot be written.
+        """
+        more = [
+            table.row_without_scene(self.design, number, f"lost: {reason}")
+            for chunk, reason in self.lost().items()
+            for number in chunk
+        ]
+        return table.collect(self.shards(), more, self.folder)
+
+    def to_pandas(self) -> Any:
+        """The table as a frame; a row a drop.
+
+        Raises UserError: nothing has been computed yet, or pandas is not installed.
+        """
+        with installed("a table as a frame", "pandas"):
+            import pandas
+        path = self.folder / table.PARQUET
+        if not path.is_file():
+            raise UserError(f"{self.folder}: has no {table.PARQUET} yet")
+        return pandas.read_parquet(path)
+
+    def histories(self, number: int) -> Any:
+        """The history of a member as a frame, if the plan keeps histories.
+
+        Raises UserError: it does not, or the member's chunk is not complete.
+        """
+        with installed("a history as a frame", "pandas"):
+            import pandas
+        self._check_number(number)
+        chunk = next((each for each in self.finished() if number in each), None)
+        path = None if chunk is None else self.history_file(chunk)
+        if path is None or not path.is_file():
+            raise UserError(
+                f"{self.folder}: there is no history of member {number}; it is not computed yet, "
+                "or the plan does not keep them (keep.histories). Fix: compute it again in full."
+            )
+        found = pandas.read_parquet(path, filters=[("member", "==", number)])
+        return found.drop(columns="member")
+
+    def again(
+        self,
+        number: int,
+        on_progress: simulate.ProgressCallback | None = None,
+        *,
+        threads: int | None = None,
+    ) -> Result:
+        """Compute a member again, in full: the numbers are those of its row, to the last bit.
+
+        Raises UserError: no such member, or other versions than those of the sweep; RunError as
+        `run`.
+        """
+        scene = self.member(number).scene
+        self.check_versions()
+        arch = self.made_with["arch"]
+        return simulate.run(scene, on_progress, arch=arch, threads=threads)
+
+    def member(self, number: int) -> Member:
+        """One drop: its values and its scene. Raises UserError: there is none."""
+        self._check_number(number)
+        return self.design.member(number)
+
+    def _check_number(self, number: int) -> None:
+        if not 0 <= number < len(self.design):
+            raise UserError(f"member {number}: there is none; they are 0 to {len(self.design) - 1}")
 
 
 @contextlib.contextmanager
-def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
+def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
     """The folder of a sweep for as long as the block computes in it; nobody else does then.
 
     What a killed sweep has left under temporary names is removed.
@@ -189,51 +321,31 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Store]:
     Raises UserError: somebody is at work in it, it holds something else, or another sweep (the
     message says in what they differ).
     """
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"{folder}: that is a file. Fix: choose another folder.")
-    if folder.is_dir() and not (folder / MARK).exists():
-        found = sorted(p.name for p in folder.iterdir() if not _is_ours_before_the_mark(p))
-        if found:
-            raise UserError(
-                f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
-                "Fix: choose another folder."
-            )
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with locked(folder):
-            if (folder / MARK).exists():
-                store = Store.open(folder)
-                _check_same(store, plan, arch)
-                store = replace(store, plan=plan)  # which may deal its drops out otherwise
+    mark = folder / MARK
+    # one that was killed before it had marked the folder has left no others
+    strange = [p for p in folder.glob("*") if p.name != LOCK and not LEFTOVER.match(p.name)]
+    if strange and not mark.exists():
+        raise UserError(
+            f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
+            "Fix: choose another folder."
+        )
+    with made(folder), locked(folder):
+        try:
+            if mark.exists():
+                found = Sweep.open(folder)
+                _check_same(found, plan, arch)
+                found = replace(found, plan=plan)  # which may deal its drops out otherwise
             else:
-                store = Store(folder, plan, Design(plan).fingerprint, versions(arch))
-                with whole_file(folder / MARK) as partial:
-                    write_json(
-                        partial,
-                        {
-                            "format": _FORMAT,
-                            "hash": plan.hash,
-                            "members": plan.count,
-                            "made_with": store.made_with,
-                            "points": store.points,
-                            "plan": plan.data(),
-                        },
-                    )
-            _remove_leftovers(folder)
+                found = Sweep(folder, plan, Design(plan).fingerprint, versions(arch))
+                with whole_file(mark) as partial:
+                    write_json(partial, found.told())
+            _tidy(folder)
             (folder / CHUNKS).mkdir(exist_ok=True)
-            try:
-                yield store
-            finally:
-                _remove_leftovers(folder)
-                with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
-                    (folder / LOCK).unlink()
-    finally:
-        # An empty folder that was made for this goes again; one with a sweep in it stays.
-        if not (folder / MARK).exists():
-            for path in made:
-                with contextlib.suppress(OSError):
-                    path.rmdir()
+            yield found
+        finally:
+            _tidy(folder)
+            with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
+                (folder / LOCK).unlink()
 
 
 def versions(arch: str) -> dict[str, str]:
@@ -247,52 +359,33 @@ def versions(arch: str) -> dict[str, str]:
     }
 
 
-def _check_same(store: Store, plan: Plan, arch: str) -> None:
+def _check_same(found: Sweep, plan: Plan, arch: str) -> None:
     """Refuse to continue a sweep with another plan or another version."""
-    changed = plan.differences(store.plan.data())
+    changed = plan.differences(found.plan.data())
     if changed:
         listed = "\n".join(f"  {line}" for line in changed)
         raise UserError(
-            f"{store.folder}: it holds a sweep of another plan:\n{listed}\n"
+            f"{found.folder}: it holds a sweep of another plan:\n{listed}\n"
             "Fix: choose another folder, or go back to that plan."
         )
-    if store.made_with["arch"] != arch:
+    if found.made_with["arch"] != arch:
         raise UserError(
-            f"{store.folder}: it is computed on {store.made_with['arch']}. "
+            f"{found.folder}: it is computed on {found.made_with['arch']}. "
             "Fix: choose that, or another folder."
         )
-    store.check_versions()
-
-
-def _name(chunk: range) -> str:
-    """What the files of a chunk are called: by its first member and its last."""
-    return f"{chunk[0]:08d}-{chunk[-1]:08d}"
+    found.check_versions()
 
 
 def _chunks(folder: Path, suffix: str) -> list[range]:
     """The chunks that a folder has files of, in order."""
-    if not folder.is_dir():
-        return []
-    with os.scandir(folder) as entries:
-        found = [_CHUNK.fullmatch(e.name.removesuffix(suffix)) for e in entries]
-    rows = [range(int(each[1]), int(each[2]) + 1) for each in found if each]
+    names = (path.name.removesuffix(suffix) for path in folder.glob(f"*{suffix}"))
+    found = (each for name in names if (each := _CHUNK.fullmatch(name)))
+    rows = [range(int(each[1]), int(each[2]) + 1) for each in found]
     return sorted(rows, key=lambda row: (row.start, row.stop))
 
 
-def _remove_leftovers(folder: Path) -> None:
+def _tidy(folder: Path) -> None:
     """Remove what killed processes were writing."""
-    runs = folder / RUNS
-    places = [folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST))]
-    places += runs.iterdir() if runs.is_dir() else []
-    for place in places:
-        for path in place.iterdir() if place.is_dir() else ():
-            if path.name == SCRATCH or LEFTOVER.match(path.name):
-                if path.is_dir():
-                    shutil.rmtree(path, ignore_errors=True)
-                else:
-                    path.unlink(missing_ok=True)
-
-
-def _is_ours_before_the_mark(path: Path) -> bool:
-    """Whether a sweep that was killed before it had marked its folder may have left it."""
-    return path.name == LOCK or bool(LEFTOVER.match(path.name))
+    runs = (folder / RUNS).glob("*")
+    remove_leftovers([folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST)), *runs])
+    shutil.rmtree(folder / SCRATCH, ignore_errors=True)

@@ -247,23 +247,15 @@ def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
 
 
 def _joined(parts: Sequence[pa.Table], schema: pa.Schema) -> pa.Table:
+    """Shards as one table that has all columns of `schema`, in its order."""
     import pyarrow as pa
 
-    return pa.concat_tables([_cast(part, schema) for part in parts])
+    def column(part: pa.Table, field: pa.Field) -> Any:
+        there = field.name in part.column_names
+        return part[field.name].cast(field.type) if there else pa.nulls(len(part), field.type)
 
-
-def _cast(part: pa.Table, schema: pa.Schema) -> pa.Table:
-    """A shard with all columns of the whole table, in its order."""
-    import pyarrow as pa
-
-    return pa.table(
-        [
-            part[field.name].cast(field.type)
-            if field.name in part.column_names
-            else pa.nulls(len(part), field.type)
-            for field in schema
-        ],
-        schema=schema,
+    return pa.concat_tables(
+        pa.table([column(part, field) for field in schema], schema=schema) for part in parts
     )
 
 

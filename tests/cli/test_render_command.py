@@ -236,7 +236,7 @@ def read_only(stored: Path) -> Iterator[Path]:
 
 def test_a_read_only_run_needs_another_place(ask: Callable, read_only: Path) -> None:
     before = tree(read_only)
-    assert_refused(ask("render", str(read_only)), "Permission denied", "--out")
+    assert_refused(ask("render", str(read_only)), "permission denied", "--out")
     assert tree(read_only) == before
 
 

@@ -81,8 +81,8 @@ def test_a_small_sweep_that_is_ended_early_has_what_was_done(tmp_path: Path) -> 
         tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=stop, seconds=4.0))
     half = Sweep.open(tmp_path / "s")
     assert 40 - 30 / 4 <= half.standing.done <= 40
-    chunks = half.store.finished()
-    assert seconds_of(half.store.chunk_file(chunks[0])) == pytest.approx(4.0 * len(chunks[0]), 0.1)
+    chunks = half.finished()
+    assert seconds_of(half.chunk_file(chunks[0])) == pytest.approx(4.0 * len(chunks[0]), 0.1)
 
 
 def test_a_sweep_goes_on_in_chunks_of_any_size(tmp_path: Path) -> None:
@@ -126,14 +126,14 @@ def test_what_was_lost_is_forgotten_when_chunks_of_another_size_have_it(tmp_path
     with pytest.raises(RunError):
         tf.sweep({**PLAN, "chunk": 2}, tmp_path / "s", solve=Solver(before=fall))
     half = Sweep.open(tmp_path / "s")
-    assert {range(2, 4)} <= half.store.lost().keys()
+    assert {range(2, 4)} <= half.lost().keys()
     # one of the two is there now, of the other it is still said
-    half.store.chunk_file(range(0, 2)).rename(half.store.chunk_file(range(2, 3)))
-    assert {range(3, 4)} <= half.store.lost().keys()
-    half.store.chunk_file(range(2, 3)).unlink()
+    half.chunk_file(range(0, 2)).rename(half.chunk_file(range(2, 3)))
+    assert {range(3, 4)} <= half.lost().keys()
+    half.chunk_file(range(2, 3)).unlink()
     # lost again in a larger chunk: each drop is told once
-    half.store.lose(range(2, 5), "killed")
-    told = [number for row in half.store.lost() for number in row]
+    half.lose(range(2, 5), "killed")
+    told = [number for row in half.lost() for number in row]
     assert sorted(told) == sorted(set(told))
     assert {2, 3, 4} <= set(told)
     whole = tf.sweep({**PLAN, "chunk": 5}, tmp_path / "s", solve=Solver())

@@ -24,7 +24,9 @@ def design_of(*axes: dict, **more: object) -> Design:
     ("change", "says"),
     [
         ({"axis": [VELOCITY]}, "axis: unknown key; did you mean axes?"),
-        ({"axes": [{**axis(), "cont": 3}]}, "axes[0].cont: unknown key; did you mean count?"),
+        ({"axes": [{**axis(), "cont": 3}]}, "axes[0].cont: unknown key; did you mean axes[0].cou"),
+        ({"axes": [3]}, "axes[0] = 3: must be a table with keys such as key, values, from, to"),
+        ({"sample": {"method": "sobol", "cout": 8}}, "sample.cout: unknown key; did you mean samp"),
         ({"axes": [axis(), axis()]}, "impactor.velocity is there twice"),
         ({"axes": []}, "none given"),
         ({"axes": [VELOCITY]}, "impactor.velocity: has no count"),

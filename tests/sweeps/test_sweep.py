@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,11 +21,11 @@ from rich.console import Console
 import taichi_foam as tf
 from taichi_foam.errors import RunError, RunWarning, UserError
 from taichi_foam.results.files import whole_file
-from taichi_foam.results.locks import locked
+from taichi_foam.results.folders import locked
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import estimate, run, store
+from taichi_foam.sweeps import run, store
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.run import Sweep
 from taichi_foam.version import version
@@ -51,7 +52,7 @@ def test_the_folder_holds_a_plan_shards_and_one_table(swept: Sweep) -> None:
     }  # fmt: skip
     mark = json.loads((swept.folder / "sweep.json").read_text(encoding="utf-8"))
     assert mark["members"] == 9
-    assert mark["hash"] == swept.store.plan.hash
+    assert mark["hash"] == swept.plan.hash
     assert mark["made_with"]["taichi_foam"] == version()
 
 
@@ -77,11 +78,11 @@ def test_the_table_has_a_row_for_each_drop_and_a_column_for_each_kind(swept: Swe
     text = pd.read_csv(swept.folder / "results.csv", keep_default_na=False, na_values=[""])
     assert text["scene"].tolist() == found["scene"].tolist()
     assert text["max_displacement_m"].equals(found["max_displacement_m"])
-    assert swept.standing == run.Standing(9, 9, failed=2, lost=0, at_work=False)
+    assert swept.standing == store.Standing(9, 9, failed=2, lost=0, at_work=False)
 
 
 def test_histories_are_kept_as_asked(swept: Sweep) -> None:
-    kept = pq.read_table(swept.store.history_file(range(2, 4)))
+    kept = pq.read_table(swept.history_file(range(2, 4)))
     assert kept["member"].to_pylist() == [2, 2, 2, 3, 3, 3]
     assert str(kept.schema.field("time_s").type) == "float"
     assert swept.histories(3)["time_s"].tolist() == [0.0, 1.0, 2.0]
@@ -110,7 +111,7 @@ def test_ctrl_c_keeps_complete_chunks_and_the_same_call_goes_on(tmp_path: Path) 
     assert "4 of 9 drops are in" in str(stopped.value)
     assert "the same command goes on" in str(stopped.value)
     half = Sweep.open(tmp_path / "s")
-    assert half.standing == run.Standing(9, 4, failed=0, lost=0, at_work=False)
+    assert half.standing == store.Standing(9, 4, failed=0, lost=0, at_work=False)
     assert len(half.to_pandas()) == 4
     assert "lock" not in names(tmp_path / "s")
     rest = Solver()
@@ -134,7 +135,7 @@ def test_what_a_killed_process_left_is_removed_and_a_cut_shard_computed_again(
         (folder / name).write_bytes(b"cut")
     (folder / "runs" / "00000003" / ".unfinished.0a1b2c3d.partial").mkdir(parents=True)
     (folder / ".workers" / "dask-scratch-space").mkdir(parents=True)
-    shard = swept.store.chunk_file(range(4, 6))
+    shard = swept.chunk_file(range(4, 6))
     whole = shard.read_bytes()
     shard.write_bytes(whole[:-20])
     solver = Solver()
@@ -187,8 +188,8 @@ def test_two_sweeps_cannot_share_a_folder(tmp_path: Path, swept: Sweep) -> None:
 def test_a_sweep_that_the_disk_cannot_hold_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage = estimate.shutil.disk_usage(tmp_path)._replace(free=10_000)
-    monkeypatch.setattr(estimate.shutil, "disk_usage", lambda path: usage)
+    usage = shutil.disk_usage(tmp_path)._replace(free=10_000)
+    monkeypatch.setattr("taichi_foam.results.folders.shutil.disk_usage", lambda path: usage)
     with pytest.raises(UserError, match=r"needs about .*B, but the disk has 10 kB free"):
         tf.sweep(PLAN, tmp_path / "s", solve=Solver())
     assert names(tmp_path) == set()
@@ -225,12 +226,12 @@ def test_a_chunk_that_cannot_be_computed_is_told_and_tried_again(tmp_path: Path)
         tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=fall))
     half = Sweep.open(tmp_path / "s")
     assert half.standing.lost > 0
-    assert "MemoryError: no room" in half.store.lost()[range(2, 4)]
+    assert "MemoryError: no room" in half.lost()[range(2, 4)]
     rows = half.to_pandas().set_index("member")
     assert rows.loc[2, "failure"].startswith("lost: MemoryError")
     assert rows.loc[0, "max_displacement_m"] == 0.02
     whole = tf.sweep(PLAN, tmp_path / "s", solve=Solver())
-    assert whole.standing == run.Standing(9, 9, failed=2, lost=0, at_work=False)
+    assert whole.standing == store.Standing(9, 9, failed=2, lost=0, at_work=False)
     assert whole.to_pandas()["member"].tolist() == list(range(9))
 
 
@@ -289,7 +290,7 @@ def test_seeds_that_have_changed_nothing_are_said(tmp_path: Path) -> None:
     )
     assert len(found.notes) == 1
     with pytest.warns(RunWarning, match="the seeds have changed nothing"):
-        tf.sweep(found.store.plan, found.folder, solve=Seeded())
+        tf.sweep(found.plan, found.folder, solve=Seeded())
     assert "of all combinations" in seeded(tmp_path / "b", [3.0, 3.5])[0]
     told, found = seeded(tmp_path / "c", [5.0, 6.0])
     assert "note" not in told

@@ -55,7 +55,7 @@ def test_a_member_computed_again_has_the_numbers_of_its_row(unbroken: Sweep) -> 
 
 
 def test_a_whole_result_is_kept_of_chosen_members(unbroken: Sweep) -> None:
-    kept = tf.load(unbroken.store.run_folder(3))
+    kept = tf.load(unbroken.run_folder(3))
     assert kept.scene == unbroken.member(3).scene
     assert kept.summary["steps"] == unbroken.to_pandas()["steps"][3]
 
@@ -195,7 +195,7 @@ def test_a_chunk_that_kills_its_worker_is_given_up_and_told(
         tf.sweep(plan, tmp_path / "s", workers=1, solve=Deadly())
     found = Sweep.open(tmp_path / "s")
     assert (found.standing.done, found.standing.lost) == (7, 2)
-    assert found.store.lost()[range(2, 4)].startswith("its worker died 2 times")
+    assert found.lost()[range(2, 4)].startswith("its worker died 2 times")
     whole = tf.sweep(plan, tmp_path / "s", solve=Solver())
     assert (whole.standing.done, whole.standing.lost) == (9, 0)
     assert not list((tmp_path / "s" / "lost").iterdir())
