@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from taichi_foam.analysis.cells import shapes_of
-from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_parts, worst_strain
+from taichi_foam.analysis.cell_shapes import shapes_of
+from taichi_foam.analysis.cell_state import (
+    CRUSHED_FRACTION,
+    crushed_cells,
+    crushed_parts,
+    there,
+    worst_strain,
+)
 from taichi_foam.analysis.impact import is_flat
-from taichi_foam.analysis.presence import there
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
@@ -87,6 +91,8 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
 
     None where nothing is crushed.
     """
+    from scipy.spatial import KDTree  # here and elsewhere: it takes a third of a second to load
+
     block = scene.block
     quads, extent, sound = _cells(snapshot, block)
     sound &= there(block)

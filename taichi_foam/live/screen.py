@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis import measures as q
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import Controller, offered_shapes
 from taichi_foam.live.heading import renamed

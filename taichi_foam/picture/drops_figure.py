@@ -54,5 +54,5 @@ def drops_figure(results: Sequence[Result]) -> Figure:
 def _since_contact(record: Record) -> tuple[np.ndarray, np.ndarray]:
     """Times since first contact [s], and decelerations [g], CFC 180."""
     touch, history = first_contact(record), record.history
-    time = history["time_s"] - (touch.time if touch else 0.0)
+    time = history["time_s"] - (touch.contact if touch else 0.0)
     return time, history["deceleration_smoothed_m_s2"] / STANDARD_GRAVITY

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look

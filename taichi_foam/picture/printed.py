@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis import cell_shapes as cells
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours
 from taichi_foam.picture.figures import MOTION, PRESSING, ledger_layers

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.body import impactor_now
-from taichi_foam.analysis.rims import along_outline
+from taichi_foam.analysis import cell_shapes as cells
+from taichi_foam.analysis.cell_shapes import along_outline
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset
 from taichi_foam.picture.inset import Curve

@@ -15,7 +15,7 @@ from matplotlib import ticker
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.quantities import QUANTITIES
+from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
 from taichi_foam.parts import unit_of
 from taichi_foam.picture.labels import beside, spread
@@ -123,7 +123,7 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     axes = {key: found[key].to_pylist() for key in keys}
     if not axes:  # repeats alone
         axes = {table.MEMBER: found[table.MEMBER].to_pylist()}
-    factor = 100.0 if shares else QUANTITIES[measure].factor if measure in QUANTITIES else 1.0
+    factor = 100.0 if shares else MEASURES[measure].factor if measure in MEASURES else 1.0
     return _Drops(
         axes,
         [None if value is None else factor * float(value) for value in values],
@@ -365,8 +365,8 @@ def _hashable(value: Any) -> Any:
 
 def _label_of_measure(key: str, is_share: bool) -> str:
     """A column in words with its unit."""
-    known = QUANTITIES.get(key)
-    if known is not None:
+    known = MEASURES.get(key)
+    if known and known.label:
         return f"{known.label} ({known.unit})" if known.unit else known.label
     unit = next((unit for unit in _UNITS if key.endswith(f"_{unit}")), None)
     words = key.removesuffix(f"_{unit}").replace("_", " ")

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.crush import crushed_cells
+from taichi_foam.analysis import cell_shapes as cells
+from taichi_foam.analysis.cell_state import apart, crushed_cells, there
 from taichi_foam.analysis.fragments import cracks, parts, piece_sizes, pieces
 from taichi_foam.analysis.impact import bottomed_out
-from taichi_foam.analysis.presence import apart, there
 from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import loose_share, warnings_of
 from taichi_foam.scene import Block, Curve, FlatBlock, Foam, Layer, Scene, TabulatedFoam

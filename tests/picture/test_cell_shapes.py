@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.crush import worst_strain
+from taichi_foam.analysis import cell_shapes as cells
+from taichi_foam.analysis.cell_state import worst_strain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 

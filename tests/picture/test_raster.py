@@ -13,7 +13,7 @@ import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 from picture_words import check_words, meet
 
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, colours, inset, raster
 from taichi_foam.picture.look import Look
