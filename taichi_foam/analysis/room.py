@@ -83,11 +83,11 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
 def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the crushed foam that has no room, since it lies inside other foam; 0 to 1.
 
-    Cells have the shapes in which pictures show them (`analysis.cells`). Foam that is not crushed
-    has what it covers; crushed cells have the rest of what they cover, and where several cover the
-    same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area, or less
-    if its bonds have once been pressed to less. The share is what cells lack of that, over what
-    they need. A cell that is turned inside out has nothing.
+    Cells have the shapes in which pictures show them (`analysis.cell_shapes`). Foam that is not
+    crushed has what it covers; crushed cells have the rest of what they cover, and where several
+    cover the same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area,
+    or less if its bonds have once been pressed to less. The share is what cells lack of that, over
+    what they need. A cell that is turned inside out has nothing.
 
     None where nothing is crushed.
     """

@@ -10,9 +10,8 @@ from taichi_foam.live.controller import Controller, offered_shapes
 from taichi_foam.live.heading import renamed
 from taichi_foam.live.pictures import Image8, strip
 from taichi_foam.picture import raster
-from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.shim2000 import tests
 

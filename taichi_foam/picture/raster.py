@@ -19,9 +19,9 @@ from taichi_foam.analysis import cell_shapes as cells
 from taichi_foam.analysis.cell_shapes import along_outline
 from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours, inset
+from taichi_foam.picture import annotate, inset
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import Look, crack_line_map, grid_line_map, levels, packed_shades
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.polygons import FINE, GRID_BITS, LAYER_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
@@ -218,7 +218,7 @@ class Shown:
         look = look or Look.of(scene)
         key = key or look.shown.key(scene)
         shapes, sides = cells.shapes_of(snapshot, scene.block)
-        level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
+        level = levels(look.shown.values(snapshot, scene), key.top, key.bottom)
         return cls(shapes, sides, level, impactor_now(snapshot, scene))
 
 
@@ -260,18 +260,20 @@ def draw(
     sides[rim] = 0
     if block.layers:
         strokes |= cells.layer_faces(snapshot, block) << LAYER_BITS
+    maps = (  # columns FILL, EDGE, CRACK, SIDES, STROKES
+        packed_shades(key.shades),
+        grid_line_map(key.shades, round(strength, 2)),
+        crack_line_map(key.shades, look.theme),
+    )
+    inks = np.stack([*(shades[level] for shades in maps), sides, strokes], axis=-1)
     held, order = _order(block)
     outer = shown.impactor
     paint(
         image,
         view,
         shapes.reshape(-1, 4, 2)[held],
-        fill=colours.packed_shades(key.shades)[level].ravel()[held],
-        edge=colours.grid_line_map(key.shades, round(strength, 2))[level].ravel()[held],
-        crack=colours.crack_line_map(key.shades, look.theme)[level].ravel()[held],
-        sides=sides.ravel()[held],
-        strokes=strokes.ravel()[held],
-        order=order,
+        inks.reshape(-1, len(maps) + 2)[held],
+        order,
         grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
         shape=np.empty((0, 2)) if outer is None else outer,
