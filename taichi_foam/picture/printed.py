@@ -24,10 +24,10 @@ from taichi_foam.picture import annotate
 from taichi_foam.picture.figures import MOTION, PRESSING, ledger_layers
 from taichi_foam.picture.look import Look, Rgb, grid_line_map, shades
 from taichi_foam.picture.modes import Key
-from taichi_foam.picture.montage import choose
+from taichi_foam.picture.montage import around, choose
 from taichi_foam.picture.raster import Shown
 from taichi_foam.picture.style import BLUE, INK, PRINT
-from taichi_foam.picture.view import Window, window
+from taichi_foam.picture.view import Window
 from taichi_foam.scene.filling import filling
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -82,7 +82,7 @@ def montage(
     look = Look(mode or scene.output.mode)
     across = min(len(chosen), 4 if column == "double" else 2)
     down = math.ceil(len(chosen) / across)
-    world = window(scene, snapshots, side=0.14, above=0.42)
+    world = around(scene, snapshots)
     wide = (width - 2 * _RIM - _GAP * (across - 1)) / across
     tall = wide * (world.y_max - world.y_min) / (world.x_max - world.x_min)
     # as in the montage on screens: neither slivers nor towers
