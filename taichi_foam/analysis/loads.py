@@ -51,12 +51,6 @@ RISES = 0.25
 """What a deceleration that only waves about a plateau may rise by after that, over its peak."""
 
 
-def impact_duration(record: Record) -> float | None:
-    """From first contact to zero impactor velocity (s)."""
-    found = impact(record)
-    return found.duration if found else None
-
-
 def max_displacement(record: Record) -> float | None:
     """The largest displacement (m), a number for every impactor that has touched.
 

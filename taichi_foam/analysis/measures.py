@@ -171,7 +171,8 @@ measure("came_to_rest", loads.came_to_rest)
 measure("bottomed_out", impact.bottomed_out)
 measure("passed_through", impact.passed_through)
 DURATION = measure(
-    "impact_duration_s", loads.impact_duration, "impact duration", "duration", "ms", 1, _ALL, 12)
+    "impact_duration_s", impact.impact,
+    "impact duration", "duration", "ms", 1, _ALL, 12, "duration")
 DISPLACEMENT = measure(
     "max_displacement_m", loads.max_displacement,
     "maximum displacement", "displacement", "cm", 2, _ALL, 11)

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import cell_shapes as cells
+from taichi_foam.analysis import cell_shapes
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate
 from taichi_foam.picture.figures import MOTION, PRESSING, ledger_layers
@@ -54,7 +54,12 @@ _SEAM = 0.2
 #: Cells at least this large have a grid line for a stroke [points], of this strength.
 _GRID_CELL, _GRID_STRENGTH = 1.5, 0.5
 #: Pairs of corners of a cell that are its sides.
-_SIDES = ((cells.BOTTOM, 0, 1), (cells.RIGHT, 1, 2), (cells.TOP, 2, 3), (cells.LEFT, 3, 0))
+_SIDES = (
+    (cell_shapes.BOTTOM, 0, 1),
+    (cell_shapes.RIGHT, 1, 2),
+    (cell_shapes.TOP, 2, 3),
+    (cell_shapes.LEFT, 3, 0),
+)
 
 
 def montage(
@@ -241,7 +246,7 @@ def _draw(
         autolim=False,
     )  # fmt: skip
     if block.layers:
-        between = shapes[cells.layer_faces(snapshot, block)[there] > 0][:, 2:]
+        between = shapes[cell_shapes.layer_faces(snapshot, block)[there] > 0][:, 2:]
         axis.add_collection(
             LineCollection(
                 list(between), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
@@ -251,7 +256,7 @@ def _draw(
         )  # fmt: skip
     if dense:
         # a loose cell shows as a speck of its colour: lines around it would hide that
-        sides = np.where(sides == cells.ALL_SIDES, 0, sides)
+        sides = np.where(sides == cell_shapes.ALL_SIDES, 0, sides)
     lines = [shapes[(sides & bit) > 0][:, (start, end)] for bit, start, end in _SIDES]
     axis.add_collection(
         LineCollection(

@@ -49,7 +49,7 @@ def braked(make_result):
 
 def test_duration_and_displacement(braked) -> None:
     result = braked()
-    assert loads.impact_duration(result) == pytest.approx(V0 / A, rel=1e-12)
+    assert impact.impact(result).duration == pytest.approx(V0 / A, rel=1e-12)
     assert loads.max_displacement(result) == pytest.approx(V0**2 / (2 * A), rel=1e-12)
 
 
@@ -137,7 +137,7 @@ def test_a_gap_delays_and_deepens_nothing(braked) -> None:
 def test_a_run_that_ends_before_the_stop_has_no_such_measures(braked, end: float) -> None:
     result = braked(end=end)
     for measure in (
-        loads.impact_duration,
+        impact.impact,
         loads.plateau,
         loads.initial_peak,
         loads.energy_absorbed,
@@ -280,7 +280,7 @@ def test_half_sine_pulse(make_result) -> None:
         deceleration_m_s2=np.append(0.0, -np.diff(v) / np.diff(t)),
         contact_force_N=MASS * P * np.sin(w * t),
     )
-    assert loads.impact_duration(result) == pytest.approx(T / 2, rel=1e-9)
+    assert impact.impact(result).duration == pytest.approx(T / 2, rel=1e-9)
     assert loads.max_displacement(result) == pytest.approx(P * T**2 / math.pi**2, rel=1e-9)
     assert loads.rebound_velocity(result) == pytest.approx(v0, rel=1e-12)
     start, end = 3e-3, 0.85 * T / 2
@@ -302,7 +302,7 @@ def test_plateau_weighs_rows_by_their_length(make_result) -> None:
         deceleration_m_s2=a,
         contact_force_N=1.0,
     )
-    assert loads.impact_duration(result) == pytest.approx(0.04)
+    assert impact.impact(result).duration == pytest.approx(0.04)
     # The window runs from 3 ms to 34 ms: 17 ms of the one, 14 ms of the other.
     assert loads.plateau(result) == pytest.approx((17 * 60 + 14 * 80) / 31)
 
