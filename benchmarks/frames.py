@@ -30,7 +30,7 @@ from timing.engine import settings, start_taichi
 from timing.table import Table, write
 from timing.workers import compile_thoroughly
 
-from taichi_foam.analysis import cells
+from taichi_foam.analysis import cell_shapes
 from taichi_foam.live.controller import Controller
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.screen import FPS, Screen
@@ -99,7 +99,7 @@ def by_matplotlib(snapshot: Snapshot, scene: Scene) -> None:
     canvas = FigureCanvasAgg(figure)
     axis = figure.add_axes((0, 0, 1, 1))
     block = scene.block
-    shapes = cells.corners(
+    shapes = cell_shapes.corners(
         snapshot.position, snapshot.e_min_a, snapshot.e_min_b,
         snapshot.broken_a, snapshot.broken_b, block.dx, block.dy,
     ).reshape(-1, 4, 2)  # fmt: skip

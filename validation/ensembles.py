@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from taichi_foam.analysis.measures import summary
-from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, ENERGY_PER_VOLUME, PLATEAU
+from taichi_foam.analysis.measures import (
+    DISPLACEMENT,
+    DURATION,
+    ENERGY_PER_VOLUME,
+    PLATEAU,
+    summary,
+)
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene

@@ -17,7 +17,7 @@ import typer
 from ensembles import COARSE, ORDER, percent, short, table
 from store import SMOKE_HELP
 
-from taichi_foam.analysis.quantities import (
+from taichi_foam.analysis.measures import (
     DISPLACEMENT,
     DURATION,
     ENERGY_PER_VOLUME,

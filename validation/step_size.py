@@ -32,7 +32,7 @@ from rich.console import Console
 from scipy.stats import mannwhitneyu
 from store import SMOKE_HELP
 
-from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.analysis.measures import Quantity
 from taichi_foam.results.result import Result
 from taichi_foam.shim2000.ensemble import WITHIN, factors
 from taichi_foam.shim2000.machine import machine, versions

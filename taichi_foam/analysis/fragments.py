@@ -17,13 +17,9 @@ from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from taichi_foam.analysis.body import impactor_now
-from taichi_foam.analysis.crush import crushed_cells
-from taichi_foam.analysis.presence import apart, there
+from taichi_foam.analysis.cell_state import apart, crushed_cells, there
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
 
@@ -163,6 +159,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     axis. It starts at the edge of its path that broke first (of equals the highest). On a turned
     lattice no line of edges is upright: None.
     """
+    from scipy import ndimage
+
     if scene.impactor is None or scene.block.lattice_angle_deg != 0:
         return None
     columns, rows = snapshot.position.shape[:2]
@@ -254,6 +252,9 @@ def _components(
     first: NDArray[np.int64], second: NDArray[np.int64], count: int
 ) -> NDArray[np.int32]:
     """(count,) number of the connected part of each vertex, given the edges first-second."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 

@@ -1,4 +1,4 @@
-"""When the impactor touched, when it came to rest, and where else it went.
+"""Where the impactor is, when it touched, when it came to rest, and where else it went.
 
 SI units; displacements and velocities are the impactor's, positive downwards.
 """
@@ -8,13 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taichi_foam.analysis.body import fell_beside, impactor_now, way_down
-from taichi_foam.analysis.presence import bonded
+from taichi_foam.analysis.cell_state import bonded
+from taichi_foam.laws.shape.outline import convex_hull, lower_chain
 from taichi_foam.records.record import Record
-from taichi_foam.scene import Impactor
+from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.scene import Impactor, Scene
 from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.scene.motion import width_under
+
+Array = NDArray[np.float64]
 
 PLATEAUS = 2.0
 """Foam has bottomed out when it pressed on the impactor with so many times what its plateau holds:
@@ -24,8 +28,71 @@ CLEAR_CELLS = 2.0
 """An impactor has left the foam when it has gone so many cells down without a touch: in between
 touches of mass points, which bounce off it, it goes less."""
 
+LIFTED = 1e-3
+"""An impactor that starts further than this above a fresh block, in cells, is over thrown foam."""
+
 # What a free impactor's velocity may change by from row to row without a touch: rounding.
 _TOUCH = 1e-9
+
+
+def impactor_now(snapshot: Snapshot, scene: Scene) -> Array | None:
+    """Vertices (n, 2) of the impactor's outline at an instant [m]; None without one."""
+    if scene.impactor is None or np.isnan(snapshot.impactor_y):
+        return None
+    return scene.impactor.outline_at(
+        snapshot.impactor_y, snapshot.impactor_shift, snapshot.impactor_angle
+    )
+
+
+def way_down(record: Record) -> Array:
+    """How far the impactor's lowest point has come down since the start, at each row (n,) [m].
+
+    It is another point whenever the impactor has turned.
+    """
+    history, impactor = record.history, record.scene.impactor
+    way = history["displacement_m"]
+    if impactor is None or impactor.guided:
+        return way
+    sine, cosine = np.sin(history["angle_rad"]), np.cos(history["angle_rad"])
+    lowest = np.full_like(way, np.inf)
+    for across, up in convex_hull(impactor.outline()) - impactor.centre_of_mass:
+        lowest = np.minimum(lowest, sine * across + cosine * up)
+    return way - (lowest + impactor.centre_of_mass[1])
+
+
+def fell_beside(record: Record) -> bool:
+    """Whether an impactor that turns came down to the block's bottom beside the block."""
+    history, scene, impactor = record.history, record.scene, record.scene.impactor
+    if impactor is None or impactor.guided:
+        return False
+    start = record.contact_height + impactor.gap
+    down = np.flatnonzero(way_down(record) >= start)
+    if down.size == 0:
+        return False
+    names = ("displacement_m", "displacement_x_m", "angle_rad")
+    depth, shift, angle = (float(history[name][down[0]]) for name in names)
+    outline = impactor.outline_at(start - depth, shift, angle)
+    lowest, foam = outline[np.argmin(outline[:, 1]), 0], np.array(scene.block.corners)[:, 0]
+    return bool(lowest < foam.min() or lowest > foam.max())
+
+
+def height_beneath(position: Array, impactor: Impactor, there: NDArray[np.bool_]) -> float:
+    """Height [m] of the impactor's lowest point when it comes down on mass points, and touches one.
+
+    Args:
+        position: (I, J, 2) of the mass points [m].
+        impactor: of which the part that faces down counts, as it starts.
+        there: (I, J) which mass points count.
+
+    Raises ValueError: there is no mass point beneath it.
+    """
+    chain = lower_chain(impactor.outline())
+    x = position[there, 0] - impactor.x
+    beneath = (chain[0, 0] < x) & (x < chain[-1, 0])
+    if not beneath.any():
+        raise ValueError("no mass point is beneath the impactor")
+    y = position[there, 1][beneath]
+    return float(np.max(y - np.interp(x[beneath], chain[:, 0], chain[:, 1])))
 
 
 @dataclass(frozen=True)
@@ -34,7 +101,7 @@ class Contact:
 
     impactor    the one that touched
     row         first history row that knows of it
-    time        s
+    contact     s, when
     depth_0     m, displacement column at contact (a gap, if any, lies before it)
     way_0       m, how far its lowest point had then come down: the same, unless it turns
     velocity_0  m/s at contact
@@ -42,32 +109,24 @@ class Contact:
 
     impactor: Impactor
     row: int
-    time: float
+    contact: float
     depth_0: float
     way_0: float
     velocity_0: float
 
 
 @dataclass(frozen=True)
-class Impact:
-    """When the impactor touched and when it came to rest.
+class Impact(Contact):
+    """First contact, and when the impactor came to rest.
 
-    impactor    the one that did
-    row         first history row after the stop
-    contact     s, first contact
+    stop_row    first history row after the stop
     stop        s, first zero of the velocity
-    depth_0     m, displacement column at contact (a gap, if any, lies before it)
     depth       m, displacement from contact to stop
-    velocity_0  m/s at contact
     """
 
-    impactor: Impactor
-    row: int
-    contact: float
+    stop_row: int
     stop: float
-    depth_0: float
     depth: float
-    velocity_0: float
 
     @property
     def duration(self) -> float:
@@ -103,7 +162,7 @@ def first_contact(record: Record) -> Contact | None:
     return Contact(
         impactor=impactor,
         row=int(np.argmax(touching)),
-        time=float(t[before]) + flight,
+        contact=float(t[before]) + flight,
         depth_0=float(d[before] + v[before] * flight),
         way_0=float(way[before] + speed * flight),
         velocity_0=float(v[before]),
@@ -128,13 +187,10 @@ def impact(record: Record) -> Impact | None:
     k = int(stopped[0])
     last = (t[k] - t[k - 1]) * v[k - 1] / (v[k - 1] - v[k])  # s, from row k-1 to the stop
     return Impact(
-        impactor=touch.impactor,
-        row=k,
-        contact=touch.time,
+        **vars(touch),
+        stop_row=k,
         stop=float(t[k - 1] + last),
-        depth_0=touch.depth_0,
         depth=float(d[k - 1] + 0.5 * v[k - 1] * last) - touch.depth_0,
-        velocity_0=touch.velocity_0,
     )
 
 

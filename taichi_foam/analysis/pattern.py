@@ -16,11 +16,15 @@ from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from taichi_foam.analysis.crush import by_foam, crushed_cells, over_bonds, worst_strain
+from taichi_foam.analysis.cell_state import (
+    by_foam,
+    crushed_cells,
+    over_bonds,
+    there,
+    worst_strain,
+)
 from taichi_foam.analysis.fragments import Crack, parts, sizes_of
-from taichi_foam.analysis.presence import there
 from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Impactor, Scene
@@ -281,6 +285,8 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
     tear the foam off. Cracks begin in the top row, and go down as long as the next row has an
     opened bond in the same or a neighbouring column.
     """
+    from scipy import ndimage
+
     if scene.impactor is None or not snapshots:
         return None
     dx, row_edges = scene.block.dx, scene.block.row_edges
@@ -314,6 +320,8 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
 
 def _largest_patch(crushed: Flags) -> Flags | None:
     """The largest set of crushed cells that share sides, (columns, rows); None without any."""
+    from scipy import ndimage
+
     patches = np.zeros(crushed.shape, dtype=np.int32)
     if ndimage.label(crushed, output=patches) == 0:
         return None
@@ -323,10 +331,9 @@ def _largest_patch(crushed: Flags) -> Flags | None:
 def _deformed_for_good(snapshot: Snapshot, scene: Scene) -> Flags:
     """(columns, rows) whether a cell was compressed beyond ELASTIC_YIELDS yield strains."""
     beyond = by_foam(
+        snapshot,
         scene,
         lambda foam, worst: 1.0 * (worst < ELASTIC_YIELDS * foam.landmarks.crush_start),
-        (snapshot.e_min_a,),
-        (snapshot.e_min_b,),
     )
     return over_bonds(np.maximum, *beyond) > 0.0
 

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from taichi_foam.analysis.cells import shapes_of
-from taichi_foam.analysis.crush import CRUSHED_FRACTION, crushed_cells, crushed_parts, worst_strain
+from taichi_foam.analysis.cell_shapes import shapes_of
+from taichi_foam.analysis.cell_state import (
+    CRUSHED_FRACTION,
+    crushed_cells,
+    crushed_parts,
+    there,
+    worst_strain,
+)
 from taichi_foam.analysis.impact import is_flat
-from taichi_foam.analysis.presence import there
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
@@ -79,14 +83,16 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
 def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the crushed foam that has no room, since it lies inside other foam; 0 to 1.
 
-    Cells have the shapes in which pictures show them (`analysis.cells`). Foam that is not crushed
-    has what it covers; crushed cells have the rest of what they cover, and where several cover the
-    same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area, or less
-    if its bonds have once been pressed to less. The share is what cells lack of that, over what
-    they need. A cell that is turned inside out has nothing.
+    Cells have the shapes in which pictures show them (`analysis.cell_shapes`). Foam that is not
+    crushed has what it covers; crushed cells have the rest of what they cover, and where several
+    cover the same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area,
+    or less if its bonds have once been pressed to less. The share is what cells lack of that, over
+    what they need. A cell that is turned inside out has nothing.
 
     None where nothing is crushed.
     """
+    from scipy.spatial import KDTree  # here and elsewhere: it takes a third of a second to load
+
     block = scene.block
     quads, extent, sound = _cells(snapshot, block)
     sound &= there(block)

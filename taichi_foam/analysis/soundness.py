@@ -9,10 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taichi_foam.analysis.body import fell_beside
-from taichi_foam.analysis.impact import passed_through
-from taichi_foam.analysis.presence import bonded, hangs_on, there
-from taichi_foam.analysis.resting import LIFTED
+from taichi_foam.analysis.cell_state import bonded, hangs_on, there
+from taichi_foam.analysis.impact import LIFTED, fell_beside, passed_through
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.records.history import DISSIPATIONS, Column
 from taichi_foam.records.record import Record

@@ -147,7 +147,7 @@ def write(
 ) -> None:
     """Write the foam file and its picture, both or neither. Raises UserError, OSError."""
     from taichi_foam.picture import style
-    from taichi_foam.picture.foam_figure import compression_test
+    from taichi_foam.picture.figures import compression_test
 
     assert isinstance(file.foam, TabulatedFoam)
     text = _HEADER.format(name=_one_line(target.name)) + file.to_toml()

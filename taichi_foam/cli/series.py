@@ -81,7 +81,7 @@ def run_series(
 def _publish(results: list[Result], claim: Claim) -> bool:
     """Write every drop's folder, the table and the figure; whether Ctrl-C was pressed meanwhile."""
     from taichi_foam.picture import style
-    from taichi_foam.picture.drops_figure import drops_figure
+    from taichi_foam.picture.figures import drops_figure
     from taichi_foam.simulation.simulate import drop_name
 
     with held_interrupts() as pressed, claim.publishing() as staging:

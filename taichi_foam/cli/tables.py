@@ -8,8 +8,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.analysis import quantities as q
-from taichi_foam.analysis.quantities import Quantity, shown_in
+from taichi_foam.analysis import measures as q
+from taichi_foam.analysis.measures import Quantity, shown_in
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout

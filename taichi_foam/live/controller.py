@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from taichi_foam.analysis.history import history_of
+from taichi_foam.analysis.columns import history_of
 from taichi_foam.engine.state import initial_state
 from taichi_foam.errors import UserError
 from taichi_foam.interrupts import held_interrupts

@@ -93,7 +93,7 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     """The key figures, beside the measured ones where there are any, and what is to be said."""
-    from taichi_foam.analysis.quantities import shown_in
+    from taichi_foam.analysis.measures import shown_in
     from taichi_foam.shim2000 import tests
     from taichi_foam.shim2000.compare import measured_figures
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFont
 
 from taichi_foam.picture import annotate, raster
-from taichi_foam.picture.colours import THEMES, Theme, shades
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import THEMES, Look, Theme, shades
 from taichi_foam.picture.view import Box, window
 
 if TYPE_CHECKING:

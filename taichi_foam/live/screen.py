@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis import measures as q
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import Controller, offered_shapes
 from taichi_foam.live.heading import renamed
 from taichi_foam.live.pictures import Image8, strip
 from taichi_foam.picture import raster
-from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.shim2000 import tests
 

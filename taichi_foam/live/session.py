@@ -158,7 +158,7 @@ class Session:
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n, k) of the current drop's history, for `analysis.history.history_of`."""
+        """Rows (n, k) of the current drop's history, for `analysis.columns.history_of`."""
         if len(self._rows) > 1:
             self._rows = [np.concatenate(self._rows)]
         return self._rows[0] if self._rows else np.empty((0, len(self._columns)))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from taichi_foam.picture.colours import THEMES, Rgb, Theme, shades
+from taichi_foam.picture.look import THEMES, Rgb, Theme, shades
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, View
 from taichi_foam.scene.outlines import Corners

@@ -106,6 +106,10 @@ class Lineup:
         """Whether a run was over before `time` [s]."""
         return time > self.runs[k].snapshots[-1].time + self.trifle
 
+    def ended_at(self, k: int) -> str:
+        """When a run was over, in words."""
+        return f"ended at {annotate.time_text(self.runs[k].snapshots[-1].time, self.interval)}"
+
     @cached_property
     def window(self) -> Window:
         """The part of the world that all fields show [m]."""
@@ -195,9 +199,7 @@ def instants(
     unit = width / montage.WIDTH
     gap, text = round(montage.GAP * unit), montage.TEXT * unit
     across = (width - gap * (n + 1)) // n
-    world = _together(
-        [window(run.scene, run.snapshots, side=0.14, above=0.42) for run in lineup.runs]
-    )
+    world = _together([montage.around(run.scene, run.snapshots) for run in lineup.runs])
     high = montage.height_of(across, world, text)
     head, foot = round(1.9 * text), round(montage.FOOT * unit)
     chosen = [float(time) for time in np.linspace(lineup.times[0], lineup.times[-1], n)]
@@ -215,7 +217,7 @@ def instants(
         top = head + k * (head + high)
         foot_of_name, room = top - 0.55 * text, width - 2 * gap
         if lineup.has_ended(k, chosen[-1]):
-            ended = f"ended at {annotate.time_text(run.snapshots[-1].time, lineup.interval)}"
+            ended = lineup.ended_at(k)
             place, tone = (width - gap - 2, foot_of_name), look.tones.soft_ink
             annotate.write(image, place, ended, plain, anchor="rs", colour=tone)
             room -= plain.getlength(ended) + 0.7 * text
@@ -307,7 +309,7 @@ def _write_head(
     head = box.top - round(80 * unit)
     _write_name(image, (box.left, head + 36 * unit), lineup, k, box.width, 26 * unit, look)
     plain, bold = annotate.font(21 * unit), annotate.font(24 * unit, bold=True)
-    foot, last, start = head + 68 * unit, run.snapshots[-1].time, float(box.left)
+    foot, start = head + 68 * unit, float(box.left)
     if run.scene.impactor is not None:
         depth = raster.depth_text(run.displacement(at(run.snapshots, time)) or 0.0)
         said = "moved " if box.width < _NARROW * unit else "displacement "
@@ -315,7 +317,7 @@ def _write_head(
             annotate.write(image, (start, foot), words, face, colour=tone)
             start += face.getlength(words)
     if lineup.has_ended(k, time):
-        ended = f"ended at {annotate.time_text(last, lineup.interval)}"
+        ended = lineup.ended_at(k)
         if start + 0.5 * 21 * unit + plain.getlength(ended) > box.right:
             ended = "ended"
         annotate.write(image, (box.right, foot), ended, plain, anchor="rs", colour=tones.soft_ink)

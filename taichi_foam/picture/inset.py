@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from taichi_foam.picture import annotate
-from taichi_foam.picture.colours import THEMES, Rgb
+from taichi_foam.picture.look import THEMES, Rgb
 from taichi_foam.picture.view import Box
 from taichi_foam.units import STANDARD_GRAVITY
 

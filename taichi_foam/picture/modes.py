@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import by_foam, over_bonds, worst_strain
-from taichi_foam.analysis.presence import apart, bonded
+from taichi_foam.analysis.cell_state import apart, bonded, by_foam, over_bonds, worst_strain
 from taichi_foam.laws.bond import Landmarks
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -87,20 +86,10 @@ def _worst(snapshot: Snapshot, scene: Scene) -> Array:
 def _strain(snapshot: Snapshot, scene: Scene) -> Array:
     """The most compressed of each node's bonds; a broken one counts as unloaded."""
     e_a, e_b = _lengthwise(snapshot, scene)
-    left_a, left_b = _permanent(snapshot, scene)
+    left_a, left_b = by_foam(snapshot, scene, lambda foam, worst: foam.permanent_strain(worst))
     a = np.where(snapshot.broken_a, left_a, e_a)
     b = np.where(snapshot.broken_b, left_b, e_b)
     return -worst_strain(a, b)
-
-
-def _permanent(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
-    """Strains that are left of bonds A and B without stress, each by its own foam."""
-    return by_foam(
-        scene,
-        lambda foam, worst: foam.permanent_strain(worst),
-        (snapshot.e_min_a,),
-        (snapshot.e_min_b,),
-    )
 
 
 def _stress_key(scene: Scene) -> Key:
@@ -202,10 +191,9 @@ def _energy(snapshot: Snapshot, scene: Scene) -> Array:
     What a rate adds is left out. A node's foam holds half of each of its bonds.
     """
     a, b = by_foam(
+        snapshot,
         scene,
         lambda foam, worst: foam.landmarks.plateau_stress * foam.permanent_strain(worst),
-        (snapshot.e_min_a,),
-        (snapshot.e_min_b,),
     )
     filled = filling(scene.block)
     total = -0.5 * over_bonds(np.add, filled.face_a * a, filled.face_b * b)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.look import Look
@@ -73,7 +73,7 @@ def montage(
     down = math.ceil(len(chosen) / across)
     unit = width / WIDTH
     gap, text = round(GAP * unit), TEXT * unit
-    world = window(scene, snapshots, side=0.14, above=0.42)
+    world = around(scene, snapshots)
     panel_width = (width - gap * (across + 1)) // across
     panel_height = height_of(panel_width, world, text)
     interval = scene.output.snapshot_interval
@@ -108,6 +108,11 @@ def check_width(width: int) -> None:
         raise UserError(
             f"montage: width = {width} pixels; must be at least {NARROWEST}, such as {WIDTH}"
         )
+
+
+def around(scene: Scene, snapshots: Sequence[Snapshot] = ()) -> Window:
+    """The part of the world that panels show: closer around the block than a film's."""
+    return window(scene, snapshots, side=0.14, above=0.42)
 
 
 def height_of(panel_width: int, world: Window, text: float) -> int:

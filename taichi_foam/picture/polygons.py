@@ -7,13 +7,15 @@ from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import runtime
-from taichi_foam.picture import colours
+from taichi_foam.picture.look import THEMES, Theme, packed_one
 from taichi_foam.picture.view import View
 
 #: Samples along each side of a pixel; `_average` writes the four out.
 FINE = 2
 #: Horizontal bands for each thread, which it draws on its own: two share the work more evenly.
 BANDS = 2
+#: Columns of what a quadrilateral is painted with.
+FILL, EDGE, CRACK, SIDES, STROKES = range(5)
 #: Strokes of grid lines and of layers stand this many bits above those of crack lines.
 GRID_BITS, LAYER_BITS = 4, 8
 #: Width of a stroke of a grid line in samples: thin, and the same wherever it falls.
@@ -26,18 +28,14 @@ def paint(
     image: NDArray[np.uint8],
     view: View,
     shapes: NDArray[np.float64],
-    *,
-    fill: NDArray[np.int32],
-    edge: NDArray[np.int32],
-    crack: NDArray[np.int32],
-    sides: NDArray[np.int32],
-    strokes: NDArray[np.int32],
+    inks: NDArray[np.int32],
     order: NDArray[np.int32],
+    *,
     grid_line: float = 0.0,
     crack_line: float = 0.0,
     shape: NDArray[np.float64],
     shape_line: float = 0.0,
-    theme: colours.Theme = colours.THEMES["light"],
+    theme: Theme = THEMES["light"],
     threads: int | None = None,
 ) -> None:
     """Fill quadrilaterals and one outline over `image`, in place.
@@ -46,11 +44,13 @@ def paint(
         image: uint8 (h, w, 3).
         view: world to pixels; nothing is drawn outside its box.
         shapes: quadrilaterals (n, 4, 2) [m]: lower left, lower right, upper right, upper left.
-        fill, edge, crack: colour of each, of its grid line and of its crack lines, 0xRRGGBB (n,).
-        sides: sides that get a crack line inside the cell (`cells.LEFT` and so on), (n,).
-        strokes: sides that get a line across the edge, over all cells, however small the cell is:
-            bits as in `sides` for crack lines, shifted by GRID_BITS for grid lines, by LAYER_BITS
-            for faces between layers, (n,).
+        inks: what each is painted with (n, 5), by the columns
+
+            FILL, EDGE, CRACK  colour, that of its grid line and of its crack lines, 0xRRGGBB
+            SIDES              sides that get a crack line inside the cell (`LEFT` and so on)
+            STROKES            sides that get a line across the edge, over all cells, however small
+                               the cell is: bits as in SIDES for crack lines, shifted by GRID_BITS
+                               for grid lines, by LAYER_BITS for faces between layers
         order: indices in the order of painting, later ones on top, (n,).
         grid_line, crack_line: their widths [pixels], half of a grid line on either cell; without
             a width cells have no grid line of their own.
@@ -61,38 +61,26 @@ def paint(
     """
     runtime.start()  # one that already works on another architecture draws just as well
     height, width = image.shape[:2]
-    scratch = _scratch(height, width)
     box = view.box
-    outer = np.empty((0, 2)) if len(shape) == 0 else _to_samples(shape, view)
-    inner = _inset(outer, FINE * shape_line)
+    outline = np.zeros((2, 1, 2))  # an array without elements cannot be passed
+    if len(shape):
+        outer = _to_samples(shape, view)
+        outline = np.stack([outer, _inset(outer, FINE * shape_line)])
+    tones = (theme.soft_ink, theme.steel_edge, theme.steel)
     _paint(
         image,
-        scratch,
+        _scratch(height, width),
         np.ascontiguousarray(shapes),
-        np.ascontiguousarray(fill, dtype=np.int32),
-        np.ascontiguousarray(edge, dtype=np.int32),
-        np.ascontiguousarray(crack, dtype=np.int32),
-        np.ascontiguousarray(sides, dtype=np.int32),
-        np.ascontiguousarray(strokes, dtype=np.int32),
+        np.ascontiguousarray(inks),
         order,
         np.empty((len(shapes), 2), dtype=np.int32),
-        # An array without elements cannot be passed; the count says how many are meant.
-        np.ascontiguousarray(outer) if len(outer) else np.zeros((1, 2)),
-        np.ascontiguousarray(inner) if len(inner) else np.zeros((1, 2)),
-        len(outer),
-        FINE * view.scale,
-        FINE * view.x_zero,
-        FINE * view.y_zero,
-        FINE * grid_line / 2,
-        FINE * crack_line,
-        max(0, box.left),
-        max(0, box.top),
-        min(width, box.right),
-        min(height, box.bottom),
-        *_bands(height, threads),
-        colours.packed_one(theme.soft_ink),
-        colours.packed_one(theme.steel_edge),
-        colours.packed_one(theme.steel),
+        outline,
+        len(shape),
+        [FINE * view.scale, FINE * view.x_zero, FINE * view.y_zero],
+        [FINE * grid_line / 2, FINE * crack_line],
+        [max(0, box.left), max(0, box.top), min(width, box.right), min(height, box.bottom)],
+        _bands(height, threads),
+        [packed_one(tone) for tone in tones],
     )
 
 
@@ -106,14 +94,14 @@ def _scratch(height: int, width: int) -> NDArray[np.int64]:
     return np.empty((FINE * height, width), dtype=np.int64)
 
 
-def _bands(height: int, threads: int | None) -> tuple[int, int]:
+def _bands(height: int, threads: int | None) -> list[int]:
     """How many bands to cut the picture into, and the loop iterations per band."""
     settings = runtime.settings()
     if settings["arch"] == "cpu":
         # a single band stays on a single thread
         count = 1 if threads == 1 else BANDS * (threads or int(settings["threads"]))
-        return min(count, height), STRIDE
-    return height, 1  # a graphics device has threads for every row
+        return [min(count, height), STRIDE]
+    return [height, 1]  # a graphics device has threads for every row
 
 
 def _to_samples(points: NDArray[np.float64], view: View) -> NDArray[np.float64]:
@@ -124,8 +112,6 @@ def _to_samples(points: NDArray[np.float64], view: View) -> NDArray[np.float64]:
 
 def _inset(outline: NDArray[np.float64], by: float) -> NDArray[np.float64]:
     """An outline with each edge moved inwards by `by` (any unit)."""
-    if len(outline) == 0:
-        return outline
     ahead = np.roll(outline, -1, axis=0) - outline
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     area = np.sum(outline[:, 0] * np.roll(outline[:, 1], -1))
@@ -144,8 +130,10 @@ def _sample(edge: ti.f64) -> ti.i32:
 
 
 @ti.func
-def _crossing(xa: ti.f64, ya: ti.f64, xb: ti.f64, yb: ti.f64, y: ti.f64) -> ti.f64:
-    """Where the edge a-b crosses row `y`: the same number for both cells that share the edge."""
+def _crossing(points: ti.template(), which: int, a: int, b: int, y: ti.f64) -> ti.f64:
+    """Where the edge between two corners crosses row `y`: the same number from either end."""
+    xa, ya = points[which, a, 0], points[which, a, 1]
+    xb, yb = points[which, b, 0], points[which, b, 1]
     swap = ya > yb
     x0, y0 = ti.select(swap, xb, xa), ti.select(swap, yb, ya)
     x1, y1 = ti.select(swap, xa, xb), ti.select(swap, ya, yb)
@@ -190,14 +178,16 @@ def _fill_quad(samples: ti.template(), x, y, clip, colour: int):
 
 
 @ti.func
-def _fill_outline(samples: ti.template(), points: ti.template(), n: int, clip, colour: int):
-    """Fill an outline of `n` points (n, 2) in samples, within `clip`.
+def _fill_outline(
+    samples: ti.template(), points: ti.template(), which: int, n: int, clip, colour: int
+):
+    """Fill one outline `which` of `points` (2, n, 2) in samples, within `clip`.
 
     A row is filled between its crossings, taken in pairs from the left.
     """
     lowest, highest = 1e9, -1e9
     for k in range(n):
-        lowest, highest = ti.min(lowest, points[k, 1]), ti.max(highest, points[k, 1])
+        lowest, highest = ti.min(lowest, points[which, k, 1]), ti.max(highest, points[which, k, 1])
     for row in range(ti.max(clip[1], _sample(lowest)), ti.min(clip[3], _sample(highest))):
         level = row + 0.5
         before, last, inside = -1e9, -1, False
@@ -205,8 +195,8 @@ def _fill_outline(samples: ti.template(), points: ti.template(), n: int, clip, c
             start, edge = 1e9, -1  # the next crossing: further right, or as far by a later edge
             for k in range(n):
                 m = (k + 1) % n
-                if (points[k, 1] <= level) != (points[m, 1] <= level):
-                    at = _crossing(points[k, 0], points[k, 1], points[m, 0], points[m, 1], level)
+                if (points[which, k, 1] <= level) != (points[which, m, 1] <= level):
+                    at = _crossing(points, which, k, m, level)
                     if (at > before or (at == before and k > last)) and at < start:
                         start, edge = at, k
             if edge < 0:
@@ -288,12 +278,12 @@ def _stroke(samples: ti.template(), x, y, side, width, clip, colour: int):
 
 
 @ti.func
-def _corners(shapes: ti.template(), p, scale, x_zero, y_zero):
+def _corners(shapes: ti.template(), p, place):
     """Corners of a quadrilateral in samples: x, y (4-vectors)."""
     x, y = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
     for k in ti.static(range(4)):
-        x[k] = x_zero + scale * shapes[p, k, 0]
-        y[k] = y_zero - scale * shapes[p, k, 1]
+        x[k] = place[1] + place[0] * shapes[p, k, 0]
+        y[k] = place[2] - place[0] * shapes[p, k, 1]
     return x, y
 
 
@@ -321,30 +311,16 @@ def _paint(
     image: ti.types.ndarray(dtype=ti.u8, ndim=3),
     samples: ti.types.ndarray(dtype=ti.i64, ndim=2),
     shapes: ti.types.ndarray(dtype=ti.f64, ndim=3),
-    fill: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    edge: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    crack: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    sides: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    strokes: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    inks: ti.types.ndarray(dtype=ti.i32, ndim=2),
     order: ti.types.ndarray(dtype=ti.i32, ndim=1),
     span: ti.types.ndarray(dtype=ti.i32, ndim=2),
-    outer: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    inner: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    outline: ti.types.ndarray(dtype=ti.f64, ndim=3),  # outer, inner
     outline_points: ti.i32,
-    scale: ti.f64,
-    x_zero: ti.f64,
-    y_zero: ti.f64,
-    grid: ti.f64,
-    crack_line: ti.f64,
-    left: ti.i32,
-    top: ti.i32,
-    right: ti.i32,
-    bottom: ti.i32,
-    bands: ti.i32,
-    stride: ti.i32,
-    layer: ti.i32,
-    line_colour: ti.i32,
-    steel: ti.i32,
+    place: ti.types.vector(3, ti.f64),  # scale, x_zero, y_zero
+    lines: ti.types.vector(2, ti.f64),  # widths of grid lines, half of each, and of crack lines
+    box: ti.types.vector(4, ti.i32),  # left, top, right, bottom
+    cut: ti.types.vector(2, ti.i32),  # bands, iterations for each
+    tones: ti.types.vector(3, ti.i32),  # of faces of layers, the outline's line and its inside
 ):
     """Sample every band in painter's order, then average the samples into its pixels.
 
@@ -352,16 +328,18 @@ def _paint(
     is cut into bands, so any number of threads gives the same picture.
     """
     for p in range(shapes.shape[0]):
-        _, y = _corners(shapes, p, scale, x_zero, y_zero)
+        _, y = _corners(shapes, p, place)
         span[p, 0], span[p, 1] = _sample(y.min()), _sample(y.max())
 
+    bands, stride = cut[0], cut[1]
+    grid, crack_line = lines[0], lines[1]
     reach = ti.cast(crack_line + GRID_STROKE, ti.i32)
     for q in range(bands * stride):
         if q % stride == 0:
             band = q // stride
-            first = ti.max(top, band * image.shape[0] // bands)
-            last = ti.min(bottom, (band + 1) * image.shape[0] // bands)
-            clip = ti.Vector([FINE * left, FINE * first, FINE * right, FINE * last])
+            first = ti.max(box[1], band * image.shape[0] // bands)
+            last = ti.min(box[3], (band + 1) * image.shape[0] // bands)
+            clip = ti.Vector([FINE * box[0], FINE * first, FINE * box[2], FINE * last])
             for row in range(clip[1], clip[3]):
                 for column in range(clip[0] // FINE, clip[2] // FINE):
                     samples[row, column] = -1
@@ -370,35 +348,35 @@ def _paint(
             for s in range(shapes.shape[0]):
                 p = order[s]
                 if span[p, 0] < clip[3] and span[p, 1] > clip[1]:
-                    x, y = _corners(shapes, p, scale, x_zero, y_zero)
+                    x, y = _corners(shapes, p, place)
                     low = ti.min(low, ti.Vector([x.min(), y.min()]))
                     high = ti.max(high, ti.Vector([x.max(), y.max()]))
                     _paint_cell(
-                        samples, x, y, clip, fill[p], edge[p], sides[p], grid, crack_line, crack[p]
-                    )
+                        samples, x, y, clip, inks[p, FILL], inks[p, EDGE], inks[p, SIDES],
+                        grid, crack_line, inks[p, CRACK],
+                    )  # fmt: skip
             for kind in range(3):  # cracks over faces of layers over the grid
                 width = ti.select(kind == 0, GRID_STROKE, crack_line)
                 shift = ti.select(kind == 0, GRID_BITS, ti.select(kind == 1, LAYER_BITS, 0))
                 for s in range(shapes.shape[0]):
                     p = order[s]
-                    lines = (strokes[p] >> shift) & 15
-                    if lines != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
-                        x, y = _corners(shapes, p, scale, x_zero, y_zero)
+                    sides = (inks[p, STROKES] >> shift) & 15
+                    if sides != 0 and span[p, 0] - reach < clip[3] and span[p, 1] + reach > clip[1]:
+                        x, y = _corners(shapes, p, place)
                         low = ti.min(low, ti.Vector([x.min(), y.min()]))
                         high = ti.max(high, ti.Vector([x.max(), y.max()]))
-                        colour = ti.select(
-                            kind == 1, layer, ti.select(kind == 0, edge[p], crack[p])
-                        )
+                        own = ti.select(kind == 0, inks[p, EDGE], inks[p, CRACK])
+                        colour = ti.select(kind == 1, tones[0], own)
                         for side in range(4):
-                            if (lines >> side) & 1 == 1:
+                            if (sides >> side) & 1 == 1:
                                 _stroke(samples, x, y, side, width, clip, colour)
             if outline_points > 0:
-                _fill_outline(samples, outer, outline_points, clip, line_colour)
-                _fill_outline(samples, inner, outline_points, clip, steel)
+                _fill_outline(samples, outline, 0, outline_points, clip, tones[1])
+                _fill_outline(samples, outline, 1, outline_points, clip, tones[2])
             for k in range(outline_points):
-                for points in ti.static((outer, inner)):
-                    low = ti.min(low, ti.Vector([points[k, 0], points[k, 1]]))
-                    high = ti.max(high, ti.Vector([points[k, 0], points[k, 1]]))
+                for n in ti.static(range(2)):
+                    corner = ti.Vector([outline[n, k, 0], outline[n, k, 1]])
+                    low, high = ti.min(low, corner), ti.max(high, corner)
             for row in range(
                 ti.max(clip[1], _sample(low[1]) - reach) // FINE,
                 (ti.min(clip[3], _sample(high[1]) + reach) + FINE - 1) // FINE,

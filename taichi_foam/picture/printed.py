@@ -18,16 +18,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis import cell_shapes
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours
+from taichi_foam.picture import annotate
 from taichi_foam.picture.figures import MOTION, PRESSING, ledger_layers
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import Look, Rgb, grid_line_map, shades
 from taichi_foam.picture.modes import Key
-from taichi_foam.picture.montage import choose
+from taichi_foam.picture.montage import around, choose
+from taichi_foam.picture.raster import Shown
 from taichi_foam.picture.style import BLUE, INK, PRINT
-from taichi_foam.picture.view import Window, window
+from taichi_foam.picture.view import Window
 from taichi_foam.scene.filling import filling
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -54,7 +54,12 @@ _SEAM = 0.2
 #: Cells at least this large have a grid line for a stroke [points], of this strength.
 _GRID_CELL, _GRID_STRENGTH = 1.5, 0.5
 #: Pairs of corners of a cell that are its sides.
-_SIDES = ((cells.BOTTOM, 0, 1), (cells.RIGHT, 1, 2), (cells.TOP, 2, 3), (cells.LEFT, 3, 0))
+_SIDES = (
+    (cell_shapes.BOTTOM, 0, 1),
+    (cell_shapes.RIGHT, 1, 2),
+    (cell_shapes.TOP, 2, 3),
+    (cell_shapes.LEFT, 3, 0),
+)
 
 
 def montage(
@@ -82,7 +87,7 @@ def montage(
     look = Look(mode or scene.output.mode)
     across = min(len(chosen), 4 if column == "double" else 2)
     down = math.ceil(len(chosen) / across)
-    world = window(scene, snapshots, side=0.14, above=0.42)
+    world = around(scene, snapshots)
     wide = (width - 2 * _RIM - _GAP * (across - 1)) / across
     tall = wide * (world.y_max - world.y_min) / (world.x_max - world.x_min)
     # as in the montage on screens: neither slivers nor towers
@@ -219,15 +224,13 @@ def _draw(
 ) -> None:
     """Cells in their colours, lines along open sides, support and impactor; `scale` in mm per m."""
     block, key, tones = scene.block, look.shown.key(scene), look.tones
-    there = filling(block).there
-    shapes, sides = cells.shapes_of(snapshot, block)
-    shapes, sides = shapes[there], sides[there]
-    level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)[there]
-    shades = colours.shades(key.shades)[level].reshape(-1, 3) / 255
+    there, shown = filling(block).there, Shown.of(snapshot, scene, look, key)
+    shapes, sides, level = shown.shapes[there], shown.sides[there], shown.level[there]
+    faces = shades(key.shades)[level] / 255
     size = scale * min(block.dx, block.dy) * 72 / _INCH  # of a cell in points
-    edges = shades
+    edges = faces
     if size >= _GRID_CELL and not dense:
-        grid = colours.grid_line_map(key.shades, _GRID_STRENGTH)[level].ravel()
+        grid = grid_line_map(key.shades, _GRID_STRENGTH)[level]
         edges = np.stack([grid >> 16, grid >> 8 & 255, grid & 255], axis=-1) / 255
     support, floor = scene.support.outline_under(block), _tone(tones.floor)
     if support is None:
@@ -237,23 +240,23 @@ def _draw(
         axis.add_patch(Polygon(support, zorder=1, **body))
     axis.add_collection(
         PolyCollection(
-            list(shapes), facecolors=shades, edgecolors=edges,
+            list(shapes), facecolors=faces, edgecolors=edges,
             linewidths=_SEAM, rasterized=dense, zorder=2,
         ),
         autolim=False,
     )  # fmt: skip
     if block.layers:
-        faces = shapes[cells.layer_faces(snapshot, block)[there] > 0][:, 2:]
+        between = shapes[cell_shapes.layer_faces(snapshot, block)[there] > 0][:, 2:]
         axis.add_collection(
             LineCollection(
-                list(faces), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
+                list(between), colors=[_tone(tones.soft_ink)], linewidths=_LINE, rasterized=dense,
                 zorder=3,
             ),
             autolim=False,
         )  # fmt: skip
     if dense:
         # a loose cell shows as a speck of its colour: lines around it would hide that
-        sides = np.where(sides == cells.ALL_SIDES, 0, sides)
+        sides = np.where(sides == cell_shapes.ALL_SIDES, 0, sides)
     lines = [shapes[(sides & bit) > 0][:, (start, end)] for bit, start, end in _SIDES]
     axis.add_collection(
         LineCollection(
@@ -263,13 +266,14 @@ def _draw(
         ),
         autolim=False,
     )  # fmt: skip
-    outline = impactor_now(snapshot, scene)
-    if outline is not None:
+    if shown.impactor is not None:
         steel, edge = _tone(tones.steel), _tone(tones.steel_edge)
-        axis.add_patch(Polygon(outline, facecolor=steel, edgecolor=edge, linewidth=0.8, zorder=4))
+        axis.add_patch(
+            Polygon(shown.impactor, facecolor=steel, edgecolor=edge, linewidth=0.8, zorder=4)
+        )
 
 
-def _tone(colour: colours.Rgb) -> tuple[float, float, float]:
+def _tone(colour: Rgb) -> tuple[float, float, float]:
     red, green, blue = colour
     return red / 255, green / 255, blue / 255
 
@@ -307,11 +311,11 @@ def _key(figure: Figure, key: Key, width: float) -> None:
     """The key's bar at the lower right, with its ticks below and its title on the left."""
     wide, tall, right = 0.46 * width, 2.2, 5.5
     axis = _axes(figure, width - right - wide, _FOOT - 1.2 - tall, wide, tall)
-    shades = colours.shades(key.shades) / 255
-    edges = np.linspace(key.bottom, key.top, len(shades) + 1)
+    tones = shades(key.shades) / 255
+    edges = np.linspace(key.bottom, key.top, len(tones) + 1)
     # each reaches to the end, under those that follow, so that there are no seams
     bars = [[(start, 0), (key.top, 0), (key.top, 1), (start, 1)] for start in edges[:-1]]
-    axis.add_collection(PolyCollection(bars, facecolors=shades, edgecolors="none"), autolim=False)
+    axis.add_collection(PolyCollection(bars, facecolors=tones, edgecolors="none"), autolim=False)
     axis.set(xlim=(key.bottom, key.top), ylim=(0, 1))
     for spine in axis.spines.values():
         spine.set(visible=True, color=INK, linewidth=_LINE)

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.body import impactor_now
-from taichi_foam.analysis.rims import along_outline
+from taichi_foam.analysis import cell_shapes
+from taichi_foam.analysis.cell_shapes import along_outline
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours, inset
+from taichi_foam.picture import annotate, inset
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import Look, crack_line_map, grid_line_map, levels, packed_shades
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.polygons import FINE, GRID_BITS, LAYER_BITS, paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
@@ -200,7 +200,7 @@ def _page(
 class Shown:
     """What is seen of an instant in any place and at any size.
 
-    shapes, sides  of cells, as `cells.shapes_of` gives them
+    shapes, sides  of cells, as `cell_shapes.shapes_of` gives them
     level          place of each cell's figure in the key's colours (columns, rows), 0 to 255
     impactor       its outline (m, 2) [m]; None: there is none
     """
@@ -217,8 +217,8 @@ class Shown:
         """Of a snapshot; `look` and `key` by default those of the scene."""
         look = look or Look.of(scene)
         key = key or look.shown.key(scene)
-        shapes, sides = cells.shapes_of(snapshot, scene.block)
-        level = colours.levels(look.shown.values(snapshot, scene), key.top, key.bottom)
+        shapes, sides = cell_shapes.shapes_of(snapshot, scene.block)
+        level = levels(look.shown.values(snapshot, scene), key.top, key.bottom)
         return cls(shapes, sides, level, impactor_now(snapshot, scene))
 
 
@@ -250,7 +250,7 @@ def draw(
     if small:
         strength = 1.0
         # a loose cell shows as a speck of its colour: lines around it would hide that
-        strokes = np.where(sides == cells.ALL_SIDES, 0, sides)
+        strokes = np.where(sides == cell_shapes.ALL_SIDES, 0, sides)
         sides = np.zeros_like(sides)
         if look.grid:
             strokes |= _coarse_grid(*level.shape, GRID_APART / smallest) << GRID_BITS
@@ -259,19 +259,21 @@ def draw(
     strokes[rim] |= sides[rim]
     sides[rim] = 0
     if block.layers:
-        strokes |= cells.layer_faces(snapshot, block) << LAYER_BITS
+        strokes |= cell_shapes.layer_faces(snapshot, block) << LAYER_BITS
+    maps = (  # columns FILL, EDGE, CRACK, SIDES, STROKES
+        packed_shades(key.shades),
+        grid_line_map(key.shades, round(strength, 2)),
+        crack_line_map(key.shades, look.theme),
+    )
+    inks = np.stack([*(shades[level] for shades in maps), sides, strokes], axis=-1)
     held, order = _order(block)
     outer = shown.impactor
     paint(
         image,
         view,
         shapes.reshape(-1, 4, 2)[held],
-        fill=colours.packed_shades(key.shades)[level].ravel()[held],
-        edge=colours.grid_line_map(key.shades, round(strength, 2))[level].ravel()[held],
-        crack=colours.crack_line_map(key.shades, look.theme)[level].ravel()[held],
-        sides=sides.ravel()[held],
-        strokes=strokes.ravel()[held],
-        order=order,
+        inks.reshape(-1, len(maps) + 2)[held],
+        order,
         grid_line=_even(GRID_LINE * unit) if look.grid and not small else 0.0,
         crack_line=_even(CRACK_LINE * unit),
         shape=np.empty((0, 2)) if outer is None else outer,
@@ -301,9 +303,9 @@ def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
     grid = np.zeros((columns, rows), dtype=np.int32)
     middle = columns // 2
     lines = np.flatnonzero((np.arange(columns) - middle) % stride == 0)
-    grid[lines[lines >= middle]] |= cells.LEFT
-    grid[lines[(lines > 0) & (lines <= middle)] - 1] |= cells.RIGHT
-    grid[:, np.arange(rows) % stride == 0] |= cells.BOTTOM
+    grid[lines[lines >= middle]] |= cell_shapes.LEFT
+    grid[lines[(lines > 0) & (lines <= middle)] - 1] |= cell_shapes.RIGHT
+    grid[:, np.arange(rows) % stride == 0] |= cell_shapes.BOTTOM
     grid.setflags(write=False)
     return grid
 

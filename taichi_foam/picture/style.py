@@ -1,16 +1,22 @@
-"""The look that all figures share, and how they are saved."""
+"""The look that all figures share, labels beside their curves, and how figures are saved."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, GREY = (
     "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#8C8C8C",
@@ -62,6 +68,8 @@ _DATELESS = {".png": None, ".svg": {"Date": None}, ".pdf": {"CreationDate": None
 #: Of PNGs, and of what is an image inside a vector file.
 _SCREEN_DPI, _PRINT_DPI = 120, 600
 
+#: What keeps a label apart from the lines under it.
+HALO = [withStroke(linewidth=3, foreground="white")]
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": "linecolor"}
 
 
@@ -100,3 +108,38 @@ def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STY
             "check the folder, its permissions and the free space"
         ) from error
     return written
+
+
+def spread(wanted: Sequence[float], apart: float) -> list[float]:
+    """Positions as near as possible to `wanted` (any order), at least `apart` from one another."""
+    from scipy.optimize import isotonic_regression
+
+    order = np.argsort(wanted, kind="stable")
+    steps = apart * np.arange(len(order))
+    placed = np.empty(len(order))
+    placed[order] = isotonic_regression(np.asarray(wanted)[order] - steps).x + steps
+    return placed.tolist()
+
+
+def beside(
+    axis: Axes,
+    x: float,
+    y: float,
+    text: str,
+    colour: str,
+    offset: tuple[float, float],
+    vertical: str,
+    horizontal: str = "left",
+) -> None:
+    """A label in the colour of its curve, `offset` points from (x, y), on a white halo."""
+    axis.annotate(
+        text,
+        (x, y),
+        xytext=offset,
+        textcoords="offset points",
+        ha=horizontal,
+        va=vertical,
+        color=colour,
+        fontweight="bold",
+        path_effects=HALO,
+    )

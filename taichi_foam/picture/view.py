@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.impact import impactor_now
 
 if TYPE_CHECKING:
     from taichi_foam.laws.shape import Impactor

@@ -63,7 +63,7 @@ class Column:
     label       in tables and on the page
     meaning     what it is, with its sign
     source      members of the device's row that it comes from, see `row_columns`; their sum unless
-                `analysis.history.history_of` says otherwise
+                `analysis.columns.history_of` says otherwise
     turns       whether only a history with an impactor that turns has it
     dissipates  whether it is energy that is lost for good, and can only grow
     is_integer  whether history.csv holds whole numbers

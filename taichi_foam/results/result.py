@@ -198,7 +198,7 @@ def _write_history(result: Result, path: Path) -> None:
 
 def _write_curve(result: Result, path: Path) -> None:
     """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
-    from taichi_foam.analysis.compression import compression_curve
+    from taichi_foam.analysis.loads import compression_curve
 
     if curve := compression_curve(result):
         strain, stress = curve

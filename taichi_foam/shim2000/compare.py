@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_foam.analysis import quantities as q
+from taichi_foam.analysis import measures as q
 from taichi_foam.shim2000.bands import Band
 from taichi_foam.shim2000.tests import TESTS, PaperTest
 

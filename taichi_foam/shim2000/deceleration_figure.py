@@ -12,8 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from taichi_foam.picture.labels import beside
-from taichi_foam.picture.style import BLUE, ORANGE, STYLE, VERMILION, blank
+from taichi_foam.picture.style import BLUE, ORANGE, STYLE, VERMILION, beside, blank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

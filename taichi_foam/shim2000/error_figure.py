@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from taichi_foam.picture.labels import beside
-from taichi_foam.picture.style import BLUE, GREEN, INK, STYLE, VERMILION, blank
+from taichi_foam.picture.style import BLUE, GREEN, INK, STYLE, VERMILION, beside, blank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

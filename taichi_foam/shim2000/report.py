@@ -11,8 +11,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from taichi_foam.analysis.measures import PLATEAU_END_FRACTION
-from taichi_foam.analysis.quantities import PEAK, PEAK_TIME, SLOPE
+from taichi_foam.analysis.loads import PLATEAU_END_FRACTION
+from taichi_foam.analysis.measures import PEAK, PEAK_TIME, SLOPE
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000 import report_ensembles, report_pictures, report_tables
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, is_miss

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME, Quantity
+from taichi_foam.analysis.measures import ENERGY_PER_VOLUME, Quantity
 from taichi_foam.shim2000.compare import criteria_met
 from taichi_foam.shim2000.error_figure import Whisker
 from taichi_foam.shim2000.report_pictures import short

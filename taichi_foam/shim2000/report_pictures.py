@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from taichi_foam.analysis.impact import impact
-from taichi_foam.analysis.measures import NOSE_RISE_LIMIT_M, absorption_curve
+from taichi_foam.analysis.loads import NOSE_RISE_LIMIT_M, absorption_curve
 from taichi_foam.picture import figures, films, style
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage

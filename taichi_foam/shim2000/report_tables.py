@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taichi_foam.analysis import quantities as q
-from taichi_foam.analysis.quantities import DURATION, Quantity
+from taichi_foam.analysis import measures as q
+from taichi_foam.analysis.measures import DURATION, Quantity
 from taichi_foam.parts import described
 from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
+from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.shim2000.bands import ENDS, quantile
 from taichi_foam.shim2000.compare import is_miss
 from taichi_foam.shim2000.criteria import Criterion, comparing, criteria

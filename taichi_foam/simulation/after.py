@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.results.result import Result

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taichi_foam.analysis.history import history_of
+from taichi_foam.analysis.columns import history_of
 from taichi_foam.backend import ti
 from taichi_foam.engine import runtime, stepping, transfer
 from taichi_foam.engine.features import Features, features_of

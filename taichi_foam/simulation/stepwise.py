@@ -129,7 +129,7 @@ class Drop:
         return self._slots.now(0)
 
     def rows(self, since: int = 0) -> np.ndarray:
-        """Rows (n, `row_columns`) after the first `since`, for `analysis.history.history_of`."""
+        """Rows (n, `row_columns`) after the first `since`, for `analysis.columns.history_of`."""
         return self._run.rows_since(since)
 
     def result(self) -> Result:

@@ -15,11 +15,10 @@ from matplotlib import ticker
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.quantities import QUANTITIES
+from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
 from taichi_foam.parts import unit_of
-from taichi_foam.picture.labels import beside, spread
-from taichi_foam.picture.style import CYCLE, INK, STYLE, blank
+from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, spread
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.bands import band
 from taichi_foam.sweeps import table
@@ -139,7 +138,7 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     shares = all(value is None or isinstance(value, bool) for value in values)
     if any(isinstance(value, str) for value in values):
         raise UserError(f"{measure}: holds words, and a figure takes numbers")
-    factor = 100.0 if shares else QUANTITIES[measure].factor if measure in QUANTITIES else 1.0
+    factor = 100.0 if shares else MEASURES[measure].factor if measure in MEASURES else 1.0
     plan = sweep.plan
     return _Drops(
         # of repeats alone each is a place of its own
@@ -342,8 +341,8 @@ def _is_number(value: Any) -> bool:
 
 def _label_of_measure(key: str, is_share: bool) -> str:
     """A column in words with its unit."""
-    known = QUANTITIES.get(key)
-    if known is not None:
+    known = MEASURES.get(key)
+    if known and known.label:
         return f"{known.label} ({known.unit})" if known.unit else known.label
     unit = next((unit for unit in _UNITS if key.endswith(f"_{unit}")), None)
     words = key.removesuffix(f"_{unit}").replace("_", " ")

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.crush import crushed_cells
+from taichi_foam.analysis import cell_shapes
+from taichi_foam.analysis.cell_state import apart, crushed_cells, there
 from taichi_foam.analysis.fragments import cracks, parts, piece_sizes, pieces
 from taichi_foam.analysis.impact import bottomed_out
-from taichi_foam.analysis.presence import apart, there
 from taichi_foam.analysis.room import crushed_layer, without_room
 from taichi_foam.analysis.soundness import loose_share, warnings_of
 from taichi_foam.scene import Block, Curve, FlatBlock, Foam, Layer, Scene, TabulatedFoam
@@ -72,7 +71,7 @@ def test_bonds_that_never_were_join_nothing_and_are_not_broken(make_snapshot) ->
 )
 def test_every_cell_is_drawn_as_large_as_it_is(make_snapshot, block: Block) -> None:
     """Half of a cell along a face that runs through its middle, a quarter at a corner of two."""
-    shapes, _ = cells.shapes_of(make_snapshot(block), block)
+    shapes, _ = cell_shapes.shapes_of(make_snapshot(block), block)
     held = there(block)
     drawn = shapely.area(shapely.polygons(shapes[held]))
     expected = filling(block).share[held] * block.dx * block.dy
@@ -82,16 +81,16 @@ def test_every_cell_is_drawn_as_large_as_it_is(make_snapshot, block: Block) -> N
 @pytest.mark.parametrize("block", [CORNER, SLOPED, CORNER_ON_FACES])
 def test_cells_fill_the_outline(make_snapshot, block: Block) -> None:
     """As they are drawn, but for what is cut off at the outline's corners."""
-    shapes, sides = cells.shapes_of(make_snapshot(block), block)
+    shapes, sides = cell_shapes.shapes_of(make_snapshot(block), block)
     foam = shapely.Polygon(block.corners, block.holes)
     drawn = shapely.union_all(shapely.polygons(shapes[there(block)]))
     assert shapely.area(shapely.symmetric_difference(drawn, foam)) < 0.01 * foam.area
     if block is not SLOPED:
         assert drawn.area == pytest.approx(foam.area, rel=1e-9)
     if block is CORNER:
-        assert sides[0, -1] == cells.LEFT | cells.TOP
-        assert sides[5, 5] == cells.RIGHT
-        assert sides[8, 3] == cells.TOP
+        assert sides[0, -1] == cell_shapes.LEFT | cell_shapes.TOP
+        assert sides[5, 5] == cell_shapes.RIGHT
+        assert sides[8, 3] == cell_shapes.TOP
 
 
 def test_each_layer_is_crushed_by_its_own_foam(make_snapshot) -> None:

@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from taichi_foam.analysis.measures import summary
-from taichi_foam.analysis.quantities import (
+import pytest
+
+from taichi_foam.analysis import measures
+from taichi_foam.analysis.measures import (
     DISPLACEMENT,
-    QUANTITIES,
+    MEASURES,
     RAW_CREST_G,
     RESIDUAL,
     STRAIN,
     shown_in,
+    summary,
 )
 from taichi_foam.cli import tables
 from taichi_foam.live.page.figures import FIGURES
 
-ALL = list(QUANTITIES.values())
+ALL = [each for each in MEASURES.values() if each.label]
 
 
 def test_every_figure_is_a_measure_of_a_run(make_result) -> None:
     assert {quantity.key for quantity in ALL} <= summary(make_result()).keys()
     assert len({quantity.key for quantity in ALL}) == len(ALL)
     assert len({quantity.name for quantity in ALL}) == len(ALL)
+
+
+def test_a_measure_of_ones_own_follows(make_result, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measures, "MEASURES", dict(MEASURES))
+    rows = measures.measure(
+        "rows", lambda record: len(record.history), "rows of the history", "rows", tables="run"
+    )
+    result = make_result(strain_J=1.0)
+    assert list(result.summary)[-4:] == ["rows", "statement", "warnings", "assumed"]
+    assert shown_in("run")[-1] is rows
+    assert rows.label in list(tables.key_figures(result.scene, result.summary).columns[0].cells)
 
 
 def test_figures_in_the_unit_of_people() -> None:

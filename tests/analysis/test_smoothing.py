@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, lfilter_zi
 
-from taichi_foam.analysis.smoothing import _low_pass, smooth_deceleration
+from taichi_foam.analysis.columns import _low_pass, smooth_deceleration
 
 
 def gain(frequency: float) -> float:

@@ -18,7 +18,7 @@ from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.fit import crushable_fit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
-from taichi_foam.picture.foam_figure import compression_test
+from taichi_foam.picture.figures import compression_test
 from taichi_foam.scene.library import packaged, read_foam
 from taichi_foam.scene.measured import read_curve
 

@@ -7,7 +7,7 @@ import pytest
 from bench import small_scene
 from test_same_numbers import assert_same_results, assert_same_snapshots, impacts
 
-from taichi_foam.analysis.history import history_of
+from taichi_foam.analysis.columns import history_of
 from taichi_foam.errors import RunError
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import HISTORY_COLUMNS, ROW_COLUMNS

@@ -9,7 +9,7 @@ import pytest
 from bench import bench, numerics, small_scene
 from reference_lattice import reference_positions
 
-from taichi_foam.analysis.body import impactor_now, way_down
+from taichi_foam.analysis.impact import impactor_now, way_down
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import State
 from taichi_foam.records.ending import Ending

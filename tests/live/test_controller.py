@@ -20,7 +20,7 @@ from taichi_foam.live import screen as screen_module
 from taichi_foam.live.controller import PACES, WAITING, Controller, Outcome
 from taichi_foam.live.pictures import panel, strip
 from taichi_foam.live.screen import FPS, VELOCITY_STEP, Screen, pace_words
-from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.look import THEMES
 from taichi_foam.picture.modes import MODES
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result

@@ -17,8 +17,8 @@ import pytest
 from PIL import Image, ImageGrab
 
 from taichi_foam.picture import raster
-from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.look import THEMES
 from taichi_foam.results.result import Result
 from taichi_foam.simulation.simulate import resume, run
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 
-from taichi_foam.analysis import cells
-from taichi_foam.analysis.crush import worst_strain
+from taichi_foam.analysis import cell_shapes
+from taichi_foam.analysis.cell_state import worst_strain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
 
 def corners_of(snapshot: Snapshot, scene: Scene) -> np.ndarray:
-    return cells.corners(
+    return cell_shapes.corners(
         snapshot.position,
         snapshot.e_min_a,
         snapshot.e_min_b,
@@ -154,8 +154,8 @@ def test_open_sides_are_the_outside_and_both_faces_of_a_break() -> None:
     broken_a = np.zeros((2, 3), dtype=bool)
     broken_b = np.zeros((3, 2), dtype=bool)
     broken_a[0, 1] = broken_b[1, 0] = True
-    sides = cells.open_sides(broken_a, broken_b)
-    assert sides[1, 1] == cells.LEFT | cells.BOTTOM
-    assert sides[0, 1] == cells.LEFT | cells.RIGHT
-    assert sides[1, 0] == cells.BOTTOM | cells.TOP
-    assert sides[2, 1] == cells.RIGHT
+    sides = cell_shapes.open_sides(broken_a, broken_b)
+    assert sides[1, 1] == cell_shapes.LEFT | cell_shapes.BOTTOM
+    assert sides[0, 1] == cell_shapes.LEFT | cell_shapes.RIGHT
+    assert sides[1, 0] == cell_shapes.BOTTOM | cell_shapes.TOP
+    assert sides[2, 1] == cell_shapes.RIGHT

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.look import THEMES
 
 # Machado, Oliveira & Fernandes (2009), severity 1.0, in linear RGB.
 VISION = {

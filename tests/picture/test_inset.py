@@ -9,8 +9,8 @@ import pytest
 from picture_states import intact, scene_of
 
 from taichi_foam.picture import annotate, inset, raster
-from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
+from taichi_foam.picture.look import THEMES
 from taichi_foam.picture.view import Box
 
 BOX = Box(10, 20, 335, 170)

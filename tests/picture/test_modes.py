@@ -9,8 +9,8 @@ import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 
 from taichi_foam.errors import UserError
-from taichi_foam.picture import colours, raster
-from taichi_foam.picture.look import Look
+from taichi_foam.picture import raster
+from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.scene import Block, Foam, Numerics, Output, Start
 
@@ -30,7 +30,7 @@ def stretched(scene, x: float = 1.0, y: float = 1.0, shear: float = 0.0):
 def test_a_scene_knows_the_same_modes_and_themes() -> None:
     fields = Output.model_fields
     assert get_args(fields["mode"].annotation) == tuple(MODES)
-    assert get_args(fields["theme"].annotation) == tuple(colours.THEMES)
+    assert get_args(fields["theme"].annotation) == tuple(THEMES)
 
 
 @pytest.mark.parametrize(("name", "value"), [("mode", "colour"), ("theme", "grey")])
@@ -152,13 +152,13 @@ def test_a_key_depends_on_the_scene_alone_and_its_ticks_lie_on_it(mode: str) -> 
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("theme", colours.THEMES)
+@pytest.mark.parametrize("theme", THEMES)
 def test_every_mode_draws_every_state(mode: str, theme: str) -> None:
     scene = scene_of(20, 10)
     look = Look(mode, theme)
     for state in (intact, dented, split, shattered):
         image = raster.frame(state(scene), scene, (512, 288), look=look)
-        assert np.all(np.isin(image.reshape(-1, 3)[:1], colours.THEMES[theme].page))
+        assert np.all(np.isin(image.reshape(-1, 3)[:1], THEMES[theme].page))
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 20
 
 

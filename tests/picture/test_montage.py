@@ -10,8 +10,9 @@ from picture_states import dented, intact, scene_of
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours
+from taichi_foam.picture import annotate
 from taichi_foam.picture.comparison import Lineup, instants
+from taichi_foam.picture.look import THEMES
 from taichi_foam.picture.montage import choose, montage
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
@@ -53,7 +54,7 @@ def test_panels_stand_in_a_grid(scene: Scene, n: int, grid: tuple[int, int]) -> 
     image = montage([intact(scene)] * n, scene, n=n, width=900)
     across, down = grid
     height, width = image.shape[:2]
-    drawn = np.any(image != colours.THEMES["light"].page, axis=-1)
+    drawn = np.any(image != THEMES["light"].page, axis=-1)
     # The panels are the only things as wide or as tall as this.
     columns = long_runs(drawn[height // 3], 0.15 * width)
     assert len(columns) == across
@@ -126,7 +127,7 @@ def test_times_stand_on_the_empty_field(kind: str, monkeypatch: pytest.MonkeyPat
     instants(lineup, n=3, width=900)
     assert len(grounds) == 3 + 2 * 3
     for ground in grounds:
-        assert np.all(ground == colours.THEMES["light"].field)
+        assert np.all(ground == THEMES["light"].field)
 
 
 def test_foam_in_the_corner_of_one_instant_makes_room_in_all() -> None:

@@ -18,7 +18,7 @@ from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam.errors import UserError
-from taichi_foam.picture import movie, raster
+from taichi_foam.picture import films, raster
 
 
 def plain(count: int = 5, width: int = 64, height: int = 48) -> Iterator[np.ndarray]:
@@ -28,12 +28,12 @@ def plain(count: int = 5, width: int = 64, height: int = 48) -> Iterator[np.ndar
 
 
 def saved(
-    kind: Callable[..., AbstractContextManager[movie.Film]],
+    kind: Callable[..., AbstractContextManager[films.Film]],
     pictures: Iterable[np.ndarray],
     path: Path,
     **options: int,
 ) -> Path:
-    """Write a film of `kind`, `movie.mp4` or `movie.gif`, of all pictures."""
+    """Write a film of `kind`, `films.mp4` or `films.gif`, of all pictures."""
     with kind(path, **options) as film:
         for picture in pictures:
             film.send(picture)
@@ -41,7 +41,7 @@ def saved(
 
 
 def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
-    path = saved(movie.mp4, plain(), tmp_path / "film.mp4", fps=10)
+    path = saved(films.mp4, plain(), tmp_path / "film.mp4", fps=10)
     read = iio.imread(path, plugin="FFMPEG")
     assert read.shape == (5, 48, 64, 3)
     for k, frame in enumerate(read):
@@ -51,7 +51,7 @@ def test_an_mp4_holds_the_frames_it_was_given(tmp_path: Path) -> None:
 
 
 def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None:
-    path = saved(movie.gif, plain(), tmp_path / "film.gif", fps=20)
+    path = saved(films.gif, plain(), tmp_path / "film.gif", fps=20)
     with GifImageFile(path) as film:
         assert film.n_frames == 5
         assert film.size == (64, 48)
@@ -63,7 +63,7 @@ def test_a_gif_holds_the_frames_it_was_given_and_repeats(tmp_path: Path) -> None
 
 
 def test_a_gif_is_scaled_down_to_its_width(tmp_path: Path) -> None:
-    path = saved(movie.gif, plain(2, 200, 100), tmp_path / "film.gif", width=100)
+    path = saved(films.gif, plain(2, 200, 100), tmp_path / "film.gif", width=100)
     with Image.open(path) as film:
         assert film.size == (100, 50)
 
@@ -72,7 +72,7 @@ def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
     scene = scene_of()
     run = [dented(scene, 0.0012 * k, time=0.001 * k) for k in range(50)]
     pictures = (raster.frame(snapshot, scene, (640, 360)) for snapshot in run)
-    path = saved(movie.gif, pictures, tmp_path / "film.gif")
+    path = saved(films.gif, pictures, tmp_path / "film.gif")
     assert path.stat().st_size < 1.5e6
     with GifImageFile(path) as film:
         assert film.n_frames == 50
@@ -94,31 +94,31 @@ def test_frames_are_taken_one_at_a_time(tmp_path: Path) -> None:
             most = max(most, sum(one() is not None for one in seen))
             yield frame
 
-    saved(movie.mp4, watched(), tmp_path / "film.mp4")
+    saved(films.mp4, watched(), tmp_path / "film.mp4")
     assert most <= 4
 
 
 @pytest.mark.parametrize("size", [(63, 48), (64, 47)])
 def test_an_odd_size_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
     with pytest.raises(UserError, match="must be even, such as 64 x 48"):
-        saved(movie.mp4, plain(3, *size), tmp_path / "film.mp4")
+        saved(films.mp4, plain(3, *size), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_other_bad_requests_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no frames"):
-        saved(movie.mp4, [], tmp_path / "film.mp4")
+        saved(films.mp4, [], tmp_path / "film.mp4")
     with pytest.raises(UserError, match=r"end in \.gif"):
-        saved(movie.gif, plain(), tmp_path / "film.mp4")
+        saved(films.gif, plain(), tmp_path / "film.mp4")
     with pytest.raises(UserError, match="no folder"):
-        saved(movie.mp4, plain(), tmp_path / "absent" / "film.mp4")
+        saved(films.mp4, plain(), tmp_path / "absent" / "film.mp4")
     with pytest.raises(UserError, match="size changes"):
-        saved(movie.mp4, [*plain(2), *plain(1, 32)], tmp_path / "film.mp4")
+        saved(films.mp4, [*plain(2), *plain(1, 32)], tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
-    path = saved(movie.mp4, plain(3), tmp_path / "film.mp4")
+    path = saved(films.mp4, plain(3), tmp_path / "film.mp4")
     before = path.read_bytes()
 
     def broken() -> Iterator[np.ndarray]:
@@ -126,7 +126,7 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        saved(movie.mp4, broken(), path)
+        saved(films.mp4, broken(), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
@@ -134,29 +134,29 @@ def test_a_failure_leaves_the_older_film_alone(tmp_path: Path) -> None:
 def test_an_encoder_that_crashes_says_why_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(movie, "_MP4", ("-c:v", "libx264", "-preset", "no-such"))
+    monkeypatch.setattr(films, "_MP4", ("-c:v", "libx264", "-preset", "no-such"))
     with pytest.raises(UserError, match=r"film\.mp4: it could not be written \(.+\); check"):
-        saved(movie.mp4, plain(200, 320, 240), tmp_path / "film.mp4")
+        saved(films.mp4, plain(200, 320, 240), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_encoder_that_is_killed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    send = movie.Film.send
+    send = films.Film.send
 
-    def killed(film: movie.Film, picture: np.ndarray) -> None:
+    def killed(film: films.Film, picture: np.ndarray) -> None:
         send(film, picture)
         film._process.kill()
 
-    monkeypatch.setattr(movie.Film, "send", killed)
+    monkeypatch.setattr(films.Film, "send", killed)
     with pytest.raises(UserError, match=r"could not be written \(ffmpeg ended with code"):
-        saved(movie.mp4, plain(100, 320, 240), tmp_path / "film.mp4")
+        saved(films.mp4, plain(100, 320, 240), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_film_with_a_frame_lost_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(movie, "_MP4", (*movie._MP4, "-frames:v", "3"))
+    monkeypatch.setattr(films, "_MP4", (*films._MP4, "-frames:v", "3"))
     with pytest.raises(UserError, match="holds 3 of 5 frames"):
-        saved(movie.mp4, plain(), tmp_path / "film.mp4")
+        saved(films.mp4, plain(), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -165,7 +165,7 @@ def test_no_encoder_is_left_behind(tmp_path: Path) -> None:
     encoders = []
     for error in (None, KeyboardInterrupt):
         try:
-            with movie.gif(tmp_path / "film.gif") as film:
+            with films.gif(tmp_path / "film.gif") as film:
                 for picture in plain():
                     film.send(picture)
                 encoders.append(film._process)
@@ -180,11 +180,11 @@ _ON_A_FULL_DISK = """
 import resource, sys
 import numpy as np
 from taichi_foam.errors import UserError
-from taichi_foam.picture import movie
+from taichi_foam.picture import films
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 noise = np.random.default_rng(1).integers(0, 256, (12, 240, 320, 3), dtype=np.uint8)
 try:
-    with getattr(movie, sys.argv[1])(sys.argv[2]) as film:
+    with getattr(films, sys.argv[1])(sys.argv[2]) as film:
         for picture in noise:
             film.send(picture)
 except UserError as error:

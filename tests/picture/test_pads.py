@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_foam.picture import printed
-from taichi_foam.picture.colours import THEMES
-from taichi_foam.picture.look import Look
+from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.raster import Layout, frame
 from taichi_foam.picture.view import fit, window

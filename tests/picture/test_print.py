@@ -18,7 +18,8 @@ from test_figures import history_of
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.picture import colours, printed, style
+from taichi_foam.picture import printed, style
+from taichi_foam.picture.look import levels, shades
 from taichi_foam.picture.modes import MODES
 from taichi_foam.scene import Scene
 
@@ -166,8 +167,8 @@ def test_cells_have_the_colours_of_the_mode() -> None:
     figure = printed.montage(RUN, SCENE, mode="strain", n=2)
     (_, _), (cells, _) = panels(figure)
     mode = MODES["strain"]
-    level = colours.levels(mode.values(RUN[-1], SCENE), mode.key(SCENE).top)
-    wanted = colours.shades("heat")[level].reshape(-1, 3) / 255
+    level = levels(mode.values(RUN[-1], SCENE), mode.key(SCENE).top)
+    wanted = shades("heat")[level].reshape(-1, 3) / 255
     np.testing.assert_allclose(np.asarray(cells.get_facecolor())[:, :3], wanted)
     assert len(np.unique(wanted, axis=0)) > 3
 

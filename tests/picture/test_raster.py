@@ -13,10 +13,10 @@ import pytest
 from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
 from picture_words import check_words, meet
 
-from taichi_foam.analysis.body import impactor_now
+from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
-from taichi_foam.picture import annotate, colours, inset, raster
-from taichi_foam.picture.look import Look
+from taichi_foam.picture import annotate, inset, raster
+from taichi_foam.picture.look import THEMES, Look, shades
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.polygons import paint
 from taichi_foam.picture.view import Box, View, Window, fit, window
@@ -32,7 +32,7 @@ from taichi_foam.scene import (
     Wedge,
 )
 
-LIGHT = colours.THEMES["light"]
+LIGHT = THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
 #: A view in which a metre is a pixel and y points up from the bottom left.
 PLAIN = View(Box(0, 0, 300, 200), 1.0, 0.0, 200.0)
@@ -47,12 +47,8 @@ def painted(quads: np.ndarray, shape: np.ndarray = NO_SHAPE) -> np.ndarray:
         image,
         PLAIN,
         quads,
-        fill=white,
-        edge=white,
-        crack=white,
-        sides=none,
-        strokes=none,
-        order=np.arange(len(quads), dtype=np.int32),
+        np.stack([white, white, white, none, none], axis=-1),
+        np.arange(len(quads), dtype=np.int32),
         shape=shape,
     )
     return np.round(image[..., 0] / 255.0 * 4) / 4
@@ -149,7 +145,7 @@ def test_each_node_has_the_colour_of_its_worst_strain() -> None:
     snapshot = snapshot_of(scene, reference(scene), e_min_a=e_min_a, e_min_b=e_min_b)
     view = fit(window(scene), Box(0, 0, 640, 360))
     image = field_of(snapshot, scene)
-    table = colours.shades("heat")
+    table = shades("heat")
     expected = {(0, 0): 0, (3, 2): 107, (4, 2): 107, (7, 1): 255, (7, 2): 255, (5, 2): 0}
     for (i, j), level in expected.items():
         x, y = snapshot.position[i, j]
@@ -159,7 +155,7 @@ def test_each_node_has_the_colour_of_its_worst_strain() -> None:
 
 @pytest.mark.parametrize(("name", "lightest"), [("heat", 230), ("cool", 200)])
 def test_the_colours_grow_steadily_darker(name: str, lightest: float) -> None:
-    luminance = colours.shades(name).astype(float) @ [0.2126, 0.7152, 0.0722]
+    luminance = shades(name).astype(float) @ [0.2126, 0.7152, 0.0722]
     assert np.all(np.diff(luminance) < 0.5)
     assert luminance[0] > lightest
     assert luminance[-1] < 40
@@ -210,10 +206,10 @@ def test_tiny_cells_have_the_grid_of_many_of_them_symmetric_and_deformed_with_th
     np.testing.assert_allclose(np.diff(edges), 20 * view.scale * scene.block.dx, atol=1)
 
 
-@pytest.mark.parametrize("theme", colours.THEMES)
+@pytest.mark.parametrize("theme", THEMES)
 def test_a_frame_without_words_is_all_field(theme: str) -> None:
     scene = scene_of()
-    tones = colours.THEMES[theme]
+    tones = THEMES[theme]
     image = raster.frame(intact(scene), scene, (640, 320), look=Look(theme=theme, words=False))
     assert not np.any(np.all(image == tones.page, axis=-1))
     assert np.mean(np.all(image == tones.field, axis=-1)) > 0.2

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_foam.analysis.history import history_of
+from taichi_foam.analysis.columns import history_of
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.figures import ENERGIES as ON_THE_PAGE
 from taichi_foam.picture.figures import ledger_layers

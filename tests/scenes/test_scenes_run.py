@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_foam.analysis.compression import compression_curve
 from taichi_foam.analysis.impact import impact
+from taichi_foam.analysis.loads import compression_curve
 from taichi_foam.catalogue import load_scene
 from taichi_foam.picture.look import Look
 from taichi_foam.results.result import Result

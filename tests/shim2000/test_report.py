@@ -9,7 +9,7 @@ import pytest
 from page import Page
 from PIL import Image
 
-from taichi_foam.analysis.quantities import CREST_G
+from taichi_foam.analysis.measures import CREST_G
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, hits, is_miss
 from taichi_foam.shim2000.tests import TESTS
 

@@ -10,7 +10,7 @@ import pytest
 from bench import small_scene
 
 import taichi_foam as tf
-from taichi_foam.analysis.resting import height_beneath
+from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.engine import transfer
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import borrowed

@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.signal import lsim, lti
 
 import taichi_foam as tf
-from taichi_foam.analysis.compression import compression_curve
+from taichi_foam.analysis.loads import compression_curve
 from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.tables import key_figures
 from taichi_foam.errors import UserError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fidelity_study.members import Ensemble, Entry, Kept, entry, shares
-from taichi_foam.analysis.quantities import ENERGY_PER_VOLUME
+from taichi_foam.analysis.measures import ENERGY_PER_VOLUME
 from taichi_foam.catalogue import load_scene
 from taichi_foam.shim2000.compare import hits
 from taichi_foam.shim2000.scores import SHARE, score

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from fidelity_study.changes import CALIBRATED, Outcome
 from fidelity_study.members import TITLES
-from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.analysis.measures import Quantity
 from taichi_foam.picture import style
 from taichi_foam.picture.style import BLUE, GREEN, GREY, INK, VERMILION
 from taichi_foam.shim2000.compare import TOLERANCE

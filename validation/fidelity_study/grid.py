@@ -8,7 +8,7 @@ from itertools import product
 from statistics import fmean
 
 from fidelity_study.members import JUDGED, Ensemble, Entry, Kept, entry
-from taichi_foam.analysis.quantities import Quantity
+from taichi_foam.analysis.measures import Quantity
 from taichi_foam.shim2000.scores import HELD_OUT
 from taichi_foam.shim2000.tests import NAMES
 

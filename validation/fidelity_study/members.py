@@ -11,8 +11,7 @@ from typing import Any
 from ensembles import ORDER, short
 from store import Store
 
-from taichi_foam.analysis.measures import summary
-from taichi_foam.analysis.quantities import PEAK
+from taichi_foam.analysis.measures import PEAK, summary
 from taichi_foam.catalogue import load_scene
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taichi_foam.analysis.quantities import DISPLACEMENT, DURATION, PLATEAU
+from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.errors import UserError
 from taichi_foam.live.page.curve import thinned
 from taichi_foam.results.files import file_name, next_numbered

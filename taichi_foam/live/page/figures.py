@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taichi_foam.analysis.quantities import shown_in
+from taichi_foam.analysis.measures import shown_in
 from taichi_foam.records import history
 
 FIGURES = tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in shown_in("page"))

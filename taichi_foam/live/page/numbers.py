@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_foam.analysis.quantities import shown_in
+from taichi_foam.analysis.measures import shown_in
 from taichi_foam.live.page.curve import Curve
 from taichi_foam.live.page.figures import ENERGIES
 

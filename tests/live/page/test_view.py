@@ -24,7 +24,7 @@ from taichi_foam.live.page import commands
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
 from taichi_foam.live.page.view import PageView
 from taichi_foam.live.pictures import LENGTH
-from taichi_foam.picture.colours import THEMES
+from taichi_foam.picture.look import THEMES
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.shim2000.tests import paper_scene
 

@@ -1,20 +1,25 @@
 """The shape of every node's cell, from the node positions and the state of the bonds.
 
+Along the outline of a block the corners of its cells are put on it.
+
 Points are complex numbers here (x + iy): turning a vector by a right angle is then a product
 with i, and one array holds both coordinates.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.crush import over_bonds, worst_strain
-from taichi_foam.analysis.presence import apart, bonded
-from taichi_foam.analysis.rims import on_outline
+from taichi_foam.analysis.cell_state import apart, bonded, over_bonds, worst_strain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block
+from taichi_foam.scene.filling import filling, in_cells
 from taichi_foam.scene.layers import layer_of_rows
+from taichi_foam.scene.outlines import is_mirrored
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -30,6 +35,15 @@ THINNEST = 0.05
 FOLDING_STRAIN = -0.3
 #: A side longer than this share of the reference cell belongs to a cell torn out of shape.
 LONGEST_SIDE = 1.2
+
+AT_CORNER = 0.75
+"""A corner of cells so near to one of the outline [cells] is put there, otherwise on its side.
+
+Where the outline's corner is the nearest point of any, only these are put there: another one beside
+them would leave a cell without a side."""
+
+FURTHEST = 1.0
+"""Corners further from the outline than this [cells] stay: what is there is too thin to show."""
 
 #: Bits of `open_sides`.
 LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
@@ -100,13 +114,13 @@ def corners(
     points[..., 1] = shared[1:, :-1]
     points[..., 2] = shared[1:, 1:]
     points[..., 3] = shared[:-1, 1:]
-    joints = _Joints(e_min_a, e_min_b, broken_a, broken_b)
-    _mend(points, z, joints, dx, dy)
+    lattice = _Lattice(z, e_min_a, e_min_b, broken_a, broken_b, dx, dy)
+    _mend(points, lattice)
     torn_and_crushed = over_bonds(np.add, broken_a, broken_b) > 0
     torn_and_crushed &= (
         worst_strain(np.nan_to_num(e_min_a), np.nan_to_num(e_min_b)) < FOLDING_STRAIN
     )
-    _unfold(points, torn_and_crushed, z, joints, dx, dy)
+    _unfold(points, torn_and_crushed, lattice)
     return points.view(np.float64).reshape(columns, rows, 4, 2)
 
 
@@ -125,15 +139,24 @@ def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
     return sides
 
 
-class _Joints:
-    """The bonds with a rim of absent ones, so that every cell has four.
+class _Lattice:
+    """Nodes z (columns, rows) [m] and bonds, with a rim of absent ones: every cell has four.
 
     Bond A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
     """
 
-    def __init__(self, e_min_a: Floats, e_min_b: Floats, broken_a: Bools, broken_b: Bools) -> None:
-        self.whole_a = np.pad(~broken_a, 1)
-        self.whole_b = np.pad(~broken_b, 1)
+    def __init__(
+        self,
+        z: Points,
+        e_min_a: Floats,
+        e_min_b: Floats,
+        broken_a: Bools,
+        broken_b: Bools,
+        dx: float,
+        dy: float,
+    ) -> None:
+        self.z, self.dx, self.dy = z, dx, dy
+        self.whole_a, self.whole_b = np.pad(~broken_a, 1), np.pad(~broken_b, 1)
         # NaN marks a side that never had a bond.
         self.strain_a = np.pad(e_min_a, 1, constant_values=np.nan)
         self.strain_b = np.pad(e_min_b, 1, constant_values=np.nan)
@@ -146,11 +169,42 @@ class _Joints:
         p, q = np.nonzero(~whole)
         return p, q
 
+    def half_vectors(self, i: Ints, j: Ints) -> tuple[Points, Points, Points, Points]:
+        """Vectors from the nodes (i, j) to their left, right, lower and upper faces [m].
 
-def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> None:
+        An unbroken bond gives half of itself. Beyond a broken one the cell goes on in the
+        direction of the opposite bond, with the length that its worst strain has left of it.
+        """
+        z, dx, dy = self.z, self.dx, self.dy
+        columns, rows = z.shape
+        here = z[i, j]
+        whole_l, whole_r = self.whole_a[i, j + 1], self.whole_a[i + 1, j + 1]
+        whole_d, whole_u = self.whole_b[i + 1, j], self.whole_b[i + 1, j + 1]
+        left: Points = 0.5 * whole_l * (z[np.maximum(i - 1, 0), j] - here)
+        right: Points = 0.5 * whole_r * (z[np.minimum(i + 1, columns - 1), j] - here)
+        down: Points = 0.5 * whole_d * (z[i, np.maximum(j - 1, 0)] - here)
+        up: Points = 0.5 * whole_u * (z[i, np.minimum(j + 1, rows - 1)] - here)
+
+        along, upward = _unit(right - left), _unit(up - down)
+        along = np.where(along == 0, -1j * upward, along)
+        along = np.where(along == 0, 1, along)  # a loose node: its rotation is not known
+        upward = np.where(upward == 0, 1j * along, upward)
+
+        strain_l, strain_r = self.strain_a[i, j + 1], self.strain_a[i + 1, j + 1]
+        strain_d, strain_u = self.strain_b[i + 1, j], self.strain_b[i + 1, j + 1]
+        return (
+            _bounded(np.where(whole_l, left, -along * _reach(strain_l, right, strain_r, dx)), dx),
+            _bounded(np.where(whole_r, right, along * _reach(strain_r, left, strain_l, dx)), dx),
+            _bounded(np.where(whole_d, down, -upward * _reach(strain_d, up, strain_u, dy)), dy),
+            _bounded(np.where(whole_u, up, upward * _reach(strain_u, down, strain_d, dy)), dy),
+        )
+
+
+def _mend(points: Points, lattice: _Lattice) -> None:
     """Replace the corners that lie on a crack or on the block's edge."""
+    z = lattice.z
     columns, rows = z.shape
-    p, q = joints.frayed_corners()
+    p, q = lattice.frayed_corners()
     # Counter-clockwise around the corner, from its lower left; each sees it as this own corner.
     cells = ((p - 1, q - 1, 2), (p, q - 1, 3), (p, q, 0), (p - 1, q, 1))
     there = [(i >= 0) & (i < columns) & (j >= 0) & (j < rows) for i, j, _ in cells]
@@ -160,7 +214,7 @@ def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> N
     ci, cj = np.nonzero(near)
     place = np.zeros((columns, rows), dtype=np.intp)
     place[ci, cj] = np.arange(len(ci))
-    left, right, down, up = _half_vectors(z, ci, cj, joints, dx, dy)
+    left, right, down, up = lattice.half_vectors(ci, cj)
     middle = z[ci, cj]
     guesses = (middle + (right + up), middle + (left + up),
                middle + (left + down), middle + (right + down))  # fmt: skip
@@ -168,7 +222,7 @@ def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> N
         np.where(inside, guess[place[i.clip(0, columns - 1), j.clip(0, rows - 1)]], 0)
         for guess, (i, j, _), inside in zip(guesses, cells, there, strict=True)
     ]
-    a, b = joints.whole_a, joints.whole_b
+    a, b = lattice.whole_a, lattice.whole_b
     bond = (a[p, q], b[p + 1, q], a[p, q + 1], b[p, q])  # cell k to cell k+1
     for k, ((i, j, own), inside) in enumerate(zip(cells, there, strict=True)):
         ahead, back, ahead2, back2 = bond[k], bond[k - 1], bond[(k + 1) % 4], bond[k - 2]
@@ -182,21 +236,20 @@ def _mend(points: Points, z: Points, joints: _Joints, dx: float, dy: float) -> N
         points[i[inside], j[inside], own] = mean[inside]
 
 
-def _unfold(
-    points: Points, suspect: Bools, z: Points, joints: _Joints, dx: float, dy: float
-) -> None:
+def _unfold(points: Points, suspect: Bools, lattice: _Lattice) -> None:
     """Replace those of the suspect cells that are folded or torn out of shape by rectangles."""
     i, j = np.nonzero(suspect)
     quad = points[i, j]
     side = np.roll(quad, -1, axis=1) - quad
     turn = np.imag(np.conj(side) * np.roll(side, -1, axis=1))
-    bad = np.any(turn < 0, axis=1) | np.any(np.abs(side) > LONGEST_SIDE * max(dx, dy), axis=1)
+    longest = LONGEST_SIDE * max(lattice.dx, lattice.dy)
+    bad = np.any(turn < 0, axis=1) | np.any(np.abs(side) > longest, axis=1)
     i, j = i[bad], j[bad]
-    left, right, down, up = _half_vectors(z, i, j, joints, dx, dy)
+    left, right, down, up = lattice.half_vectors(i, j)
     wide, high = np.abs(left) + np.abs(right), np.abs(down) + np.abs(up)
     # The longer axis tells the direction; the shorter one may point anywhere.
     along = np.where(wide >= high, _unit(right - left), -1j * _unit(up - down))
-    middle = z[i, j] + ((left + right) + (down + up)) / 2
+    middle = lattice.z[i, j] + ((left + right) + (down + up)) / 2
     across, upward = along * wide / 2, 1j * along * high / 2
     points[i, j] = np.stack(
         [
@@ -206,38 +259,6 @@ def _unfold(
             middle - across + upward,
         ],
         axis=1,
-    )
-
-
-def _half_vectors(
-    z: Points, i: Ints, j: Ints, joints: _Joints, dx: float, dy: float
-) -> tuple[Points, Points, Points, Points]:
-    """Vectors from the nodes (i, j) to their left, right, lower and upper faces [m].
-
-    An unbroken bond gives half of itself. Beyond a broken one the cell goes on in the
-    direction of the opposite bond, with the length that its worst strain has left of it.
-    """
-    columns, rows = z.shape
-    here = z[i, j]
-    whole_l, whole_r = joints.whole_a[i, j + 1], joints.whole_a[i + 1, j + 1]
-    whole_d, whole_u = joints.whole_b[i + 1, j], joints.whole_b[i + 1, j + 1]
-    left: Points = 0.5 * whole_l * (z[np.maximum(i - 1, 0), j] - here)
-    right: Points = 0.5 * whole_r * (z[np.minimum(i + 1, columns - 1), j] - here)
-    down: Points = 0.5 * whole_d * (z[i, np.maximum(j - 1, 0)] - here)
-    up: Points = 0.5 * whole_u * (z[i, np.minimum(j + 1, rows - 1)] - here)
-
-    along, upward = _unit(right - left), _unit(up - down)
-    along = np.where(along == 0, -1j * upward, along)
-    along = np.where(along == 0, 1, along)  # a loose node: its rotation is not known
-    upward = np.where(upward == 0, 1j * along, upward)
-
-    strain_l, strain_r = joints.strain_a[i, j + 1], joints.strain_a[i + 1, j + 1]
-    strain_d, strain_u = joints.strain_b[i + 1, j], joints.strain_b[i + 1, j + 1]
-    return (
-        _bounded(np.where(whole_l, left, -along * _reach(strain_l, right, strain_r, dx)), dx),
-        _bounded(np.where(whole_r, right, along * _reach(strain_r, left, strain_l, dx)), dx),
-        _bounded(np.where(whole_d, down, -upward * _reach(strain_d, up, strain_u, dy)), dy),
-        _bounded(np.where(whole_u, up, upward * _reach(strain_u, down, strain_d, dy)), dy),
     )
 
 
@@ -261,3 +282,77 @@ def _bounded(vector: Points, size: float) -> Points:
     """The vectors, shortened to LONGEST_HALF of `size` where they are longer."""
     length = np.abs(vector)
     return vector * np.minimum(1, LONGEST_HALF * size / np.where(length > 0, length, 1))
+
+
+# --- along an outline ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """The cells along an outline.
+
+    i, j   (n,) numbers of the cells
+    shift  (n, 4, 2) of their corners, lower left first, against the clock [cells]
+    """
+
+    i: Ints
+    j: Ints
+    shift: Floats
+
+
+def on_outline(quads: Floats, block: Block) -> Floats:
+    """Corners (columns, rows, 4, 2) of deformed cells, those along the outline put on it."""
+    if block.is_rectangle:
+        return quads
+    rim = _rim(block)
+    found = quads.copy()
+    cells = quads[rim.i, rim.j]
+    across = (cells[:, 1] - cells[:, 0] + cells[:, 2] - cells[:, 3]) / 2
+    up = (cells[:, 3] - cells[:, 0] + cells[:, 2] - cells[:, 1]) / 2
+    move = rim.shift[..., :1] * across[:, None] + rim.shift[..., 1:] * up[:, None]
+    found[rim.i, rim.j] = cells + move
+    return found
+
+
+def along_outline(block: Block) -> Bools:
+    """(columns, rows) which cells have corners that were put on the outline."""
+    found = np.zeros((block.columns, block.rows), dtype=bool)
+    if not block.is_rectangle:
+        rim = _rim(block)
+        found[rim.i, rim.j] = True
+    return found
+
+
+def _rim(block: Block) -> Rim:
+    return _kept(block)  # type: ignore[arg-type]  # pydantic's frozen classes do have a hash
+
+
+@lru_cache(maxsize=16)
+def _kept(block: Block) -> Rim:
+    import shapely
+
+    there = filling(block).there
+    around = np.pad(there, 1).astype(int)
+    count = around[:-1, :-1] + around[1:, :-1] + around[1:, 1:] + around[:-1, 1:]
+    p, q = np.nonzero((count > 0) & (count < 4))
+    corners = np.column_stack([p, q]).astype(float)
+    foam = in_cells(block)
+    edge = foam.boundary
+    points = shapely.points(corners)
+    nearest = shapely.get_coordinates(shapely.shortest_line(points, edge))[1::2]
+    marks = shapely.get_coordinates(edge)
+    away = np.abs(corners[:, None] - marks[None]).max(axis=2)
+    best = away.argmin(axis=1)
+    comes = np.abs(nearest - marks[best]).max(axis=1) < 1e-9
+    at_corner = away[np.arange(len(best)), best] <= AT_CORNER
+    at_corner &= comes | ~np.isin(best, best[comes])
+    shift = np.where(at_corner[:, None], marks[best], nearest) - corners
+    shift[np.abs(shift).max(axis=1) > FURTHEST] = 0.0
+    shift[np.abs(shift) < 1e-9] = 0.0
+    whole = np.zeros((*count.shape, 2))
+    whole[p, q] = shift
+    if block.lattice_angle_deg == 0 and is_mirrored(foam, block.columns):
+        whole = 0.5 * (whole + whole[::-1] * [-1.0, 1.0])  # what lies between two sides, too
+    of_cells = np.stack([whole[:-1, :-1], whole[1:, :-1], whole[1:, 1:], whole[:-1, 1:]], axis=2)
+    i, j = np.nonzero(there & (of_cells != 0.0).any(axis=(2, 3)))
+    return Rim(i, j, of_cells[i, j])
