@@ -12,7 +12,7 @@ from taichi_foam.analysis.quantities import (
     shown_in,
 )
 from taichi_foam.cli import tables
-from taichi_foam.live.page.figures import FIGURES
+from taichi_foam.live.page.numbers import FIGURES
 
 ALL = list(QUANTITIES.values())
 
