@@ -330,7 +330,8 @@ class Session:
                 until = time.monotonic() + PATIENCE
                 while self._is_computed and (left := until - time.monotonic()) > 0.0:
                     self._receive(left)
-        finally:
+        finally:  # Ctrl-C, perhaps: what has come until then is kept
+            self._receive(0.0)
             self.save()
         if has_begun and self._is_computed:
             self.lost[self.number] = f"no answer within {PATIENCE:.0f} s"

@@ -239,12 +239,6 @@ def _app_of(view: PageView) -> Starlette:
         yield
         await films.close()
 
-    async def page(request: Request) -> Response:
-        return await _asset(request, "page.html")
-
-    async def asset(request: Request) -> Response:
-        return await _asset(request, request.path_params["name"])
-
     async def download(request: Request) -> Response:
         name = request.path_params["name"]
         number = request.path_params["number"]
@@ -265,8 +259,8 @@ def _app_of(view: PageView) -> Starlette:
 
     return Starlette(
         routes=[
-            Route("/", page),
-            Route("/assets/{name}", asset),
+            Route("/", _part),
+            Route("/assets/{name}", _part),
             Route("/drops/{number}/{name}", download),
             WebSocketRoute("/live", viewers.serve),
         ],
@@ -274,7 +268,9 @@ def _app_of(view: PageView) -> Starlette:
     )
 
 
-async def _asset(request: Request, name: str) -> Response:
+async def _part(request: Request) -> Response:
+    """What the page is made of; without a name the page itself."""
+    name = request.path_params.get("name", "page.html")
     if name not in _PARTS:
         return PlainTextResponse("there is no such page", 404)
     plain, packed, tag = await run_in_threadpool(_read, name)
