@@ -30,10 +30,9 @@ from timing.engine import settings, start_taichi
 from timing.table import Table, write
 from timing.workers import compile_thoroughly
 
-from taichi_foam.analysis import cell_shapes
-from taichi_foam.live.controller import Controller
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.screen import FPS, Screen
+from taichi_foam.live.session import Session
 from taichi_foam.picture import films, raster
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -175,19 +174,19 @@ def in_motion(mode: Mode) -> Table:
 
 
 def run_seconds(
-    controller: Controller, scene: Scene, on_frame: Callable[[], object] | None = None
+    session: Session, scene: Scene, on_frame: Callable[[], object] | None = None
 ) -> float:
     """Wall time of the engine in a drop from its first to its last step [s].
 
     Unwatched, or with `on_frame` called for each frame.
     """
-    controller.drop(scene)
+    session.drop(scene)
     while True:
         start = time.perf_counter()
-        if on_frame is not None or controller.ended:
-            controller.look()
-        for event in controller.poll(0.05 if on_frame is None else 0.0):
-            if isinstance(event, Frame) and event.drop == controller.number:
+        if on_frame is not None or session.ended:
+            session.look()
+        for event in session.poll(0.05 if on_frame is None else 0.0):
+            if isinstance(event, Frame) and event.drop == session.number:
                 if event.ended:
                     return event.wall
                 if on_frame is not None:
@@ -201,13 +200,13 @@ def view(mode: Mode) -> Table:
     scene = updated(scene_with("calibrated", CASE, "whole"), {"numerics": {"end": mode.end}})
     ratios: dict[str, list[float]] = {"frames taken": [], "frames drawn": []}
     counts: dict[str, list[float]] = {name: [] for name in ratios}
-    with Controller(scene, pace=None) as controller:
-        screen = Screen(controller)
-        while not controller.ended:  # compile
+    with Session(scene, pace=None) as session:
+        screen = Screen(session)
+        while not session.ended:  # compile
             screen.update(0.1)
             screen.picture(SIZES["720p"])
         for _ in range(mode.view_rounds):
-            alone = run_seconds(controller, scene)
+            alone = run_seconds(session, scene)
             for name, ratio in ratios.items():
                 count = 0
 
@@ -217,7 +216,7 @@ def view(mode: Mode) -> Table:
                     if name == "frames drawn":
                         screen.picture(SIZES["720p"])
 
-                taken = run_seconds(controller, scene, on_frame)
+                taken = run_seconds(session, scene, on_frame)
                 ratio.append(taken / alone)
                 counts[name].append(count / taken)
     table = Table(

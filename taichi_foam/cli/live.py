@@ -12,8 +12,8 @@ from taichi_foam.cli import tables
 from taichi_foam.cli.outcome import say_assumed, say_warnings, say_where
 from taichi_foam.errors import RunError
 from taichi_foam.live import window
-from taichi_foam.live.controller import Controller, Outcome
 from taichi_foam.live.messages import Keeping
+from taichi_foam.live.session import Outcome, Session
 from taichi_foam.picture import films
 from taichi_foam.results import manifest
 from taichi_foam.results.files import next_numbered
@@ -96,31 +96,29 @@ def run_live(
     with contextlib.ExitStack() as claims:
         claim = claims.enter_context(claimed(folder, request_of(scene), overwrite, needed))
         folders = _Folders(scene, folder, claim, every, claims.close)
-        controller = Controller(
-            scene, folders.keep, arch=arch, threads=threads, keeping=folders.keeping
-        )
-        window.show(controller, shots=Path(f"{Path(folder)}-shots"))
+        session = Session(scene, folders.keep, arch=arch, threads=threads, keeping=folders.keeping)
+        window.show(session, shots=Path(f"{Path(folder)}-shots"))
     kept = folders.kept
-    if not kept and not controller.failures and not controller.unkept:
+    if not kept and not session.failures and not session.unkept:
         raise KeyboardInterrupt("the window was closed before there was anything to save")
     # What has failed or was cut short has no film, as in `run` without a window.
-    whole = kept[:-1] if controller.was_cut else kept
-    has_films = bool(controller.failures) or _draw_films(whole, bars)
+    whole = kept[:-1] if session.was_cut else kept
+    has_films = bool(session.failures) or _draw_films(whole, bars)
     if kept:
         last = Result.load(kept[-1])
         console.print(tables.key_figures(last.scene, last.summary))
         say_assumed(console, last, kept[-1])
         for path in kept:
             say_where(console, str(path))
-        if not controller.failures:
+        if not session.failures:
             say_warnings(errors, last)
-    if controller.problem:
-        raise RunError(f"{controller.unkept[0].result.scene.name}: {controller.problem}")
-    if controller.failures:
+    if session.problem:
+        raise RunError(f"{session.unkept[0].result.scene.name}: {session.problem}")
+    if session.failures:
         where = "; what was computed is in the folders above" if kept else ""
-        raise RunError(f"{controller.failures[-1]}{where}")
-    if controller.was_cut:
-        is_given = len(kept) == 1 and controller.scene == scene
+        raise RunError(f"{session.failures[-1]}{where}")
+    if session.was_cut:
+        is_given = len(kept) == 1 and session.scene == scene
         goes_on = "; the same command goes on from there" if is_given else ""
         raise KeyboardInterrupt(f"closed before its end: what there was is in {kept[-1]}{goes_on}")
     if not has_films:

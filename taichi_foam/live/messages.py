@@ -1,9 +1,12 @@
-"""What viewer and worker tell each other. SI units."""
+"""What a live session and its worker tell each other. SI units.
+
+Commands with a `do` are those of the page, too: it is the word that stands for them in JSON.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,13 +41,18 @@ class Pause:
     """Stand still, or go on."""
 
     on: bool
+    do: Literal["pause"] = "pause"
 
 
 @dataclass(frozen=True)
 class Step:
-    """Go on by so much simulated time, as fast as it goes, and then stand still."""
+    """Go on by so much simulated time [s], as fast as it goes, and then stand still.
+
+    Steps that are asked for before the last one is done add up.
+    """
 
     seconds: float
+    do: Literal["step"] = "step"
 
 
 @dataclass(frozen=True)
@@ -52,24 +60,12 @@ class Pace:
     """Simulated seconds in a second of wall time; None: as fast as it goes."""
 
     rate: float | None
+    do: Literal["pace"] = "pace"
 
 
-@dataclass(frozen=True)
-class Ask:
-    """Send a Frame, after the engine's current call."""
-
-
-@dataclass(frozen=True)
-class Finish:
-    """End the drop now and answer with what there is: Ended, or NothingYet."""
-
-
-@dataclass(frozen=True)
-class Close:
-    """Leave."""
-
-
-Command = Start | Pause | Step | Pace | Ask | Finish | Close
+#: "ask": send a Frame, after the engine's current call. "finish": end the drop now and answer with
+#: what there is. "close": leave.
+Command = Start | Pause | Step | Pace | Literal["ask", "finish", "close"]
 
 
 @dataclass(frozen=True)
@@ -88,26 +84,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class Ended:
-    """A drop is over: at its end, or interrupted by Finish."""
+    """A drop is over: at its end, finished early, or because it cannot go on."""
 
     drop: int
-    result: Result
-
-
-@dataclass(frozen=True)
-class NothingYet:
-    """A drop that Finish has ended before it gave anything."""
-
-    drop: int
-
-
-@dataclass(frozen=True)
-class Failed:
-    """A drop that cannot go on, in the words of a RunError, with what came before."""
-
-    drop: int
-    message: str
-    result: Result | None
+    result: Result | None  # what it gave; None if that is nothing
+    failure: str | None = None  # why it cannot go on, in the words of a RunError
 
 
 @dataclass(frozen=True)
@@ -124,4 +105,4 @@ class Died:
     message: str
 
 
-Event = Frame | Ended | NothingYet | Failed | Refused | Died
+Event = Frame | Ended | Refused | Died

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ImageFont
 
 from taichi_foam.analysis import measures as q
 from taichi_foam.errors import UserError
-from taichi_foam.live.controller import Controller, offered_shapes
-from taichi_foam.live.heading import renamed
-from taichi_foam.live.pictures import Image8, strip
-from taichi_foam.picture import raster
+from taichi_foam.live.controls import offered_shapes, renamed
+from taichi_foam.live.messages import Pause, Step
+from taichi_foam.live.session import Session
+from taichi_foam.picture import annotate, raster
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import THEMES, Look
+from taichi_foam.picture.look import THEMES, Look, Theme
 from taichi_foam.picture.modes import MODES
+from taichi_foam.picture.view import Box
 from taichi_foam.shim2000 import tests
 
 #: Frames per second that are asked for; a single step goes on by as much as one of them.
@@ -22,19 +28,24 @@ VELOCITY_STEP = 0.1
 #: The time axis is at least so long [s]: one that grew from nothing would jump at every frame.
 SHORTEST_AXIS = 0.01
 
+#: Lines of a strip at most: what is longer is cut.
+_MOST_LINES = 6
+
+Image8 = NDArray[np.uint8]
+
 _WORDS = {"ended": "at its end", "cut short": "at its end", "died": "failed"}
 
 
 class Screen:
-    """A controller's drop as a picture.
+    """A session's drop as a picture.
 
     look   how it is drawn
     curve  whether the deceleration is drawn into the picture
     """
 
-    def __init__(self, controller: Controller) -> None:
-        self.controller = controller
-        self.look = Look.of(controller.given)
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.look = Look.of(session.given)
         self.curve = True
         self._refused = ""  # why the last key did nothing
 
@@ -44,23 +55,23 @@ class Screen:
         Raises:
             UserError: the device that was asked for cannot be had.
         """
-        is_new = bool(self.controller.poll(timeout))
-        if self.controller.refusal is not None:
-            raise UserError(self.controller.refusal)
-        self.controller.look()  # one frame is on its way while the last one is drawn
+        is_new = bool(self.session.poll(timeout))
+        if self.session.refusal is not None:
+            raise UserError(self.session.refusal)
+        self.session.look()  # one frame is on its way while the last one is drawn
         return is_new
 
     @property
     def state(self) -> str:
         """The drop's state in a word or two, or what is wrong."""
-        state = self.controller.state
-        return pace_words(self.controller.pace) if state == "running" else _WORDS.get(state, state)
+        state = self.session.state
+        return pace_words(self.session.pace) if state == "running" else _WORDS.get(state, state)
 
     @property
     def peak(self) -> str:
         """The peak deceleration of a drop at its end, in words; empty if it never touched."""
-        result = self.controller.result
-        if result is None or self.controller.state != "ended":
+        result = self.session.result
+        if result is None or self.session.state != "ended":
             return ""
         value, in_g = result.summary[q.CREST.key], result.summary[q.CREST_G.key]
         if value is None:
@@ -70,9 +81,9 @@ class Screen:
     @property
     def message(self) -> str:
         """What went wrong, in a sentence or two; empty if nothing did."""
-        controller = self.controller
-        remedy = "; drop again to go on" if controller.state == "died" else ""
-        return controller.problem or (controller.message + remedy) or self._refused
+        session = self.session
+        remedy = "; drop again to go on" if session.state == "died" else ""
+        return session.problem or (session.message + remedy) or self._refused
 
     def dismiss(self) -> None:
         """Forget why the last key did nothing."""
@@ -80,18 +91,18 @@ class Screen:
 
     def picture(self, size: tuple[int, int], hint: str = "") -> Image8:
         """The picture of this moment, uint8 (height, width, 3), `hint` at its upper right."""
-        snapshot, scene = self.controller.snapshot, self.controller.scene
+        snapshot, scene = self.session.snapshot, self.session.scene
         note = " · ".join(part for part in (self.state, self.peak, hint) if part)
         curve = None
         if self.curve and scene.is_slowed:
-            history = self.controller.so_far.history
+            history = self.session.so_far.history
             if len(history["time_s"]):
                 curve = Curve.of(history, last=max(snapshot.time, SHORTEST_AXIS))
         image = raster.frame(
             snapshot, scene, size, look=self.look, title=tests.title(scene), note=note,
             curve=curve, threads=1,
         )  # fmt: skip
-        if words := self.message or self.controller.waiting:
+        if words := self.message or self.session.waiting:
             strip(image, words, self.look.theme)
         return image
 
@@ -99,24 +110,24 @@ class Screen:
 
     def toggle_pause(self) -> None:
         """Stand still, or go on."""
-        self.controller.pause(not self.controller.paused)
+        self.session.tell(Pause(not self.session.paused))
 
     def step(self) -> None:
         """Go on by one frame and stand still."""
-        pace = self.controller.pace
-        interval = self.controller.scene.output.snapshot_interval
-        self.controller.step(interval if pace is None else pace / FPS)
+        pace = self.session.pace
+        interval = self.session.scene.output.snapshot_interval
+        self.session.tell(Step(interval if pace is None else pace / FPS))
 
     def change_velocity(self, by: int) -> None:
         """Drop again with an impactor that is faster (1) or slower (-1)."""
-        impactor = self.controller.next.impactor
+        impactor = self.session.next.impactor
         if impactor is not None:
             velocity = max(round(impactor.velocity + by * VELOCITY_STEP, 3), 0.0)
             self._drop_with("impactor.velocity", velocity)
 
     def next_shape(self) -> None:
         """Drop again with the next shape of impactor, of the shape's own default size."""
-        impactor = self.controller.next.impactor
+        impactor = self.session.next.impactor
         if impactor is not None:
             shapes = offered_shapes()
             place = shapes.index(impactor.shape) if impactor.shape in shapes else -1
@@ -124,11 +135,11 @@ class Screen:
 
     def _drop_with(self, key: str, value: str | float) -> None:
         try:
-            scene = self.controller.next.with_values({key: value})
+            scene = self.session.next.with_values({key: value})
         except UserError as error:
             self._refused = str(error).splitlines()[-1].strip()
             return
-        given, impactor = self.controller.given, scene.impactor
+        given, impactor = self.session.given, scene.impactor
         assert given.impactor is not None
         assert impactor is not None
         changes = {}
@@ -136,7 +147,7 @@ class Screen:
             changes["impactor.shape"] = impactor.label
         if impactor.velocity != given.impactor.velocity:
             changes["impactor.velocity"] = f"velocity {impactor.velocity:.6g} m/s"
-        self.controller.drop(renamed(scene, given, changes))
+        self.session.drop(renamed(scene, given, changes))
 
     def next_mode(self, by: int = 1) -> None:
         """Show the next figure of the foam, or the one before (-1)."""
@@ -163,3 +174,56 @@ def pace_words(pace: float | None) -> str:
 def _after(name: str, names: list[str], by: int) -> str:
     """The name `by` places on; after the last comes the first."""
     return names[(names.index(name) + by) % len(names)]
+
+
+def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
+    """A panel of keys and what they do over the middle of `image` (h, w, 3), in place."""
+    height, width = image.shape[:2]
+    tones, unit = THEMES[theme], min(width / 1280, height / 720)
+    size = 22 * unit
+    bold, plain = annotate.font(size, bold=True), annotate.font(size)
+    left = max(bold.getlength(key) for key, _ in rows)
+    right = max(plain.getlength(words) for _, words in rows)
+    gap, line = 1.2 * size, 1.55 * size
+    wide, high = round(left + right + 3 * gap), round((len(rows) + 0.9) * line)
+    x, y = (width - wide) // 2, (height - high) // 2
+    _sheet(image, Box(x, y, x + wide, y + high), tones, unit)
+    for k, (key, words) in enumerate(rows):
+        base = y + (k + 1.1) * line
+        annotate.write(image, (x + gap, base), key, bold, colour=tones.ink)
+        annotate.write(image, (x + 2 * gap + left, base), words, plain, colour=tones.ink)
+
+
+def strip(image: Image8, text: str, theme: str) -> None:
+    """A strip with `text` in whole lines across the foot of `image` (h, w, 3), in place."""
+    height, width = image.shape[:2]
+    tones, unit = THEMES[theme], min(width / 1280, height / 720)
+    size = 20 * unit
+    face, gap, line = annotate.font(size), 0.9 * size, 1.4 * size
+    lines = _wrapped(text, face, width - 2 * gap)
+    top = height - round(len(lines) * line + gap)
+    _sheet(image, Box(0, top, width, height), tones, unit)
+    for k, words in enumerate(lines):
+        base = top + 0.5 * gap + (k + 0.75) * line
+        annotate.write(image, (gap, base), words, face, colour=tones.ink)
+
+
+def _sheet(image: Image8, box: Box, tones: Theme, unit: float) -> None:
+    """An empty sheet with an edge."""
+    edge = max(1, round(2 * unit))
+    annotate.rectangle(image, box, tones.frame)
+    inner = Box(box.left + edge, box.top + edge, box.right - edge, box.bottom - edge)
+    annotate.rectangle(image, inner, tones.page)
+
+
+def _wrapped(text: str, face: ImageFont.FreeTypeFont, room: float) -> list[str]:
+    """`text` in lines of at most `room` pixels, broken between words."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and face.getlength(longer) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    shown = lines[:_MOST_LINES]
+    return [annotate.shortened(each, face, room) for each in shown]

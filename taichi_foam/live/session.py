@@ -1,14 +1,13 @@
-"""A viewer's end of a run that goes on in a process of its own.
+"""A live session: drops that go on in a process of their own, and all that its views show of them.
 
-    with Session() as session:
-        session.start(scene)
-        while session.alive:
-            session.ask()
-            for event in session.poll(1 / 30):
-                show(event)
+Window, notebook cell and page are views. A view polls the session, draws what it holds, and calls
+it for what people ask for. Nothing here waits for the run, nor the run for a view.
 
-Nothing here waits for the run, nor the run for the viewer. A session needs neither Taichi nor
-Matplotlib.
+    with Session(scene) as session:
+        while not session.ended:
+            session.look()
+            if session.poll(1 / 30):
+                show(session.snapshot)
 """
 
 from __future__ import annotations
@@ -18,22 +17,23 @@ import contextlib
 import multiprocessing
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from taichi_foam.analysis.columns import history_of
+from taichi_foam.engine.state import initial_state
+from taichi_foam.errors import UserError
+from taichi_foam.interrupts import held_interrupts
 from taichi_foam.live import worker
 from taichi_foam.live.messages import (
-    Ask,
-    Close,
     Command,
     Died,
     Ended,
     Event,
-    Failed,
-    Finish,
     Frame,
     Keeping,
     Pace,
@@ -42,210 +42,409 @@ from taichi_foam.live.messages import (
     Start,
     Step,
 )
+from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import row_columns
+from taichi_foam.results.result import Result
 
 if TYPE_CHECKING:
-    from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
+#: Simulated seconds in one of watching; None: as fast as it goes.
+PACES = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, 1.0, None)
+#: The pace at first: an impact of 50 ms takes five seconds.
+PACE = 1e-2
+#: How long a drop that is cut short may take to hand over what there is [s].
+PATIENCE = 30.0
+#: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
+MOST_SIZES = 4
+#: What a drop that is being prepared waits for.
+WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once where they have to be compiled"
 # A worker that has not left so long after it was asked is ended [s].
 GRACE = 2.0
-
+# A poll where nobody computes waits no longer than this [s].
+_TURN = 0.1
 # A drop at rest sends no more frames. After a command the next frame may still be from before it,
 # the one after that is not.
 _UNSETTLED = 2
 
+State = Literal["preparing", "running", "paused", "ended", "cut short", "failed", "died"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a drop has given, and how it ended: "cut short", "failed", or as its record says."""
+
+    drop: int
+    result: Result
+    ended: str
+
+
+Keep = Callable[[Outcome], object]
+
 
 class Session:
-    """Drops scenes, one after another, and hears how they go. One thread calls it.
+    """Drops scenes, one after another. One thread calls it; attributes may be read by any.
 
-    drop    number of the current drop, `drops` before the first
-    paused  whether it is meant to stand still, or will after the step that was asked for
-    last    its last frame
-    settled whether it is at rest, and `last` is of that rest
-    ended   whether nothing more is computed of it
-    result  what it gave, once it has ended
+    `keep` gets the outcome of every drop that ends by itself, fails, or is finished. What it
+    cannot take (it raises UserError or OSError) stays here, and nothing more is dropped until it
+    has been taken.
+
+    given    the scene at first
+    scene    of the current drop
+    next     what `restart` drops: `scene`, unless another one waits to be dropped
+    number   of the current drop, 0 before the first
+    paused   whether it is meant to stand still, or will after the step that was asked for
+    pace     simulated seconds in one of watching; None: as fast as it goes
+    message  why it has failed or died; empty if it has not
+    frame    its last frame, None before the first
+    snapshot its latest instant
+    result   what it gave, once it is over
+    refusal  why nothing can be computed here, such as an absent device; None if it can
+    failures what the drops that failed met
+    lost     drops that ran but gave nothing back, and why
+    unkept   outcomes that `keep` has not taken yet
+    problem  why, in its words; empty if all is well
+    was_cut  whether the last result was cut short
     """
 
-    def __init__(self, arch: str = "cpu", threads: int | None = None, drops: int = 0) -> None:
-        """Start a worker that computes on `arch` with `threads` CPU threads (None: all).
+    def __init__(
+        self,
+        scene: Scene,
+        keep: Keep = lambda outcome: None,
+        *,
+        arch: str = "cpu",
+        threads: int | None = None,
+        pace: float | None = PACE,
+        keeping: Callable[[Scene], Keeping | None] = lambda scene: None,
+    ) -> None:
+        """Nothing runs before the first `drop`; `with` drops `scene` on entering.
 
-        The first drop has the number after `drops`.
+        `keeping` tells for each drop where it leaves checkpoints, if it is to leave some.
         """
-        self.drop = drops
+        self.given = self.scene = self.next = scene
+        self.number = 0
         self.paused = False
-        self.last: Frame | None = None
-        self.ended = True
+        self.message = ""
+        self.frame: Frame | None = None
+        self.snapshot = initial_state(scene).snapshot()
         self.result: Result | None = None
+        self.refusal: str | None = None
+        self.failures: list[str] = []
+        self.lost: dict[int, str] = {}
+        self.unkept: list[Outcome] = []
+        self.problem = ""
+        self.was_cut = False
+        self._keep = keep
+        self._keeping = keeping
+        self._settings = (arch, threads)
+        self._worker: _Worker | None = None
+        self._sizes: set[tuple[int, int]] = set()  # columns and rows that the worker has met
+        self._start = self.snapshot  # the first instant of `next`
+        self._is_due = False  # `next` waits until the current drop is prepared
+        self._is_computed = False  # the worker has more to tell of the current drop
+        self._over: State | None = None  # how the current drop ended
         self._rows: list[np.ndarray] = []
-        self._columns = row_columns(False)
-        self._pace: float | None = None
+        self._so_far: Result | None = None  # while `result` is yet to come
+        self._is_asked = False  # a frame is on its way
         self._unsettled = _UNSETTLED
-        self._is_asked = False
-        self._is_lost = False  # nothing comes through the pipe any more
-        self._is_closing = False
-        self._news: list[Event] = []
-        context = multiprocessing.get_context("spawn")
-        self._pipe, far_end = context.Pipe()
-        self._process = context.Process(
-            target=worker.main, args=(far_end, arch, threads), name="taichi-foam", daemon=True
-        )
-        with _hidden_script():
-            self._process.start()
-        far_end.close()  # else this process would keep the pipe open for a worker that has died
-        # The worker ignores SIGTERM and its like: it has to be asked.
-        atexit.register(self.close)
+        self.tell(Pace(pace))
 
     def __enter__(self) -> Session:
+        self.drop(self.given)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def start(self, scene: Scene, keeping: Keeping | None = None) -> int:
-        """Drop `scene`, whatever goes on, and return the drop's number.
+    def close(self) -> None:
+        """End the process that computes; see `finish` for what it has computed."""
+        if self._worker is not None:
+            self._worker.close()
+        self._worker, self._sizes = None, set()
+        self._is_computed = False
 
-        It runs at once, at the pace that is set. Kernels that no drop of this session has needed
-        yet take seconds to prepare; frames begin after that. With `keeping` it leaves checkpoints.
+    # what goes on
+
+    def poll(self, timeout: float) -> list[Event]:
+        """Take what has come, waiting up to `timeout` [s] if there is nothing, and return it.
+
+        Of earlier drops only what they gave in the end is told.
         """
-        self.drop += 1
-        self.last = self.result = None
-        self.paused = self.ended = False
-        self._rows, self._columns = [], row_columns(scene.turns)
-        self._send(Start(self.drop, scene, keeping))
-        return self.drop
+        events = self._receive(timeout)
+        if self._is_due and not self._is_preparing:
+            self._begin()
+        if not events and not self.alive:
+            time.sleep(min(timeout, _TURN))
+        return events
 
-    def pause(self, on: bool = True) -> None:
-        """Stand still, or go on."""
-        self.paused = on
-        self._send(Pause(on))
-
-    def step(self, seconds: float) -> None:
-        """Go on by `seconds` of simulated time, as fast as it goes, and stay paused there.
-
-        Steps that are asked for before the last one is done add up. Raises ValueError unless
-        `seconds` is above 0.
-        """
-        if not seconds > 0.0:
-            raise ValueError(f"step = {seconds}: must be above 0 s")
-        self.paused = True
-        self._send(Step(seconds))
+    def look(self) -> None:
+        """Ask for a frame, unless one is on its way or the drop is settled."""
+        if not self._is_asked and not self.settled:
+            self._is_asked = True
+            self._send("ask")
 
     @property
-    def pace(self) -> float | None:
-        """Simulated seconds in a second of wall time; None: as fast as it goes.
-
-        Setting it raises ValueError unless it is above 0.
-        """
-        return self._pace
-
-    @pace.setter
-    def pace(self, rate: float | None) -> None:
-        if rate is not None and not rate > 0.0:
-            raise ValueError(f"pace = {rate}: must be above 0, or None")
-        self._pace = rate
-        self._send(Pace(rate))
-
-    def ask(self) -> None:
-        """Ask for a frame, unless one is on its way."""
-        if not self._is_asked:
-            self._is_asked = True
-            self._send(Ask())
+    def alive(self) -> bool:
+        """Whether there is a process that computes."""
+        return self._worker is not None and self._worker.alive
 
     @property
     def settled(self) -> bool:
-        return self._unsettled <= 0
+        """Whether the drop is at rest, and `snapshot` is of that rest."""
+        return self._worker is None or self._unsettled <= 0
+
+    @property
+    def state(self) -> State:
+        """Of the current drop."""
+        if self._over is not None:
+            return self._over
+        if self.frame is None:
+            return "preparing"
+        return "paused" if self.paused else "running"
+
+    @property
+    def waiting(self) -> str:
+        """What the current drop waits for; empty once it has begun."""
+        return WAITING if self.state == "preparing" else ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more is computed of the current drop."""
+        return self._over is not None
 
     @property
     def rows(self) -> np.ndarray:
         """Rows (n, k) of the current drop's history, for `analysis.columns.history_of`."""
-        if len(self._rows) > 1:
-            self._rows = [np.concatenate(self._rows)]
-        return self._rows[0] if self._rows else np.empty((0, len(self._columns)))
+        if len(self._rows) != 1:
+            none = np.empty((0, len(row_columns(self.scene.turns))))
+            self._rows = [np.concatenate([none, *self._rows])]
+        return self._rows[0]
 
-    def poll(self, timeout: float = 0.0) -> list[Event]:
-        """What has come, in order; waits up to `timeout` [s] if there is nothing.
+    @property
+    def so_far(self) -> Result:
+        """What the current drop has given until now; the same object until there is more."""
+        if self.result is not None:
+            return self.result
+        rows = self.rows
+        if self._so_far is None or len(self._so_far.history["time_s"]) != len(rows):
+            history = history_of(self.scene, rows)
+            self._so_far = Result(self.scene, history, [self.snapshot], {})
+        return self._so_far
 
-        Of earlier drops only what they gave in the end is told.
+    def _receive(self, timeout: float) -> list[Event]:
+        if self._worker is None:
+            return []
+        return [event for event in self._worker.events(timeout) if self._take(event)]
+
+    def _take(self, event: Event) -> bool:
+        """Note an event; whether it is to be told."""
+        is_current = isinstance(event, (Refused, Died)) or event.drop == self.number
+        if isinstance(event, Frame):
+            self._is_asked = False
+        elif is_current:
+            self._is_computed = False
+        match event:
+            case Frame() if is_current:
+                self.frame, self.snapshot = event, event.snapshot
+                self._rows.append(event.rows)
+                is_at_rest = event.paused or event.ended
+                self._unsettled = self._unsettled - 1 if is_at_rest else _UNSETTLED
+            case Ended(drop, result, None):
+                is_cut = result is None or result.ending is Ending.INTERRUPTED
+                if is_current:
+                    self._over = "cut short" if is_cut else "ended"
+                if result is not None:
+                    how = "cut short" if is_cut else result.run["ended_by"]
+                    self._put(Outcome(drop, result, how))
+                return True
+            case Ended(drop, result, str(failure)) if is_current:
+                self.fail(failure)
+                self.failures.append(failure)
+                if result is not None:
+                    self._put(Outcome(drop, result, "failed"))
+            case Refused(message):
+                self.refusal = message  # first: who waits for another state looks at it then
+                self.fail(message)
+            case Died(message):
+                if self.state in ("running", "paused"):
+                    self.lost[self.number] = message
+                self._over, self.message = "died", message
+        return is_current
+
+    def fail(self, message: str) -> None:
+        """The current drop has failed, in itself or in being shown."""
+        self._over, self.message = "failed", message
+
+    def _put(self, outcome: Outcome) -> None:
+        """Have an outcome kept, or keep it here."""
+        self.lost.pop(outcome.drop, None)  # late, but here
+        if outcome.drop == self.number:
+            self.result = outcome.result
+        self.was_cut = outcome.result.ending is Ending.INTERRUPTED
+        self.unkept.append(outcome)
+        self.save()
+
+    def save(self) -> None:
+        """Have everything kept that is not yet. Ctrl-C waits until a result is whole."""
+        with held_interrupts() as pressed:
+            try:
+                while self.unkept:
+                    self._keep(self.unkept[0])
+                    self.unkept.pop(0)
+                self.problem = ""
+            except (UserError, OSError) as error:
+                self.problem = f"not saved: {error}"
+        if pressed.is_set():
+            raise KeyboardInterrupt
+
+    # what can be done
+
+    def drop(self, scene: Scene, finish_current: bool = False) -> None:
+        """Drop a scene; what goes on is given up, or finished and kept.
+
+        While one drop is prepared the next one waits, and the last that was asked for wins: a key
+        that is held down does not pile up drops. A process that is gone is replaced. Raises
+        UserError for a scene that cannot start; what goes on then goes on.
         """
-        self._receive(0.0 if self._news else timeout)
-        news, self._news = self._news, []
-        return [each for each in news if isinstance(each, Ended) or self._is_current(each)]
+        start = initial_state(scene).snapshot()
+        if finish_current:
+            self.finish()
+        self.save()
+        self.next, self._start = scene, start
+        self._is_due = not self.problem
+        if self._is_due and not self._is_preparing:
+            self._begin()
 
-    def finish(self, timeout: float) -> Result | None:
-        """End the current drop now and return what there is, waiting up to `timeout` [s].
+    def restart(self) -> None:
+        """Drop the same scene once more, from the start."""
+        self.drop(self.next)
 
-        None if there is nothing yet, or no answer in time. What comes meanwhile stays for `poll`.
+    def finish(self) -> bool:
+        """End the current drop now and have everything kept; whether this has cut it short."""
+        self._is_due = False
+        self.poll(0.0)  # an end that has come, but has not been heard
+        has_begun = self._is_computed and self.frame is not None
+        try:
+            if has_begun:
+                self._send("finish")
+                until = time.monotonic() + PATIENCE
+                while self._is_computed and (left := until - time.monotonic()) > 0.0:
+                    self._receive(left)
+        finally:  # Ctrl-C, perhaps: what has come until then is kept
+            self._receive(0.0)
+            self.save()
+        if has_begun and self._is_computed:
+            self.lost[self.number] = f"no answer within {PATIENCE:.0f} s"
+        return has_begun and self.result is not None
+
+    def tell(self, command: Pause | Step | Pace) -> None:
+        """Have the drop stand still or go on, go a step further, or keep another pace.
+
+        A pace stays that of later drops. Raises ValueError unless a step or a pace is above 0.
         """
-        if not self.ended:
-            self._send(Finish())
-        until = time.monotonic() + timeout
-        while not self.ended and not self._is_lost and (left := until - time.monotonic()) > 0.0:
-            self._receive(left)
-        return self.result
+        match command:
+            case Pause(on):
+                self.paused = on
+            case Step(seconds):
+                if not seconds > 0.0:
+                    raise ValueError(f"step = {seconds}: must be above 0 s")
+                self.paused = True
+            case Pace(rate):
+                if rate is not None and not rate > 0.0:
+                    raise ValueError(f"pace = {rate}: must be above 0, or None")
+                self.pace = rate
+        self._send(command)
+
+    def change_pace(self, by: int) -> None:
+        """Faster (1) or slower (-1)."""
+        place = PACES.index(self.pace) if self.pace in PACES else PACES.index(PACE)
+        self.tell(Pace(PACES[min(max(place + by, 0), len(PACES) - 1)]))
+
+    @property
+    def _is_preparing(self) -> bool:
+        return self.alive and self._is_computed and self.frame is None
+
+    def _begin(self) -> None:
+        """Drop `next`; what went on before has been seen to."""
+        self._is_due = self.paused = False
+        self.scene, self.snapshot = self.next, self._start
+        self._over, self.message = None, ""
+        self.frame = self.result = self._so_far = None
+        self._rows = []
+        self.number += 1
+        size = (self.scene.block.columns, self.scene.block.rows)
+        if not self.alive or len(self._sizes | {size}) > MOST_SIZES:
+            self.close()
+            try:
+                self._worker = _Worker(*self._settings)
+            except Exception as error:
+                self._over = "died"
+                self.message = f"the process that computes cannot be started: {error}"
+                return
+            self._is_asked = False
+            self._send(Pace(self.pace))
+        self._sizes.add(size)
+        self._is_computed = True
+        self._send(Start(self.number, self.scene, self._keeping(self.scene)))
+
+    def _send(self, command: Command) -> None:
+        """Send, if somebody computes."""
+        if command != "ask":
+            self._unsettled = _UNSETTLED
+        if self._worker is not None:
+            self._worker.send(command)
+
+
+class _Worker:
+    """The process that computes, and this end of the pipe to it."""
+
+    def __init__(self, arch: str, threads: int | None) -> None:
+        self._is_lost = False  # nothing comes through the pipe any more
+        context = multiprocessing.get_context("spawn")
+        self._pipe, far_end = context.Pipe()
+        self.process = context.Process(
+            target=worker.main, args=(far_end, arch, threads), name="taichi-foam", daemon=True
+        )
+        with _hidden_script():
+            self.process.start()
+        far_end.close()  # else this process would keep the pipe open for a worker that has died
+        # The worker ignores SIGTERM and its like: it has to be asked.
+        atexit.register(self.close)
 
     @property
     def alive(self) -> bool:
-        """Whether there is a worker."""
-        return not self._is_lost and not self._is_closing and self._process.is_alive()
+        return not self._is_lost and self.process.is_alive()
 
-    def close(self) -> None:
-        """End the worker, if need be the hard way after `GRACE`. Closing again does nothing."""
-        if self._is_closing:
-            return
-        self._send(Close())
-        self._is_closing = self._is_lost = True
-        atexit.unregister(self.close)
-        self._process.join(GRACE)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self._pipe.close()
-
-    def _send(self, command: Command) -> None:
-        """Send, unless the worker has gone: `poll` tells of that."""
-        if not isinstance(command, Ask):
-            self._unsettled = _UNSETTLED
+    def send(self, command: Command) -> None:
+        """Send, unless the process has gone: `events` tells of that."""
         if not self._is_lost:
             with contextlib.suppress(OSError):
                 self._pipe.send(command)
 
-    def _receive(self, timeout: float) -> None:
-        """Take everything that has come."""
+    def events(self, timeout: float) -> Iterator[Event]:
+        """What has come, in order; waits up to `timeout` [s] if there is nothing."""
         try:
             while not self._is_lost and self._pipe.poll(timeout):
-                self._take(self._pipe.recv())
+                yield self._pipe.recv()
                 timeout = 0.0
         except (EOFError, OSError):
-            self._lose()
+            self._is_lost = True
+            self.process.join(GRACE)
+            how = f"with exit code {self.process.exitcode}"
+            if self.process.exitcode is not None and self.process.exitcode < 0:
+                how = f"by signal {-self.process.exitcode}"
+            yield Died(f"the process that computes was ended {how}")
 
-    def _take(self, event: Event) -> None:
-        self._news.append(event)
-        if isinstance(event, Frame):
-            self._is_asked = False
-        if not self._is_current(event):
-            return
-        if isinstance(event, Frame):
-            self.last = event
-            self._rows.append(event.rows)
-            is_at_rest = event.paused or event.ended
-            self._unsettled = self._unsettled - 1 if is_at_rest else _UNSETTLED
-            return
-        self.ended = True
-        if isinstance(event, (Ended, Failed)):
-            self.result = event.result
-
-    def _is_current(self, event: Event) -> bool:
-        return isinstance(event, (Refused, Died)) or event.drop == self.drop
-
-    def _lose(self) -> None:
-        """The worker has gone without having been asked to: say so."""
-        self._is_lost = self.ended = True
-        self._process.join(GRACE)
-        how = f"with exit code {self._process.exitcode}"
-        if self._process.exitcode is not None and self._process.exitcode < 0:
-            how = f"by signal {-self._process.exitcode}"
-        self._news.append(Died(f"the process that computes was ended {how}"))
+    def close(self) -> None:
+        """End the process, if need be the hard way after `GRACE`."""
+        self.send("close")
+        self._is_lost = True
+        atexit.unregister(self.close)
+        self.process.join(GRACE)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        self._pipe.close()
 
 
 @contextlib.contextmanager

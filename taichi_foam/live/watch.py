@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import sys
+import time
+
+from PIL import Image
+
 from taichi_foam.errors import RunError
-from taichi_foam.live import cell, window
-from taichi_foam.live.controller import PACE, Controller, Outcome
+from taichi_foam.live import window
+from taichi_foam.live.screen import Screen
+from taichi_foam.live.session import PACE, Outcome, Session
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+
+#: Pictures a second: notebooks keep up with as many over a slow line, too.
+FPS = 15
+CELL_SIZE = (960, 540)
+#: How long the picture of the last instant may take [s].
+PATIENCE = 1.0
+_QUALITY = 88
 
 
 def watch(
@@ -40,11 +55,52 @@ def watch(
     def keep(outcome: Outcome) -> None:
         kept[:] = [outcome.result]  # the last one only: a big lattice's results fill the memory
 
-    controller = Controller(scene, keep, arch=arch, threads=threads, pace=pace)
-    place = cell if cell.is_notebook() else window
-    place.show(controller, size or place.SIZE)
-    if controller.failures:
-        raise RunError(controller.failures[-1], kept)
+    session = Session(scene, keep, arch=arch, threads=threads, pace=pace)
+    if _is_notebook():
+        _show_below(session, size or CELL_SIZE)
+    else:
+        window.show(session, size or window.SIZE)
+    if session.failures:
+        raise RunError(session.failures[-1], kept)
     if not kept:
         raise RunError(f"{scene.name}: it was closed before it gave anything", [])
     return kept[0]
+
+
+def _is_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return getattr(shell, "kernel", None) is not None
+
+
+def _show_below(session: Session, size: tuple[int, int]) -> None:
+    """Show a session's drop below the cell until it ends; the kernel's interrupt ends it early.
+
+    Raises UserError for an arch that cannot be had.
+    """
+    from IPython.display import DisplayHandle
+
+    handle, screen = DisplayHandle(), Screen(session)
+    with session:
+        handle.display(_image(screen, size))
+        with contextlib.suppress(KeyboardInterrupt):
+            while not session.ended:
+                due = time.monotonic() + 1 / FPS
+                if screen.update(1 / FPS):
+                    handle.update(_image(screen, size))
+                time.sleep(max(0.0, due - time.monotonic()))
+        session.finish()
+        until = time.monotonic() + PATIENCE
+        while not session.settled and time.monotonic() < until:
+            screen.update(PATIENCE / 10)
+        handle.update(_image(screen, size))
+
+
+def _image(screen: Screen, size: tuple[int, int]):
+    """The picture as IPython shows one."""
+    from IPython.display import Image as Shown
+
+    file = io.BytesIO()
+    Image.fromarray(screen.picture(size)).save(file, "JPEG", quality=_QUALITY, subsampling=0)
+    return Shown(data=file.getvalue(), format="jpeg", width=size[0])

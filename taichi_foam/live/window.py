@@ -10,9 +10,8 @@ from pathlib import Path
 from PIL import Image
 
 from taichi_foam.errors import UserError, installed
-from taichi_foam.live.controller import Controller
-from taichi_foam.live.pictures import panel
-from taichi_foam.live.screen import FPS, Screen
+from taichi_foam.live.screen import FPS, Screen, panel
+from taichi_foam.live.session import Session
 from taichi_foam.picture import raster
 from taichi_foam.results.files import next_numbered, whole_file
 
@@ -50,8 +49,8 @@ def _no_window(why: str) -> str:
     )
 
 
-def show(controller: Controller, size: tuple[int, int] = SIZE, shots: Path = Path("shots")) -> None:
-    """Open a window on the drops of a controller, and finish the last when it is closed.
+def show(session: Session, size: tuple[int, int] = SIZE, shots: Path = Path("shots")) -> None:
+    """Open a window on the drops of a session, and finish the last when it is closed.
 
     Args:
         size: of the window at first [pixels].
@@ -61,14 +60,14 @@ def show(controller: Controller, size: tuple[int, int] = SIZE, shots: Path = Pat
         UserError: no display, or an arch that cannot be had.
     """
     check_display()
-    window = _Window(Screen(controller), size, shots)
+    window = _Window(Screen(session), size, shots)
     try:
-        with controller:
+        with session:
             with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C closes it, too
                 window.run()
             window.announce_closing()
             with contextlib.suppress(KeyboardInterrupt):
-                controller.finish()
+                session.finish()
     finally:
         window.close()
 
@@ -100,17 +99,17 @@ class _Window:
         self._has_help = False
         self._held: set[int] = set()  # keys that are down
         self._told = ""  # instead of the hint: where a screenshot went
-        k, controller = pygame, screen.controller
+        k, session = pygame, screen.session
         repeated = {
             (k.K_RIGHT, k.K_PERIOD): screen.step,
-            (k.K_MINUS, k.K_KP_MINUS): lambda: controller.change_pace(-1),
-            (k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS): lambda: controller.change_pace(1),
+            (k.K_MINUS, k.K_KP_MINUS): lambda: session.change_pace(-1),
+            (k.K_PLUS, k.K_EQUALS, k.K_KP_PLUS): lambda: session.change_pace(1),
             (k.K_UP,): lambda: screen.change_velocity(1),
             (k.K_DOWN,): lambda: screen.change_velocity(-1),
         }
         once = {
             (k.K_SPACE,): screen.toggle_pause,
-            (k.K_r,): controller.restart,
+            (k.K_r,): session.restart,
             (k.K_i,): screen.next_shape,
             (k.K_m,): lambda: screen.next_mode(-1 if k.key.get_mods() & k.KMOD_SHIFT else 1),
             (k.K_g,): screen.toggle_grid,
@@ -174,7 +173,7 @@ class _Window:
             pygame.image.frombuffer(picture.tobytes(), (width, height), "RGB"), (0, 0)
         )
         pygame.display.flip()
-        pygame.display.set_caption(f"{self._screen.controller.scene.name} · taichi_foam")
+        pygame.display.set_caption(f"{self._screen.session.scene.name} · taichi_foam")
 
     def _size(self) -> tuple[int, int]:
         """Of the picture: a window can be made smaller than a picture may be."""

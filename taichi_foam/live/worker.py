@@ -17,16 +17,12 @@ from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING
 
 from taichi_foam.errors import UserError
+from taichi_foam.interrupts import SIGNALS
 from taichi_foam.live.messages import (
-    Ask,
-    Close,
     Command,
     Ended,
     Event,
-    Failed,
-    Finish,
     Frame,
-    NothingYet,
     Pace,
     Pause,
     Refused,
@@ -54,9 +50,8 @@ def main(pipe: Connection, arch: str, threads: int | None) -> None:
     Ctrl-C, a closed terminal and the end of a service reach the viewer's whole group of processes.
     The viewer decides what they mean: it may want to have what there is first.
     """
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     _Worker(pipe, arch, threads).serve()
 
 
@@ -83,7 +78,7 @@ class _Worker:
                 if is_wanted:
                     self._go_on()
             except Exception as error:
-                self._fail(_words(error))
+                self._fail(error)
         if self._drop is not None and not self._is_over:
             self._drop.save_checkpoint()  # the viewer has gone, and not asked for what there is
 
@@ -96,7 +91,7 @@ class _Worker:
                 command = self._pipe.recv()
             except (EOFError, OSError):
                 return False  # the viewer is gone
-            if isinstance(command, Close):
+            if command == "close":
                 return False
             self._obey(command)
             wait = 0.0
@@ -142,10 +137,11 @@ class _Worker:
             case Pace(rate):
                 self._pace.rate = rate
                 self._anchor()
-            case Ask():
+            case "ask":
                 self._is_asked = True
-            case Finish() if not self._is_over:
-                self._finish()
+            case "finish" if self._drop is not None and not self._is_over:
+                self._drop.save_checkpoint()
+                self._end()
 
     def _start(self, command: Start) -> None:
         self._leave_drop()
@@ -168,7 +164,7 @@ class _Worker:
         except UserError as error:
             self._send(Refused(str(error)))
         except Exception as error:
-            self._fail(_words(error))
+            self._fail(error)
         else:
             self._is_over, self._rows_sent, self._shown = False, 0, None
             self._anchor()
@@ -195,27 +191,27 @@ class _Worker:
                 self._answer(drop, snapshot)
         if self._step_to is not None and drop.time >= self._step_to:
             self._step_to = None
-        if drop.failure is not None:
-            self._is_over = True
-            self._send(Failed(self._number, drop.failure, _result(drop)))
-        elif drop.ended:
-            self._is_over = True
-            self._send(Ended(self._number, drop.result()))
+        if drop.ended:
+            self._end(drop.failure)
 
-    def _finish(self) -> None:
+    def _end(self, failure: str | None = None) -> None:
+        """Compute nothing more of the drop, and hand over what there is."""
         self._is_over = True
-        if self._drop is not None:
-            self._drop.save_checkpoint()
-        result = None if self._drop is None else _result(self._drop)
-        self._send(NothingYet(self._number) if result is None else Ended(self._number, result))
+        self._send(Ended(self._number, self._result(), failure))
 
-    def _fail(self, message: str) -> None:
+    def _fail(self, error: Exception) -> None:
         """An unexpected error ends the drop; what came before it is handed over."""
         result = None
         with contextlib.suppress(Exception):  # whatever is wrong may be wrong there, too
-            result = None if self._drop is None else _result(self._drop)
+            result = self._result()
         self._leave_drop()
-        self._send(Failed(self._number, message, result))
+        words = f"{type(error).__name__}: {error}".rstrip(": ")
+        self._send(Ended(self._number, result, words))
+
+    def _result(self) -> Result | None:
+        """What there is of the drop, if there is anything."""
+        drop = self._drop
+        return drop.result() if drop is not None and len(drop.rows()) else None
 
     def _leave_drop(self) -> None:
         if self._drop is not None:
@@ -300,13 +296,3 @@ class _Sender:
                 data = ForkingPickler.dumps(self._waiting.get())
                 self._is_taken.set()
                 self._pipe.send_bytes(data)
-
-
-def _result(drop: Drop) -> Result | None:
-    """What there is of a drop, if there is anything."""
-    return drop.result() if len(drop.rows()) else None
-
-
-def _words(error: Exception) -> str:
-    """An unexpected error as a line of text."""
-    return f"{type(error).__name__}: {error}".rstrip(": ")

@@ -15,7 +15,7 @@ from taichi_foam.analysis.measures import (
     summary,
 )
 from taichi_foam.cli import tables
-from taichi_foam.live.page.figures import FIGURES
+from taichi_foam.live.page.numbers import FIGURES
 
 ALL = [each for each in MEASURES.values() if each.label]
 

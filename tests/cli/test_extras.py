@@ -48,7 +48,7 @@ def test_one_line_says_what_to_install(
 
 def test_all_else_works_without_them(tmp_path: Path) -> None:
     """All commands that compute nothing, and the modules of those that compute and draw."""
-    modules = "taichi_foam.shim2000.reproduce, taichi_foam.live.notebook, taichi_foam.live.cell"
+    modules = "taichi_foam.shim2000.reproduce, taichi_foam.live.notebook, taichi_foam.live.watch"
     program = f"import {modules}\n" + PROGRAM.format(absent=[], arguments=["scenes"])
     absent = f"import sys\nfor name in {LIVE + SWEEP}:\n    sys.modules[name] = None\n"
     done = call("-c", absent + program, cwd=tmp_path)

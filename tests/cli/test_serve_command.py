@@ -65,10 +65,10 @@ def test_ctrl_c_while_the_device_is_awaited_ends_it(
 
 
 def test_the_page_is_part_of_the_package() -> None:
-    from taichi_foam.live.page import app
+    from taichi_foam.live.page import server
 
-    for name in (*app._ASSETS, "page.html", app._PLOTLY):
-        plain, packed, tag = app._read(name)
+    for name in server._PARTS:
+        plain, packed, tag = server._read(name)
         assert plain
         assert packed
         assert tag

@@ -32,18 +32,18 @@ result
 # Somebody presses the kernel's interrupt when the first rows have come.
 INTERRUPT = """
 import os, signal
-from taichi_foam.live.controller import Controller
+from taichi_foam.live.session import Session
 
-poll = Controller.poll
+poll = Session.poll
 
-def press_once(controller, timeout):
-    events = poll(controller, timeout)
-    if len(controller.so_far.history["time_s"]) > 3:
-        Controller.poll = poll
+def press_once(session, timeout):
+    events = poll(session, timeout)
+    if len(session.so_far.history["time_s"]) > 3:
+        Session.poll = poll
         os.kill(os.getpid(), signal.SIGINT)
     return events
 
-Controller.poll = press_once
+Session.poll = press_once
 endless = tf.load_scene(scene, overrides=["numerics.end=10"])
 cut = tf.watch(endless)
 print(cut.run["interrupted"], len(cut.history["time_s"]) > 3)

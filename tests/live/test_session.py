@@ -17,7 +17,16 @@ import pytest
 
 from taichi_foam import load_scene
 from taichi_foam.live import session as session_module
-from taichi_foam.live.messages import Died, Ended, Failed, Frame, Keeping, NothingYet, Refused
+from taichi_foam.live.messages import (
+    Died,
+    Ended,
+    Frame,
+    Keeping,
+    Pace,
+    Pause,
+    Refused,
+    Step,
+)
 from taichi_foam.live.session import Session
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import ROW_COLUMNS
@@ -41,31 +50,38 @@ ENDLESS = drop_of(10.0)
 @pytest.fixture(scope="module", autouse=True)
 def _kernels() -> None:
     """Compiled by a worker that leaves: many of these tests kill theirs, which leave none."""
-    with Session() as session:
-        session.start(ENDLESS)
+    with Session(ENDLESS) as session:
         look(session)
 
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Session]:
-    with Session() as session:
+    with Session(ENDLESS) as session:
         yield session
 
 
 @pytest.fixture
 def session(shared: Session) -> Session:
     """The one session of these tests, with nothing left to tell; its pace leaves others time."""
-    shared.pace = 0.05
-    shared.start(ENDLESS)
+    look(shared)
+    shared.tell(Pace(0.05))
+    shared.drop(ENDLESS)
     look(shared)
     return shared
+
+
+def ask(session: Session) -> None:
+    """Ask for a frame, of a drop at rest, too."""
+    if not session._is_asked:
+        session._is_asked = True
+        session._send("ask")
 
 
 def wait_for(session: Session, is_it: Callable[[Any], bool]) -> Any:
     """The first event that `is_it`, asking for frames."""
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
-        session.ask()
+        ask(session)
         for event in session.poll(0.05):
             if is_it(event):
                 return event
@@ -82,7 +98,9 @@ def look(session: Session) -> Frame:
 
 def worker_of(session: Session) -> int:
     """The worker's process number."""
-    (found,) = [each for each in multiprocessing.active_children() if each is session._process]
+    (found,) = [
+        each for each in multiprocessing.active_children() if each is session._worker.process
+    ]
     assert found.pid is not None
     return found.pid
 
@@ -104,10 +122,10 @@ def wait_to_take(pid: int, seconds: float) -> None:
 def test_frames_come_when_asked_for(session: Session) -> None:
     assert not [event for event in session.poll(0.1) if isinstance(event, Frame)]
     first = look(session)
-    assert (first.drop, first.ended, first.paused) == (session.drop, False, False)
+    assert (first.drop, first.ended, first.paused) == (session.number, False, False)
     time.sleep(0.1)
     second = look(session)
-    assert session.last is second
+    assert session.frame is second
     assert second.snapshot.time > first.snapshot.time
     assert second.steps > first.steps
     assert second.wall > first.wall
@@ -118,20 +136,20 @@ def test_frames_come_when_asked_for(session: Session) -> None:
 
 
 def test_no_rows_have_as_many_columns_as_rows(session: Session) -> None:
-    session.start(ENDLESS)
+    session.drop(ENDLESS)
     assert session.rows.shape == (0, len(ROW_COLUMNS))
 
 
 @on_linux
 def test_a_pause_holds_time_and_takes_no_processor(session: Session) -> None:
-    session.pause()
+    session.tell(Pause(True))
     before = look(session)
     assert before.paused
     taken = cpu_seconds(worker_of(session))
     time.sleep(0.5)
     assert cpu_seconds(worker_of(session)) - taken <= 0.02
     assert look(session).snapshot.time == before.snapshot.time
-    session.pause(False)
+    session.tell(Pause(False))
     held = before.snapshot.time
     after = wait_for(session, lambda e: isinstance(e, Frame) and e.snapshot.time > held)
     assert not after.paused
@@ -140,13 +158,13 @@ def test_a_pause_holds_time_and_takes_no_processor(session: Session) -> None:
 def test_a_frame_is_of_an_instant_that_the_history_holds(session: Session) -> None:
     rows: list[np.ndarray] = []
     for pace in (None, 1e-2, 1e-3):
-        session.pace = pace
+        session.tell(Pace(pace))
         for _ in range(4):
             frame = look(session)
             rows.append(frame.rows)
             times = np.concatenate(rows)[:, ROW_COLUMNS.index("time")]
             assert frame.snapshot.time in times[-3:]
-    session.pause()
+    session.tell(Pause(True))
     # at rest it is the latest, and stays so
     frames = [look(session) for _ in range(4)]
     assert len({frame.snapshot.time for frame in frames[2:]}) == 1
@@ -156,14 +174,14 @@ def test_a_frame_is_of_an_instant_that_the_history_holds(session: Session) -> No
 def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
     """From row to row of the history, which lie up to a step of 13 us after they are due; what is
     asked for twice adds up."""
-    session.pace = None
-    session.pause()
+    session.tell(Pace(None))
+    session.tell(Pause(True))
     start = look(session).snapshot.time
-    session.step(2e-3)
+    session.tell(Step(2e-3))
     frame = wait_for(session, lambda event: isinstance(event, Frame) and event.paused)
     assert abs(frame.snapshot.time - start - 2e-3) < 2e-5
-    session.step(30e-3)
-    session.step(30e-3)
+    session.tell(Step(30e-3))
+    session.tell(Step(30e-3))
     start = frame.snapshot.time
     until = time.monotonic() + PATIENCE
     while not session.settled and time.monotonic() < until:
@@ -174,12 +192,12 @@ def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
 
 def test_a_pace_is_kept(session: Session) -> None:
     """Within a tenth: frames are up to 10 ms old. A pause does not make it jump."""
-    session.pace = 0.05
+    session.tell(Pace(0.05))
     first = look(session)
-    session.pause()
+    session.tell(Pause(True))
     time.sleep(0.3)
     held = look(session)
-    session.pause(False)
+    session.tell(Pause(False))
     assert held.snapshot.time - first.snapshot.time < 0.05 * 0.6
     first, start = look(session), time.monotonic()
     time.sleep(1.5)
@@ -189,43 +207,46 @@ def test_a_pace_is_kept(session: Session) -> None:
 
 
 def test_another_scene_may_start_at_any_time(session: Session) -> None:
-    old = session.drop
+    old = session.number
     look(session)
-    session.start(drop_of(10.0, "impactor.velocity=1.0"))
-    assert (session.last, len(session.rows)) == (None, 0)
+    session.drop(drop_of(10.0, "impactor.velocity=1.0"))
+    assert (session.frame, len(session.rows)) == (None, 0)
     frame = wait_for(session, lambda event: isinstance(event, Frame) and len(event.rows))
-    assert frame.drop == session.drop == old + 1
+    assert frame.drop == session.number == old + 1
     assert frame.rows[0, ROW_COLUMNS.index("v")] == -1.0
     assert session.result is None
 
 
 def test_finish_gives_what_there_is(session: Session) -> None:
     wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.01)
-    result = session.finish(PATIENCE)
+    assert session.finish()
+    result = session.result
     assert result is not None
     assert result.run["interrupted"]
     assert result.history["time_s"][-1] > 0.01
     assert len(result.snapshots) > 1
     assert session.ended
-    assert session.finish(0.0) is result
-    assert next(event for event in session.poll() if isinstance(event, Ended)).result is result
+    assert not session.finish()  # it is over
+    assert session.result is result
     assert look(session).ended
 
 
 def test_finish_before_anything_gives_nothing(session: Session) -> None:
     pid = worker_of(session)
-    os.kill(pid, signal.SIGSTOP)  # so that it hears of both before it computes
-    session.start(ENDLESS)
-    session.pause()
+    os.kill(pid, signal.SIGSTOP)  # so that it hears of all before it computes
+    session.drop(ENDLESS)
+    session.tell(Pause(True))
+    assert not session.finish()  # nothing to wait for
+    session._send("finish")
     os.kill(pid, signal.SIGCONT)
-    assert session.finish(PATIENCE) is None
-    assert any(isinstance(event, NothingYet) for event in session.poll())
+    ended = wait_for(session, lambda event: isinstance(event, Ended))
+    assert (ended.result, session.result, session.state) == (None, None, "cut short")
 
 
 def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
     scene = drop_of(0.03, "output.snapshot_interval=2e-3")
-    session.pace = None
-    session.start(scene)
+    session.tell(Pace(None))
+    session.drop(scene)
     result = wait_for(session, lambda event: isinstance(event, Ended)).result
     whole = run(scene)
     assert result.scene == scene
@@ -245,9 +266,9 @@ def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
 
 def test_a_failed_run_says_why(session: Session) -> None:
     """With six times the step that is stable."""
-    session.start(drop_of(0.01, "numerics.dt=1e-4"))
-    failed = wait_for(session, lambda event: isinstance(event, Failed))
-    assert "diverged" in failed.message
+    session.drop(drop_of(0.01, "numerics.dt=1e-4"))
+    failed = wait_for(session, lambda event: isinstance(event, Ended))
+    assert "diverged" in failed.failure
     assert failed.result.run["ended_by"] == Ending.DIVERGED
     assert session.result is failed.result
     assert session.alive
@@ -260,9 +281,9 @@ def test_a_viewer_that_takes_nothing_holds_nothing_up(session: Session) -> None:
     Ctrl-C, a closed terminal and the end of a service are the viewer's to answer.
     """
     pid = worker_of(session)
-    session.pace = None
+    session.tell(Pace(None))
     wait_to_take(pid, 0.6)
-    session.ask()
+    ask(session)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(pid, number)
     wait_to_take(pid, 0.3)
@@ -271,29 +292,28 @@ def test_a_viewer_that_takes_nothing_holds_nothing_up(session: Session) -> None:
 
 
 def test_an_absent_device_is_refused() -> None:
-    with Session(arch="metal") as session:
-        session.start(ENDLESS)
+    with Session(ENDLESS, arch="metal") as session:
         refused = wait_for(session, lambda event: isinstance(event, Refused))
         assert "arch = 'metal'" in refused.message
-        assert session.finish(PATIENCE) is None
+        assert not session.finish()
         assert session.alive
 
 
 def test_a_worker_that_is_killed_is_told_of_once() -> None:
-    with Session() as session:
-        session.start(ENDLESS)
+    with Session(ENDLESS) as session:
         os.kill(worker_of(session), signal.SIGKILL)
         (died,) = session.poll(PATIENCE)
         assert isinstance(died, Died)
         assert "signal 9" in died.message
         assert not session.alive
-        session.pause()
-        session.ask()
-        assert session.start(ENDLESS) == 2
+        session.tell(Pause(True))
+        ask(session)
         start = time.monotonic()
-        assert session.finish(PATIENCE) is None
+        assert not session.finish()
         assert time.monotonic() - start < 0.1 * PATIENCE  # nobody is there to wait for
         assert session.poll(0.1) == []
+        session.drop(ENDLESS)  # by another one
+        assert (session.number, session.alive) == (2, True)
     session.close()
     assert session.poll(0.1) == []
 
@@ -322,7 +342,8 @@ def test_a_viewer_that_forgets_to_close_ends_with_its_worker(tmp_path: Path) -> 
 @on_linux
 def test_a_worker_that_does_not_leave_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "GRACE", 0.2)
-    session = Session()
+    session = Session(ENDLESS)
+    session.drop(ENDLESS)
     pid = worker_of(session)
     os.kill(pid, signal.SIGSTOP)
     session.close()
@@ -335,8 +356,8 @@ VIEWER = """
 import time
 from taichi_foam.live.session import Session
 from test_session import ENDLESS, look, worker_of
-session = Session()
-session.start(ENDLESS)
+session = Session(ENDLESS)
+session.drop(ENDLESS)
 look(session)
 print(worker_of(session), flush=True)
 time.sleep(600)
@@ -367,11 +388,15 @@ def test_a_viewer_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> Non
     assert not Path(f"/proc/{pid}").exists()
 
 
-def test_a_viewer_loads_neither_taichi_nor_matplotlib() -> None:
-    code = (
-        "import sys, taichi_foam.live.session\n"
-        "print({'taichi', 'matplotlib', 'typer'} & set(sys.modules))"
-    )
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        ("session", ("matplotlib", "typer")),
+        ("worker", ("taichi", "matplotlib", "numpy", "pydantic")),  # before it ignores Ctrl-C
+    ],
+)
+def test_what_takes_long_to_load_is_not_loaded(module: str, absent: tuple[str, ...]) -> None:
+    code = f"import sys, taichi_foam.live.{module}\nprint(set({absent}) & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["set()"]
 
@@ -381,22 +406,18 @@ def test_a_drop_that_is_killed_goes_on_from_its_checkpoint_to_the_last_bit(tmp_p
     scene = drop_of(0.12, "output.snapshot_interval=5e-3")
     whole = run(scene)
 
-    def begin(session: Session, goes_on: bool) -> Frame:
-        session.pace = 0.05
-        session.start(scene, Keeping(tmp_path, 0.05, goes_on))
-        return look(session)
+    def resumed(goes_on: bool = True) -> Session:
+        return Session(scene, pace=0.05, keeping=lambda _: Keeping(tmp_path, 0.05, goes_on))
 
-    with Session() as first:
-        begin(first, goes_on=True)
+    with resumed() as first:
         wait_for(first, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.03)
         os.kill(worker_of(first), signal.SIGKILL)
-    with Session() as second:
-        assert begin(second, goes_on=True).snapshot.time > 0.0
+    with resumed() as second:
+        assert look(second).snapshot.time > 0.0
         wait_for(second, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.06)
-        second.finish(PATIENCE)  # as when a window is closed: what there is is kept, too
-    with Session() as third:
-        begin(third, goes_on=True)
-        third.pace = None
+        second.finish()  # as when a window is closed: what there is is kept, too
+    with resumed() as third:
+        third.tell(Pace(None))
         result = wait_for(third, lambda event: isinstance(event, Ended)).result
         assert result.run["resumed"] == 2
         for name, column in whole.history.items():
@@ -405,5 +426,6 @@ def test_a_drop_that_is_killed_goes_on_from_its_checkpoint_to_the_last_bit(tmp_p
         for mine, other in zip(result.snapshots, whole.snapshots, strict=True):
             for name, value in vars(other).items():
                 np.testing.assert_array_equal(getattr(mine, name), value, err_msg=name)
-        # who drops again begins at the start
-        assert begin(third, goes_on=False).snapshot.time < 1e-3
+    # who drops again begins at the start
+    with resumed(goes_on=False) as fourth:
+        assert look(fourth).snapshot.time < 1e-3

@@ -12,7 +12,7 @@ import pytest
 
 from taichi_foam.analysis.columns import history_of
 from taichi_foam.errors import UserError
-from taichi_foam.live.page.figures import ENERGIES as ON_THE_PAGE
+from taichi_foam.live.page.numbers import ENERGIES as ON_THE_PAGE
 from taichi_foam.picture.figures import ledger_layers
 from taichi_foam.records.history import (
     COLUMNS,

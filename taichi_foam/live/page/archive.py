@@ -1,8 +1,14 @@
-"""Drops that are over: saved one after another in folders of their own, and listed."""
+"""Drops that are over: saved one after another in folders of their own, listed, and filmed.
+
+As a program, `python -m taichi_foam.live.page.archive FOLDER/film.mp4`, it draws one film.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import json
+import os
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU
 from taichi_foam.errors import UserError
-from taichi_foam.live.page.curve import thinned
+from taichi_foam.live.page.numbers import thinned
 from taichi_foam.results.files import file_name, next_numbered
 from taichi_foam.results.folders import check_output_folder
-from taichi_foam.results.result import storage_bytes
+from taichi_foam.results.result import Result, storage_bytes
 
 if TYPE_CHECKING:
-    from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
 #: Drops that are listed, and former curves that are shown.
@@ -27,9 +32,24 @@ MOST_WAITING = 4
 #: How long to wait before trying a disk again [s].
 TRY_AGAIN = 10.0
 
-#: What can be downloaded of a drop, and what has to be drawn first.
-FILES = ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.json")
-FILMS = ("film.mp4", "film.gif")
+#: Films that may be waited for.
+MOST_FILMS = 6
+
+#: What can be downloaded of a drop: what its link is called, if there is one, and says.
+FILES = {
+    "history.csv": ("CSV", "histories"),
+    "scene.toml": ("TOML", "the scene; it runs again by itself"),
+    "summary.json": ("JSON", "all measures"),
+    "snapshots.npz": ("NPZ", "the lattice at each interval, for NumPy"),
+    "cracks.json": ("", ""),
+}
+#: The same of what has to be drawn first.
+FILMS = {
+    "film.mp4": ("MP4", "film; drawn when first asked for"),
+    "film.gif": ("GIF", "film; drawn when first asked for"),
+}
+#: The figures of the list of drops.
+FIGURES = (DISPLACEMENT, DURATION, PLATEAU)
 
 
 @dataclass(eq=False)
@@ -183,8 +203,101 @@ def _told(drop: Finished) -> dict[str, Any]:
         "number": drop.number,
         "about": drop.about,
         "ended": drop.ended,
-        "figures": {q.key: figures.get(q.key) for q in (DISPLACEMENT, DURATION, PLATEAU)},
+        "figures": {q.key: figures.get(q.key) for q in FIGURES},
         "folder": str(drop.folder) if drop.folder else None,
         "problem": drop.problem,
         "films": dict(drop.films),
     }
+
+
+class Films:
+    """Draws films into the folders of drops, where they stay."""
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+        self._one_at_a_time = asyncio.Lock()
+        self._tasks: dict[tuple[int, str], asyncio.Task[None]] = {}
+
+    async def film(self, drop: Finished, name: str) -> Path:
+        """The file of a film of a saved drop, drawn if need be.
+
+        It is drawn to its end even if the viewer who asked has left. Raises UserError if it fails.
+        """
+        assert drop.folder is not None
+        path = drop.folder / name
+        if path.is_file():
+            return path
+        key = (drop.number, name)
+        if key not in self._tasks:
+            if len(self._tasks) >= MOST_FILMS:
+                raise UserError("too many films are being drawn; try again in a minute")
+            self._tasks[key] = asyncio.create_task(self._draw(drop, path))
+            self._tasks[key].add_done_callback(lambda task: self._tasks.pop(key, None))
+        try:
+            await asyncio.shield(self._tasks[key])
+        except asyncio.CancelledError:
+            raise UserError("the server ends; no film is drawn any more") from None
+        return path
+
+    async def close(self) -> None:
+        """Give up what is being drawn."""
+        tasks = list(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _draw(self, drop: Finished, path: Path) -> None:
+        self._archive.set_film(drop, path.name, "waiting")
+        try:
+            async with self._one_at_a_time:
+                self._archive.set_film(drop, path.name, "drawing")
+                await _drawn_apart(path)
+        except UserError as error:
+            self._archive.set_film(drop, path.name, str(error))
+            raise
+        except asyncio.CancelledError:
+            self._archive.set_film(drop, path.name, None)
+            raise
+        self._archive.set_film(drop, path.name, "ready")
+
+
+async def _drawn_apart(path: Path) -> None:
+    """Draw a film in a process that gives way to the run."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        __name__,
+        str(path),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,  # the server decides what Ctrl-C means
+    )
+    try:
+        _, words = await process.communicate()
+    except asyncio.CancelledError:
+        process.terminate()
+        await process.wait()
+        raise
+    if process.returncode != 0:
+        last = words.decode(errors="replace").strip().splitlines()[-1:]
+        raise UserError(f"{path.name} could not be drawn: {' '.join(last) or 'no reason given'}")
+
+
+def main(path: Path) -> None:
+    """Draw the film of this name into the folder of the run that it lies in."""
+    from taichi_foam.picture import films
+    from taichi_foam.shim2000 import tests
+
+    if hasattr(os, "nice"):
+        os.nice(10)
+    ending = path.suffix[1:]
+    try:
+        result, names = Result.load(path.parent), films.Names(**{ending: path.name})
+        films.write(result, path.parent, names=names, title=tests.title(result.scene))
+    except UserError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -4,96 +4,87 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from taichi_foam.live.messages import Pace, Pause, Step
 
 #: No control has larger numbers [SI]. JSON has whole numbers of any length, which no float holds.
 MOST = 10**12
+#: The longest step of a viewer [s], and its slowest and fastest pace.
+MOST_SECONDS, PACES = 0.1, (1e-6, 1.0)
 
+Word: TypeAlias = Annotated[str, Field(max_length=20)]
 #: Settings of controls by key, in SI units; None empties an optional one.
-Values: TypeAlias = dict[
-    Annotated[str, Field(max_length=60)],
-    Annotated[int, Field(ge=-MOST, le=MOST)] | Annotated[float, Field(ge=-MOST, le=MOST)] | None,
+Values: TypeAlias = Annotated[
+    dict[
+        Annotated[str, Field(max_length=60)],
+        Annotated[int, Field(ge=-MOST, le=MOST)]
+        | Annotated[float, Field(ge=-MOST, le=MOST)]
+        | None,
+    ],
+    Field(max_length=64),
 ]
 
 
-class _Command(BaseModel):
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
-    )
-
-
-class Next(_Command):
+@dataclass(frozen=True)
+class Next:
     """The last picture has come: the next may."""
 
-    do: Literal["next"]
+    do: Literal["next"] = "next"
 
 
-class Watch(_Command):
+@dataclass(frozen=True)
+class Watch:
     """Whether the viewer wants pictures, and for which page."""
 
-    do: Literal["watch"]
     on: bool
     tone: Literal["light", "dark"]
+    do: Literal["watch"] = "watch"
 
 
-class Set(_Command):
+@dataclass(frozen=True)
+class Set:
     """Controls have been moved; nothing is dropped yet."""
 
-    do: Literal["set"]
-    shape: Annotated[str, Field(max_length=20)]
-    values: Annotated[Values, Field(max_length=64)]
+    shape: Word
+    values: Values
+    do: Literal["set"] = "set"
 
 
-class Drop(_Command):
+@dataclass(frozen=True)
+class Drop:
     """Drop with these settings; what is left out stays."""
 
-    do: Literal["drop"]
-    shape: Annotated[str, Field(max_length=20)]
-    values: Annotated[Values, Field(max_length=64)]
+    shape: Word
+    values: Values
+    do: Literal["drop"] = "drop"
 
 
-class Reset(_Command):
+@dataclass(frozen=True)
+class Reset:
     """Drop the scene that the server was given."""
 
-    do: Literal["reset"]
+    do: Literal["reset"] = "reset"
 
 
-class Pause(_Command):
-    """Stand still, or go on."""
-
-    do: Literal["pause"]
-    on: bool
-
-
-class Step(_Command):
-    """Go on by so much simulated time [s] and stand still."""
-
-    do: Literal["step"]
-    seconds: Annotated[float, Field(gt=0, le=0.1)]
-
-
-class Pace(_Command):
-    """Simulated seconds in a second; None: as fast as it goes."""
-
-    do: Literal["pace"]
-    rate: Annotated[float, Field(ge=1e-6, le=1)] | None
-
-
-class Look(_Command):
+@dataclass(frozen=True)
+class Look:
     """How pictures are drawn."""
 
-    do: Literal["look"]
-    mode: Annotated[str, Field(max_length=20)]
+    mode: Word
     theme: Literal["auto", "light", "dark"]
     grid: bool
+    do: Literal["look"] = "look"
 
 
-class Save(_Command):
+@dataclass(frozen=True)
+class Save:
     """Try again to save what could not be saved."""
 
-    do: Literal["save"]
+    do: Literal["save"] = "save"
 
 
 #: What concerns the viewer alone, and what concerns all.
@@ -109,17 +100,28 @@ MOST_AT_ONCE = 16
 #: Tells a viewer why its command is not done. Each viewer has one, which stands for it here.
 Reply: TypeAlias = Callable[[str], object]
 
-_READER: TypeAdapter[Command] = TypeAdapter(Annotated[Own | Shared, Field(discriminator="do")])
+_READER: TypeAdapter[Command] = TypeAdapter(
+    Annotated[Own | Shared, Field(discriminator="do")],
+    config=ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True),
+)
 
 
 def read(text: str) -> Command:
     """A viewer's message. Raises ValueError that says what is wrong with it."""
     try:
-        return _READER.validate_json(text)
+        command = _READER.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         where = ".".join(str(step)[:60] for step in first["loc"])
         raise ValueError(f"message refused: {where}{': ' * bool(where)}{first['msg']}") from None
+    match command:
+        case Step(seconds) if not 0.0 < seconds <= MOST_SECONDS:
+            limits = f"greater than 0 and at most {MOST_SECONDS}"
+            raise ValueError(f"message refused: step.seconds: Input should be {limits}")
+        case Pace(float(rate)) if not PACES[0] <= rate <= PACES[1]:
+            limits = f"greater than or equal to {PACES[0]} and at most {PACES[1]:g}"
+            raise ValueError(f"message refused: pace.rate: Input should be {limits}")
+    return command
 
 
 class Inbox:

@@ -1,18 +1,22 @@
-"""Who may come in: only who has the token, and on loopback only pages of this machine."""
+"""Who may come in: only who has the token, and on loopback only pages of this machine.
+
+Connections that have not shown a token yet are few, short, and never in the owner's way.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import secrets
 from html import escape
 from http import HTTPStatus
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import cookie_parser
 from starlette.responses import HTMLResponse
-
-from taichi_foam.live.page.gate import admit
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -21,8 +25,11 @@ if TYPE_CHECKING:
 #: rebinding) still sends that name.
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
-#: Requests and WebSockets of people with the token at a time.
-MOST_INSIDE = 300
+#: How long a connection may take until a request of its has shown the token [s].
+MOST_SECONDS = 5.0
+#: Most connections without a token, from one address and in all. One more closes the oldest. Who
+#: has the token shows it at once, and so gets in however many others are silent.
+MOST_OF_ADDRESS, MOST_STRANGERS = 40, 120
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
@@ -44,7 +51,7 @@ class Guard:
 
     Every request needs the token, as ?token= or as the cookie that the first one sets. Unless the
     server is open to other machines, it must name this one. A WebSocket must come from this very
-    page. What goes on at a time is bounded, and only who has the token counts.
+    page.
     """
 
     def __init__(self, app: ASGIApp, token: str, port: int, *, is_open: bool) -> None:
@@ -52,7 +59,6 @@ class Guard:
         self._token = token
         self._is_open = is_open
         self._cookie = f"taichi-foam-{port}"  # cookies of one host are those of all its ports
-        self._inside = 0  # requests and WebSockets that go on
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -61,13 +67,10 @@ class Guard:
         headers = Headers(scope=scope)
         given = QueryParams(scope["query_string"]).get("token")
         problem = self._problem(scope["type"], headers, given)
-        if problem is None:
-            admit(scope)
-            if self._inside >= MOST_INSIDE:
-                problem = HTTPStatus.SERVICE_UNAVAILABLE, "Too much at once. Try again."
         if problem is not None:
             await _refuse(scope, receive, send, *problem)
             return
+        scope["state"]["connection"].admit()
 
         async def send_on(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -79,11 +82,7 @@ class Guard:
                     answer.append("Set-Cookie", cookie)
             await send(message)
 
-        self._inside += 1
-        try:
-            await self._app(scope, receive, send_on)
-        finally:
-            self._inside -= 1
+        await self._app(scope, receive, send_on)
 
     def _problem(
         self, kind: str, headers: Headers, given: str | None
@@ -150,3 +149,58 @@ async def _refuse(
     )
     # the connection has no other use, and what may still follow of the request is not read
     await HTMLResponse(page, status, {"Connection": "close"})(scope, receive, send)
+
+
+class Connection(H11Protocol):
+    """HTTP that is given up unless a request shows the token soon."""
+
+    def __init__(self, strangers: dict[Connection, str], *given: Any, **named: Any) -> None:
+        """`strangers` are those of the server, the oldest first, with their addresses."""
+        super().__init__(*given, **named)
+        self._strangers = strangers
+        self._deadline: asyncio.TimerHandle | None = None
+        # reaches the guard with each request, and with the WebSocket that may take over
+        self.app_state = {**self.app_state, "connection": self}
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._deadline = self.loop.call_later(MOST_SECONDS, self.end)
+        address = self.client[0] if self.client else ""
+        of_address = [each for each, other in self._strangers.items() if other == address]
+        if len(of_address) >= MOST_OF_ADDRESS:
+            of_address[0].end()
+        elif len(self._strangers) >= MOST_STRANGERS:
+            next(iter(self._strangers)).end()
+        self._strangers[self] = address
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.admit()
+        super().connection_lost(exc)
+
+    def admit(self) -> None:
+        """It is no stranger any more: a request has shown the token, or it has gone."""
+        self._strangers.pop(self, None)
+        if self._deadline is not None:
+            self._deadline.cancel()
+
+    def end(self) -> None:
+        """Close it, whatever goes on."""
+        self.admit()
+        if self.transport is not None:
+            self.transport.abort()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP. In the midst of another answer there is only one way to end."""
+        if self.cycle is not None and not self.cycle.response_complete:
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
+            self.end()
+        else:
+            super().send_400_response(msg)
+
+
+class NoNoise(logging.Filter):
+    """Leaves out what viewers can bring uvicorn to log: that their text is not UTF-8."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return "Invalid UTF-8" not in record.getMessage()

@@ -2,21 +2,104 @@
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taichi_foam.analysis.measures import shown_in
-from taichi_foam.live.page.curve import Curve
-from taichi_foam.live.page.figures import ENERGIES
+from taichi_foam.analysis.measures import Quantity, shown_in
+from taichi_foam.records.history import COLUMNS, LEDGER
 
 if TYPE_CHECKING:
     from taichi_foam.live.messages import Frame
     from taichi_foam.results.result import Result
 
+Array = NDArray[np.float64]
+
+
+def shown(quantities: Iterable[Quantity]) -> tuple[tuple[str, str, str, float, int], ...]:
+    """Figures as the page shows them in a table: key, name, unit, factor to it, and digits."""
+    return tuple((one.key, one.name, one.unit, one.factor, one.digits) for one in quantities)
+
+
+FIGURES = shown(shown_in("page"))
+"""The figures of the page's table, in its order."""
+
+ENERGIES = (
+    *((layer.label, layer.columns) for layer in LEDGER),
+    *((COLUMNS[name].label, (name,)) for name in ("gravity_J", "residual_J")),
+)
+"""The ledger as the page shows it: words, and the columns of the history that add up to them."""
+
 #: Between two looks at the measures, which take longer than the rest [s].
 MEASURE_SECONDS = 1.0
+#: A curve has at most so many points; a longer one is sent at every second row, and so on.
+MOST_POINTS = 2000
+#: The smoothing filter changes the newest part of a curve when rows follow: so much of it [s].
+UNSETTLED = 0.006
+
+
+@dataclass(frozen=True)
+class Cursor:
+    """Which part of a curve a viewer has for good."""
+
+    drop: int = 0
+    stride: int = 0
+    points: int = 0
+
+
+class Curve:
+    """The smoothed deceleration of one drop, which grows."""
+
+    def __init__(self, drop: int, time: Array, deceleration: Array) -> None:
+        """time [s], deceleration [m/s2], both (n,)."""
+        stride = 1
+        while len(time) > stride * (MOST_POINTS - 1):
+            stride *= 2
+        kept = slice(None, None, stride)
+        last = slice(-1, None) if len(time) and (len(time) - 1) % stride else slice(0, 0)
+        self._time = np.concatenate([time[kept], time[last]])
+        self._values = np.concatenate([deceleration[kept], deceleration[last]])
+        settled = int(np.searchsorted(time[kept], time[-1] - UNSETTLED)) if len(time) else 0
+        self._end = Cursor(drop, stride, settled)
+        self._texts: dict[int, str] = {}  # of what is missing from a point on
+
+    def since(self, cursor: Cursor) -> tuple[str, Cursor]:
+        """The message with what is new to a viewer, and what the viewer has then."""
+        same = (cursor.drop, cursor.stride) == (self._end.drop, self._end.stride)
+        start = min(cursor.points, self._end.points) if same else 0
+        if start not in self._texts:
+            if len(self._texts) > 8:  # viewers of many speeds: each pays for its own
+                self._texts.clear()
+            self._texts[start] = self._text(start)
+        return self._texts[start], self._end
+
+    def _text(self, start: int) -> str:
+        times, values = self._time[start:], self._values[start:]
+        return json.dumps(
+            {
+                "kind": "curve",
+                "drop": self._end.drop,
+                "from": start,
+                "t": np.round(1e3 * times, 4).tolist(),
+                "a": [round(v, 3) if v == v else None for v in values.tolist()],
+            },
+            separators=(",", ":"),
+        )
+
+
+def thinned(time: Array, deceleration: Array, most: int = 400) -> dict[str, list[float]]:
+    """At most so many points of a curve that is over: t [ms], a [m/s2]."""
+    known = np.flatnonzero(np.isfinite(deceleration))
+    kept = known[:: max(1, -(-len(known) // most))]
+    return {
+        "t": np.round(1e3 * time[kept], 4).tolist(),
+        "a": np.round(deceleration[kept], 2).tolist(),
+    }
 
 
 class Numbers:
@@ -32,13 +115,10 @@ class Numbers:
         self._last: Frame | None = None
         # of the last second: wall time [s], simulated time [s], steps, the engine's time [s]
         self._marks: list[tuple[float, float, int, float]] = []
-        self._result: Result | None = None  # that `_told` is of
-        self._measured: Result | None = None  # that `_figures` are of
-        self._figures: dict[str, Any] = {}
-        self._figures_time: float | None = None  # the instant that they are of [s]
-        self._said: list[str] = []
+        self._result: Result | None = None  # that `curve` is of
+        self._measured: Result | None = None  # that `_measures` are of
+        self._measures: dict[str, Any] = {"figures": {}, "figures_time": None, "said": []}
         self._measure_at = 0.0
-        self._told: dict[str, Any] = {}
 
     def take(self, frame: Frame) -> None:
         """A frame has come."""
@@ -54,11 +134,12 @@ class Numbers:
         Measures are taken now and then while it moves, and at once when it is over or `at_rest`:
         people then read the figures beside the picture.
         """
-        if not len(result.history["time_s"]):
+        history = result.history
+        if not len(history["time_s"]):
             return
         if result is not self._result:
             self._result = result
-            self._read(result)
+            self.curve = Curve(self.drop, history["time_s"], history["deceleration_smoothed_m_s2"])
         is_due = is_over or at_rest or time.monotonic() >= self._measure_at
         if is_due and result is not self._measured:
             self._measure(result, is_over)
@@ -87,31 +168,20 @@ class Numbers:
 
     def told(self) -> dict[str, Any]:
         """What the page shows beside the picture; SI units."""
-        return {
-            "drop": self.drop,
-            **self._told,
-            "figures": self._figures,
-            "figures_time": self._figures_time,
-            "said": self._said,
-            **self._pace(),
-        }
-
-    def _read(self, result: Result) -> None:
-        """Go through the history once more."""
-        history = result.history
-        self.curve = Curve(self.drop, history["time_s"], history["deceleration_smoothed_m_s2"])
-        self._told = {"time": float(history["time_s"][-1])}
+        reached = {} if self._result is None else {"time": _end(self._result)}
+        return {"drop": self.drop, **reached, **self._measures, **self._pace()}
 
     def _measure(self, result: Result, is_over: bool) -> None:
         start = time.monotonic()
         measured = result.summary
         self._measured = result
-        self._figures = {quantity.key: measured[quantity.key] for quantity in shown_in("page")}
-        self._figures_time = float(result.history["time_s"][-1])
         # until it is over, a drop counts as interrupted, and there is nothing to say of its end
-        words = measured["statement"] if is_over else None
-        warned = [f"warning: {text}" for text in measured["warnings"]]
-        self._said = [*([words] if words else []), *warned]
+        words = [measured["statement"]] if is_over and measured["statement"] else []
+        self._measures = {
+            "figures": {key: measured[key] for key, *_ in FIGURES},
+            "figures_time": _end(result),
+            "said": [*words, *(f"warning: {text}" for text in measured["warnings"])],
+        }
         took = time.monotonic() - start
         self._measure_at = start + max(MEASURE_SECONDS, 20.0 * took)
 
@@ -120,10 +190,8 @@ class Numbers:
         frame = self._last
         if frame is None:
             return {"fraction": 0.0, "steps": 0, "pace": None, "steps_per_s": None}
-        (then, time_0, steps_0, wall_0), (now, time_1, steps_1, wall_1) = (
-            self._marks[0],
-            self._marks[-1],
-        )
+        then, time_0, steps_0, wall_0 = self._marks[0]
+        now, time_1, steps_1, wall_1 = self._marks[-1]
         ran = wall_1 - wall_0
         return {
             "fraction": 1.0 if frame.ended else frame.fraction,
@@ -131,3 +199,8 @@ class Numbers:
             "pace": (time_1 - time_0) / max(now - then, 1e-3),
             "steps_per_s": (steps_1 - steps_0) / ran if ran > 0 else None,
         }
+
+
+def _end(result: Result) -> float:
+    """Time of the last row [s]."""
+    return float(result.history["time_s"][-1])

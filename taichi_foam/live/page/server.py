@@ -1,9 +1,12 @@
-"""Serving the page: the address, the token, and a clean end."""
+"""Serving the page: the address, the token, its routes, and a clean end."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import gzip
+import hashlib
+import json
 import logging
 import os
 import secrets
@@ -13,29 +16,51 @@ import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from functools import lru_cache, partial
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
 
 from taichi_foam.errors import UserError
-from taichi_foam.live.page.app import app_of
-from taichi_foam.live.page.gate import Gate, NoNoise
-from taichi_foam.live.page.guard import LOOPBACK, Guard
+from taichi_foam.live.page.archive import FILES, FILMS, Films
+from taichi_foam.live.page.guard import LOOPBACK, MOST_STRANGERS, Connection, Guard, NoNoise
 from taichi_foam.live.page.view import PageView
+from taichi_foam.live.page.viewers import Viewers
 
 if TYPE_CHECKING:
+    from starlette.requests import Request
+
     from taichi_foam.scene import Scene
 
 #: Longest message that a viewer may send [bytes].
 MOST_BYTES = 64 * 1024
+#: Connections of people with the token at a time.
+MOST_INSIDE = 300
 #: What the system may hold back for a viewer that does not read [bytes], and for how long [ms].
 SEND_BUFFER, MOST_SILENCE = 256 * 1024, 30_000
 #: How long a device may take to say that it is there [s].
 PATIENCE = 60.0
 #: Between two looks whether somebody wants to stop meanwhile [s].
 TURN = 0.1
+
+_TYPES = {
+    "html": "text/html; charset=utf-8",
+    "css": "text/css; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+    "svg": "image/svg+xml",
+}
+_ASSETS = resources.files("taichi_foam.live.page") / "assets"
+# Plotly is looked for on import: a missing package is told before the page is served.
+_PLOTLY = resources.files("plotly") / "package_data" / "plotly.min.js"
+# What the page is made of, by name.
+_PARTS = {part.name: part for part in (*_ASSETS.iterdir(), _PLOTLY)}
 
 
 class Server:
@@ -64,7 +89,7 @@ class Server:
         self.is_open = not _is_loopback(self._socket)
         bound_port = self._socket.getsockname()[1]
         self.address = _address(host, bound_port, self.token)
-        guarded = Guard(app_of(self.view), self.token, bound_port, is_open=self.is_open)
+        guarded = Guard(_app_of(self.view), self.token, bound_port, is_open=self.is_open)
         logging.getLogger("uvicorn.error").addFilter(NoNoise())
         self._server = _Quiet(
             uvicorn.Config(
@@ -72,7 +97,8 @@ class Server:
                 log_level="error",
                 access_log=False,  # addresses hold the token
                 server_header=False,
-                http=Gate().protocol(),  # type: ignore[arg-type]
+                http=partial(Connection, {}),  # type: ignore[arg-type]
+                limit_concurrency=MOST_INSIDE + MOST_STRANGERS,
                 ws="websockets-sansio",
                 ws_max_size=MOST_BYTES,
                 ws_max_queue=16,
@@ -94,8 +120,8 @@ class Server:
                 self.view.start()
                 if not self._is_plain:
                     self._wait_for_device()
-                if self.view.controller.refusal is not None:
-                    raise UserError(self.view.controller.refusal)
+                if self.view.session.refusal is not None:
+                    raise UserError(self.view.session.refusal)
                 was_stopped = self._server.should_exit
                 if not was_stopped:
                     on_ready()
@@ -112,7 +138,7 @@ class Server:
         """Until the first frame or a refusal is there, or somebody has told to stop."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until and not self._server.should_exit:
-            if self.view.controller.state != "preparing":
+            if self.view.session.state != "preparing":
                 return
             time.sleep(TURN)
 
@@ -125,7 +151,7 @@ class Server:
         self._socket.close()
         was_cut = self.view.close()
         problems = {drop.number: drop.problem or "" for drop in self.view.archive.close()}
-        problems |= self.view.controller.lost
+        problems |= self.view.session.lost
         return was_cut, [f"drop {number}: {why}" for number, why in problems.items()]
 
 
@@ -201,3 +227,69 @@ def _address(host: str, port: int, token: str) -> str:
     name = socket.gethostname() if host in ("0.0.0.0", "::", "") else host
     name = f"[{name}]" if ":" in name else name
     return f"http://{name}:{port}/?token={token}"
+
+
+def _app_of(view: PageView) -> Starlette:
+    """The page and its files."""
+    viewers, films = Viewers(view), Films(view.archive)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        viewers.open()
+        yield
+        await films.close()
+
+    async def download(request: Request) -> Response:
+        name = request.path_params["name"]
+        number = request.path_params["number"]
+        # more digits than any drop has, Python may refuse to read
+        is_number = number.isascii() and number.isdecimal() and len(number) < 10
+        drop = view.archive.find(int(number)) if is_number else None
+        if drop is None or drop.folder is None or name not in (*FILES, *FILMS):
+            return PlainTextResponse("there is no such file of a drop that is saved", 404)
+        path = drop.folder / name
+        try:
+            if name in FILMS:
+                path = await films.film(drop, name)
+        except UserError as error:
+            return PlainTextResponse(str(error), 503)
+        if not path.is_file():
+            return PlainTextResponse(f"{path} is not there any more", 410)
+        return FileResponse(path, filename=f"{drop.folder.name}-{name}")
+
+    return Starlette(
+        routes=[
+            Route("/", _part),
+            Route("/assets/{name}", _part),
+            Route("/drops/{number}/{name}", download),
+            WebSocketRoute("/live", viewers.serve),
+        ],
+        lifespan=lifespan,
+    )
+
+
+async def _part(request: Request) -> Response:
+    """What the page is made of; without a name the page itself."""
+    name = request.path_params.get("name", "page.html")
+    if name not in _PARTS:
+        return PlainTextResponse("there is no such page", 404)
+    plain, packed, tag = await run_in_threadpool(_read, name)
+    headers = {
+        "ETag": tag,
+        "Cache-Control": "no-cache",  # ask each time whether it is still the same
+        "Vary": "Accept-Encoding",
+    }
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    content = plain
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        content, headers["Content-Encoding"] = packed, "gzip"
+    return Response(content, headers=headers, media_type=_TYPES[name.rpartition(".")[2]])
+
+
+@lru_cache(maxsize=16)
+def _read(name: str) -> tuple[bytes, bytes, str]:
+    """A file of the page: plain, packed, and a mark of its content."""
+    plain = _PARTS[name].read_bytes()
+    tag = json.dumps(hashlib.sha256(plain).hexdigest()[:16])
+    return plain, gzip.compress(plain, 6), tag

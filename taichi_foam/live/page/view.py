@@ -1,43 +1,109 @@
-"""The page as a view of the controller: what all viewers see, and what they ask for."""
+"""The page as a view of the session: what all viewers see, and what they ask for."""
 
 from __future__ import annotations
 
+import io
+import json
+import struct
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from PIL import Image
+
 from taichi_foam.errors import UserError
-from taichi_foam.live.controller import PACES, Controller, Outcome
-from taichi_foam.live.heading import heading
-from taichi_foam.live.messages import Frame
-from taichi_foam.live.page import commands, figures
-from taichi_foam.live.page.archive import Archive
-from taichi_foam.live.page.controls import Controls, Value
-from taichi_foam.live.page.numbers import Numbers
-from taichi_foam.live.page.view_state import Tone, ViewState, as_json
-from taichi_foam.live.pictures import colour_key, field_png, field_size
-from taichi_foam.picture.look import Look
+from taichi_foam.live.controls import Controls, Value, heading
+from taichi_foam.live.messages import Frame, Pace, Pause, Step
+from taichi_foam.live.page import archive, commands
+from taichi_foam.live.page.numbers import ENERGIES, FIGURES, Curve, Numbers, shown
+from taichi_foam.live.session import PACES, Outcome, Session
+from taichi_foam.picture import raster
+from taichi_foam.picture.look import Look, shades
 from taichi_foam.picture.modes import MODES
+from taichi_foam.picture.view import window
+from taichi_foam.results.files import plain
 from taichi_foam.shim2000 import tests
 from taichi_foam.shim2000.compare import measured_figures
 
 if TYPE_CHECKING:
+    from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
 
+Tone = str  # "light" or "dark"
+
+#: Of the numbers in messages: more than anybody can see.
+DIGITS = 6
 #: Of simulated time, that the page's button goes on by [s].
 STEP = 2e-4
 #: Between two pictures, between two sets of numbers, and between looks when nobody watches [s].
 PICTURE_SECONDS, NUMBER_SECONDS, IDLE_SECONDS = 1 / 30, 0.1, 1.0
 
+#: Pixels of a picture, and how wide it may be for its height and the other way round.
+PIXELS, WIDEST, TALLEST = 960 * 540, 2.4, 0.8
+#: Colours that the gradient of the colour key is made of.
+STOPS = 24
+#: In front of a picture: the bytes of the JSON that comes first; little endian.
+LENGTH = struct.Struct("<I")
+
+
+class ViewState:
+    """What the page shows now, written once for all viewers; they read it in any thread.
+
+    notes     by kind: a number that grows with each change, and the latest message
+    pictures  by tone: the same, and the picture as it is sent
+    curve     the same of the current drop's curve
+    """
+
+    def __init__(self) -> None:
+        self.notes: dict[str, tuple[int, str]] = {}
+        self.pictures: dict[Tone, tuple[int, bytes]] = {}
+        self.curve = (0, Curve(0, np.empty(0), np.empty(0)))
+        self.wake: Callable[[], object] = lambda: None
+        self._wanted: set[Tone] = set()
+        self._lock = threading.Lock()  # guards the tones
+
+    def post(self, kind: str, content: dict[str, Any], digits: int | None = DIGITS) -> None:
+        """Show this from now on; the same again is no change. `digits` as of `_as_json`."""
+        text = _as_json({"kind": kind, **content}, digits)
+        number, before = self.notes.get(kind, (0, ""))
+        if text != before:
+            self.notes[kind] = (number + 1, text)
+            self.wake()
+
+    def set_picture(self, tone: Tone, picture: bytes) -> None:
+        """Show this picture from now on."""
+        number, _ = self.pictures.get(tone, (0, b""))
+        self.pictures[tone] = (number + 1, picture)
+        self.wake()
+
+    def set_curve(self, curve: Curve) -> None:
+        """Show this curve from now on; the same again is no change."""
+        number, before = self.curve
+        if curve is not before:
+            self.curve = (number + 1, curve)
+            self.wake()
+
+    def want(self, tone: Tone) -> None:
+        """Some viewer is ready for the next picture in this tone."""
+        with self._lock:
+            self._wanted.add(tone)
+
+    def take_wanted(self) -> set[Tone]:
+        """The tones in which a picture is wanted; the caller has to draw them."""
+        with self._lock:
+            wanted, self._wanted = self._wanted, set()
+        return wanted
+
 
 class PageView:
-    """One controller for all viewers, and the view state that they read.
+    """One session for all viewers, and the view state that they read.
 
-    Everything happens in one thread, which alone calls the controller and draws.
+    Everything happens in one thread, which alone calls the session and draws.
     """
 
     def __init__(
@@ -45,13 +111,13 @@ class PageView:
     ) -> None:
         self.view_state = ViewState()
         self.controls = Controls(scene)
-        self.archive = Archive(out, self._post_drops)
-        self.controller = Controller(scene, self._keep, arch=arch, threads=threads)
+        self.archive = archive.Archive(out, self._post_drops)
+        self.session = Session(scene, self._keep, arch=arch, threads=threads)
         self.watchers = 0  # viewers who are there; set by `viewers.Viewers`
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
         self._look, self._theme = Look(scene.output.mode, words=False), "auto"
         self._numbers = Numbers(0)
-        self._drawn: dict[Tone, tuple[Any, ...]] = {}
+        self._drawn: dict[Tone, Hashable] = {}
         self._wanted: set[Tone] = {"light"}  # viewers find a picture when they come
         self._next_look = self._next_numbers = 0.0  # on the monotonic clock [s]
         self._was_cut = False  # closing has cut a drop short
@@ -82,12 +148,12 @@ class PageView:
         self.view_state.post("hello", self._hello())
         self._post_settings()
         self._post_drops()
-        self._try(lambda: self.controller.drop(self.controller.given))
+        self._try(lambda: self.session.drop(self.session.given))
         while not self._is_closing.is_set():
             if not self._try(self._turn):
                 self._is_closing.wait(NUMBER_SECONDS)
-        self._was_cut = self.controller.finish()
-        self.controller.close()
+        self._was_cut = self.session.finish()
+        self.session.close()
 
     def _try(self, do: Callable[[], object]) -> bool:
         """Do this; an unexpected error is told to viewers, and the next drop gets its chance."""
@@ -95,11 +161,11 @@ class PageView:
             do()
         except Exception as error:
             message = f"{type(error).__name__}: {error}"
-            if message != self.controller.message:
+            if message != self.session.message:
                 traceback.print_exc()  # in full, and once
-            self.controller.fail(message)
+            self.session.fail(message)
             told = {"state": "failed", "waiting": "", "message": message}
-            self.view_state.post("numbers", told | Numbers(self.controller.number).told())
+            self.view_state.post("numbers", told | Numbers(self.session.number).told())
             return False
         return True
 
@@ -109,13 +175,13 @@ class PageView:
             self._next_look = 0.0
         now = time.monotonic()
         if now >= self._next_look:
-            self.controller.look()
-            is_idle = self.controller.settled or not self.watchers
+            self.session.look()
+            is_idle = self.session.settled or not self.watchers
             self._next_look = now + (IDLE_SECONDS if is_idle else PICTURE_SECONDS)
         wait = min(self._next_look, self._next_numbers) - now
-        events = self.controller.poll(min(max(0.002, wait), NUMBER_SECONDS))
-        if self._numbers.drop != self.controller.number:
-            self._numbers = Numbers(self.controller.number)
+        events = self.session.poll(min(max(0.002, wait), NUMBER_SECONDS))
+        if self._numbers.drop != self.session.number:
+            self._numbers = Numbers(self.session.number)
             self._post_scene()
             self._next_numbers = 0.0
         for event in events:
@@ -163,12 +229,8 @@ class PageView:
                 self._drop(shape, {**self._draft, **values})
             case commands.Reset():
                 self._drop(self.controls.shape, self.controls.defaults)
-            case commands.Pause(on=on):
-                self.controller.pause(on)
-            case commands.Step(seconds=seconds):
-                self.controller.step(seconds)
-            case commands.Pace(rate=rate):
-                self.controller.pace = rate
+            case Pause() | Step() | Pace():
+                self.session.tell(command)
             case commands.Look(mode=mode, theme=theme, grid=grid):
                 self._look, self._theme = Look(mode, grid=grid, words=False), theme
                 self._post_scene()
@@ -178,7 +240,7 @@ class PageView:
     def _drop(self, shape: str, values: dict[str, Value]) -> None:
         scene = self.controls.scene_of(shape, values)
         self.archive.check(scene)
-        self.controller.drop(scene, finish_current=True)
+        self.session.drop(scene, finish_current=True)
         self._shape, self._draft = shape, dict(values)
 
     # what viewers see
@@ -186,72 +248,107 @@ class PageView:
     def _draw(self) -> None:
         """Draw where somebody is ready for a picture that has changed."""
         self._wanted |= self.view_state.take_wanted()
-        controller = self.controller
-        number, scene, snapshot = controller.number, controller.scene, controller.snapshot
+        session = self.session
+        scene, snapshot = session.scene, session.snapshot
         for tone in tuple(self._wanted):
             look = replace(self._look, theme=tone)
-            readouts = as_json(self._numbers.at(snapshot.time, controller.so_far))
-            key = (number, snapshot.time, look, readouts)
+            readouts = _as_json(self._numbers.at(snapshot.time, session.so_far))
+            key = (session.number, snapshot.time, look, readouts)
             if self._drawn.get(tone) != key:
                 self._drawn[tone] = key
                 self._wanted.discard(tone)
-                self.view_state.set_picture(tone, field_png(snapshot, scene, look, readouts))
+                self.view_state.set_picture(tone, _picture(snapshot, scene, look, readouts))
 
     def _post_numbers(self) -> None:
-        controller = self.controller
-        at_rest = controller.settled or controller.ended
-        self._numbers.read(controller.so_far, controller.result is not None, at_rest)
+        session = self.session
+        at_rest = session.settled or session.ended
+        self._numbers.read(session.so_far, session.result is not None, at_rest)
         self.view_state.set_curve(self._numbers.curve)
-        told = {
-            "state": controller.state,
-            "waiting": controller.waiting,
-            "message": controller.message,
-            **self._numbers.told(),
-        }
-        self.view_state.post("numbers", told)
+        told = {"state": session.state, "waiting": session.waiting, "message": session.message}
+        self.view_state.post("numbers", told | self._numbers.told())
 
     def _post_scene(self) -> None:
-        scene, given = self.controller.scene, self.controls.given
+        scene, given = self.session.scene, self.controls.given
         test = tests.test_of(scene)
         title, changes = heading(scene, given, self.controls.changes(scene))
-        self.view_state.post(
-            "scene",
-            {
-                "drop": self.controller.number,
-                "name": title,
-                "changes": changes,
-                "size": field_size(scene),
-                "key": colour_key(scene, self._look.mode),
-                "measured": {"test": test.name, **measured_figures(test)} if test else None,
-                "nodes": [scene.block.columns, scene.block.rows],
-                "falls": scene.impactor is not None,
-            },
-        )
+        told = {
+            "drop": self.session.number,
+            "name": title,
+            "changes": changes,
+            "size": _size(scene),
+            "key": _colour_key(scene, self._look.mode),
+            "measured": {"test": test.name, **measured_figures(test)} if test else None,
+            "nodes": [scene.block.columns, scene.block.rows],
+            "falls": scene.impactor is not None,
+        }
+        self.view_state.post("scene", told)
 
     def _post_settings(self) -> None:
-        self.view_state.post(
-            "settings",
-            {
-                "shape": self._shape,
-                "values": self._draft,
-                "pace": self.controller.pace,
-                "mode": self._look.mode,
-                "theme": self._theme,
-                "grid": self._look.grid,
-            },
-            digits=None,  # a control's value is dropped as it was set
-        )
+        told = {
+            "shape": self._shape,
+            "values": self._draft,
+            "pace": self.session.pace,
+            "mode": self._look.mode,
+            "theme": self._theme,
+            "grid": self._look.grid,
+        }
+        # a control's value is dropped as it was set
+        self.view_state.post("settings", told, digits=None)
 
     def _post_drops(self) -> None:
         self.view_state.post("drops", self.archive.told())
         self.view_state.post("curves", self.archive.curves())
 
     def _hello(self) -> dict[str, Any]:
+        files = archive.FILES | archive.FILMS
         return {
             "controls": self.controls.told(),
             "modes": [[name, mode.about] for name, mode in MODES.items()],
             "paces": PACES,
             "step": STEP,
-            "figures": figures.FIGURES,
-            "energies": [words for words, _ in figures.ENERGIES],
+            "figures": FIGURES,
+            "energies": [words for words, _ in ENERGIES],
+            "drop_figures": shown(archive.FIGURES),
+            "files": [[name, *words] for name, words in files.items() if any(words)],
         }
+
+
+def _as_json(content: dict[str, Any], digits: int | None = DIGITS) -> str:
+    """A message's text; `digits` are those that its floats keep, None: all."""
+    return json.dumps(plain(content, digits), separators=(",", ":"), allow_nan=False)
+
+
+def _size(scene: Scene) -> tuple[int, int]:
+    """Width and height [pixels] that show the whole window of a scene with little around it."""
+    world = window(scene)
+    shape = (world.x_max - world.x_min) / (world.y_max - world.y_min)
+    width = (PIXELS * min(max(shape, TALLEST), WIDEST)) ** 0.5
+    return 2 * round(width / 2), 2 * round(PIXELS / width / 2)
+
+
+def _picture(snapshot: Snapshot, scene: Scene, look: Look, readouts: str) -> bytes:
+    """A picture as it is sent: `LENGTH`, the JSON of what is read out beside it, then a PNG.
+
+    They travel together, so that all that is shown is of one instant.
+
+    At 960 x 540 and its like a PNG takes 36 kB and 8 ms, a JPEG as sharp 95 kB and 3 ms, a WebP
+    that blurs lines 47 kB and 8 ms: flat colours suit PNG, and a phone or a tunnel feels the bytes.
+    """
+    image = raster.frame(snapshot, scene, _size(scene), look=look, threads=1)
+    head = readouts.encode()
+    file = io.BytesIO()
+    file.write(LENGTH.pack(len(head)) + head)
+    Image.fromarray(image).save(file, "PNG", compress_level=1)
+    return file.getvalue()
+
+
+def _colour_key(scene: Scene, mode: str) -> dict[str, Any]:
+    """The colour key: words, colours from nothing to the most, and where ticks stand (0 to 1)."""
+    key = Look(mode=mode).shown.key(scene)
+    colours = shades(key.shades)
+    picked = [colours[round(255 * k / (STOPS - 1))] for k in range(STOPS)]
+    return {
+        "words": " ".join(key.words),
+        "colours": [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in picked],
+        "ticks": [[round(key.share(value), 4), text] for value, text in key.ticks],
+    }

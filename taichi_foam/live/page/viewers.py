@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from taichi_foam.live.page import commands
-from taichi_foam.live.page.curve import Cursor
+from taichi_foam.live.page.numbers import Cursor
 
 if TYPE_CHECKING:
     from taichi_foam.live.page.view import PageView

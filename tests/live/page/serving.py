@@ -17,7 +17,7 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 import taichi_foam
-from taichi_foam.live.pictures import LENGTH
+from taichi_foam.live.page.view import LENGTH
 
 PATIENCE = 60.0  # a busy machine that compiles [s]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}

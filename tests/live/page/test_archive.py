@@ -13,7 +13,6 @@ import pytest
 
 from taichi_foam.errors import UserError
 from taichi_foam.live.page import archive as archive_module
-from taichi_foam.live.page import films as films_module
 from taichi_foam.live.page import viewers
 from taichi_foam.live.page.archive import (
     MOST_CURVES,
@@ -22,7 +21,7 @@ from taichi_foam.live.page.archive import (
     Archive,
     Finished,
 )
-from taichi_foam.live.page.view_state import ViewState
+from taichi_foam.live.page.view import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -137,12 +136,12 @@ def test_who_waits_for_a_film_when_the_server_ends_is_told(
     async def for_ever(path: Path) -> None:
         await asyncio.Event().wait()
 
-    monkeypatch.setattr(films_module, "_drawn_apart", for_ever)
+    monkeypatch.setattr(archive_module, "_drawn_apart", for_ever)
     archive = Archive(tmp_path, lambda: None)
     drop = Finished(1, [], "rebound", None, folder=tmp_path)
 
     async def ask() -> None:
-        films = films_module.Films(archive)
+        films = archive_module.Films(archive)
         for end in (lambda task: films.close(), lambda task: _cancel(task)):
             asking = asyncio.create_task(films.film(drop, "film.gif"))
             await asyncio.sleep(0.01)

@@ -12,10 +12,9 @@ import pytest
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES, Control
-from taichi_foam.live.controller import offered_shapes
+from taichi_foam.live.controls import Controls, knobs, offered_shapes
 from taichi_foam.live.page import commands
-from taichi_foam.live.page.controls import Controls, knobs
-from taichi_foam.live.page.curve import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
+from taichi_foam.live.page.numbers import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
 from taichi_foam.scene import FlatBlock
 from taichi_foam.shim2000 import tests
 from taichi_foam.shim2000.tests import NAMES, paper_scene
@@ -187,9 +186,9 @@ def test_messages_that_are_none_are_refused_in_a_line(text: str) -> None:
 
 
 def test_messages_are_read() -> None:
-    assert commands.read('{"do": "next"}') == commands.Next(do="next")
+    assert commands.read('{"do": "next"}') == commands.Next()
     let = commands.read('{"do": "drop", "shape": "flat", "values": {"foam.rate": null}}')
-    assert let == commands.Drop(do="drop", shape="flat", values={"foam.rate": None})
+    assert let == commands.Drop("flat", {"foam.rate": None})
 
 
 def test_numbers_keep_their_kind_and_all_that_a_scene_allows_fits(controls: Controls) -> None:

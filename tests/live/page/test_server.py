@@ -20,10 +20,10 @@ from serving import ENDLESS, PATIENCE, SMALL, Served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from taichi_foam import load_scene
-from taichi_foam.live.controller import PACES
-from taichi_foam.live.page.figures import ENERGIES
-from taichi_foam.live.page.gate import MOST_SECONDS
+from taichi_foam.live.page.guard import MOST_SECONDS
+from taichi_foam.live.page.numbers import ENERGIES
 from taichi_foam.live.page.viewers import MOST_VIEWERS
+from taichi_foam.live.session import PACES
 from taichi_foam.results.result import Result
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -108,7 +108,7 @@ def test_pages_of_others_get_no_socket(served: Served) -> None:
         ('{"do": "fly"}', "does not match any"),
         ('{"do": "pause"}', "Field required"),
         ('{"do": "pause", "on": 1}', "boolean"),
-        ('{"do": "next", "more": 1}', "Extra inputs"),
+        ('{"do": "next", "more": 1}', "next.more: Unexpected keyword"),
         ('{"do": "pace", "rate": NaN}', "finite"),
         ('{"do": "pace", "rate": 0}', "greater than"),
         ('{"do": "step", "seconds": 1e400}', "finite"),

@@ -17,44 +17,48 @@ import pytest
 from PIL import Image
 
 import taichi_foam
-from taichi_foam.live import controller as controller_module
-from taichi_foam.live.controller import MOST_SIZES, WAITING
-from taichi_foam.live.messages import Frame
+from taichi_foam.engine.state import initial_state
+from taichi_foam.live import session as session_module
+from taichi_foam.live.messages import Command, Ended, Event, Frame, Pace, Pause, Start
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
-from taichi_foam.live.page.view import PageView
-from taichi_foam.live.pictures import LENGTH
+from taichi_foam.live.page.view import LENGTH, PageView
+from taichi_foam.live.session import MOST_SIZES, WAITING
 from taichi_foam.picture.look import THEMES
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.shim2000.tests import paper_scene
 
 
-class _Session:
-    """Stands still, whatever it is told."""
+class _Worker:
+    """Computes nothing, whatever it is told: shows the start of a drop, or not even that."""
 
-    begun: list[_Session]
+    begun: list[_Worker]
     fails = False
+    shows = False
 
-    def __init__(self, arch: str, threads: int | None, drops: int) -> None:
+    def __init__(self, arch: str, threads: int | None) -> None:
         if self.fails:
             raise OSError("no process to be had")
         self.begun.append(self)
-        self.alive = self.ended = True
-        self.last: Frame | None = None
-        self.paused = self.settled = False
-        self.rows = np.empty((0, len(ROW_COLUMNS)))
-        self.before, self.drops = drops, 0
+        self.alive = True
+        self.drops: list[int] = []
+        self.told: list[Event] = []
 
-    def start(self, scene: Any, keeping: Any) -> int:
-        self.drops += 1
-        return self.before + self.drops
+    def send(self, command: Command) -> None:
+        match command:
+            case Start(drop, scene):
+                self.drops.append(drop)
+                if self.shows:
+                    start, rows = initial_state(scene).snapshot(), np.empty((0, len(ROW_COLUMNS)))
+                    self.told.append(Frame(drop, start, rows, 0.0, 0, 0.0, False, False))
+            case "finish":
+                self.told.append(Ended(self.drops[-1], None))
 
-    def poll(self, wait: float) -> list[Any]:
-        time.sleep(min(wait, 0.01))
-        return []
-
-    def ask(self) -> None:
-        pass
+    def events(self, wait: float) -> list[Event]:
+        if not self.told:
+            time.sleep(min(wait, 0.01))
+        told, self.told = self.told, []
+        return told
 
     def close(self) -> None:
         self.alive = False
@@ -62,8 +66,8 @@ class _Session:
 
 @pytest.fixture
 def view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PageView]:
-    _Session.begun, _Session.fails = [], False
-    monkeypatch.setattr(controller_module, "Session", _Session)
+    _Worker.begun, _Worker.fails, _Worker.shows = [], False, False
+    monkeypatch.setattr(session_module, "_Worker", _Worker)
     found = PageView(paper_scene("paper/wedge-2.86"), tmp_path)
     yield found
     found.close()
@@ -78,12 +82,12 @@ def wait_until(is_it: Callable[[], Any]) -> None:
 
 def let(**values: int) -> commands.Drop:
     named = {f"block.{key}": value for key, value in values.items()}
-    return commands.Drop(do="drop", shape="wedge", values=named)
+    return commands.Drop("wedge", named)
 
 
 def moved(**values: float) -> commands.Set:
     named = {f"impactor.{key}": value for key, value in values.items()}
-    return commands.Set(do="set", shape="wedge", values=named)
+    return commands.Set("wedge", named)
 
 
 def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: PageView) -> None:
@@ -123,31 +127,32 @@ def test_the_first_picture_waits_for_no_stepping_and_no_filter() -> None:
 
 
 def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:
+    _Worker.shows = True
     view.start()
-    wait_until(lambda: _Session.begun)
+    wait_until(lambda: _Worker.begun)
     problems: list[str] = []
     for count in range(2 * MOST_SIZES):
         view.tell(let(rows=31 + count // 2), problems.append)  # each size twice
-        wait_until(lambda count=count: view.controller.number == count + 2)
+        wait_until(lambda count=count: view.session.number == count + 2)
     # with the size that the scene has itself there are one more than a process has room for
     assert problems == []
-    assert [each.drops for each in _Session.begun] == [1 + 2 * (MOST_SIZES - 1), 2]
-    assert [each.alive for each in _Session.begun] == [False, True]
+    assert [len(each.drops) for each in _Worker.begun] == [1 + 2 * (MOST_SIZES - 1), 2]
+    assert [each.alive for each in _Worker.begun] == [False, True]
 
 
 def test_a_process_that_cannot_be_started_is_told_and_started_with_the_next_drop(
     view: PageView,
 ) -> None:
-    _Session.fails = True
+    _Worker.fails = True
     view.start()
     wait_until(lambda: '"died"' in view.view_state.notes.get("numbers", (0, ""))[1])
     assert "no process to be had" in view.view_state.notes["numbers"][1]
     problems: list[str] = []
-    for command in (commands.Pause(do="pause", on=True), commands.Pace(do="pace", rate=None)):
+    for command in (Pause(True), Pace(None)):
         view.tell(command, problems.append)
-    _Session.fails = False
-    view.tell(commands.Reset(do="reset"), problems.append)
-    wait_until(lambda: _Session.begun)
+    _Worker.fails = False
+    view.tell(commands.Reset(), problems.append)
+    wait_until(lambda: _Worker.begun)
     wait_until(lambda: '"preparing"' in view.view_state.notes["numbers"][1])
     assert problems == []
 
@@ -165,7 +170,7 @@ def test_what_a_command_brings_about_is_told_to_its_sender_alone(
     view.tell(moved(mass=1), problems.append)
     wait_until(lambda: problems)
     assert problems == ["OverflowError: nobody has thought of this"]
-    assert (view.controller.state, view.controller.message) == ("preparing", "")
+    assert (view.session.state, view.session.message) == ("preparing", "")
 
 
 def test_little_of_each_viewer_waits() -> None:
@@ -197,7 +202,7 @@ def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> 
     view = PageView(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
 
     def told(scene: Any) -> dict[str, Any]:
-        view.controller.scene = scene
+        view.session.scene = scene
         view._post_scene()
         return json.loads(view.view_state.notes["scene"][1])
 

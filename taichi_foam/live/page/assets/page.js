@@ -11,7 +11,7 @@ let waits = 500; // until the next try to connect [ms]
 let settings = { theme: "auto", pace: null };
 let scene = null;
 let paces = [];
-let step = 2e-4;
+let step = null; // [s]
 let state = "";
 
 // Whether it went: there may be no connection.
@@ -45,6 +45,7 @@ function hear(message) {
       controls.connected();
       paces = message.paces;
       step = message.step;
+      $("step").title = `${Number((1e3 * step).toPrecision(3))} ms further, then stand still`;
       $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
       $("mode").replaceChildren(...message.modes.map(([name, about]) => new Option(about, name)));
       controls.build(message.controls);

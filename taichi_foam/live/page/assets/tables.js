@@ -1,10 +1,5 @@
 // Tables: key figures, where the energy is, and the drops that are over with their files.
 const $ = (id) => document.getElementById(id);
-const FILES = [["history.csv", "CSV", "histories"], ["scene.toml", "TOML", "the scene; it runs again by itself"],
-  ["summary.json", "JSON", "all measures"], ["snapshots.npz", "NPZ", "the lattice at each interval, for NumPy"],
-  ["film.mp4", "MP4", "film; drawn when first asked for"], ["film.gif", "GIF", "film; drawn when first asked for"]];
-// A phone has no room for the head of the table of drops: its words stand over each figure.
-const LABELS = ["", "", "displacement, cm", "duration, ms", "plateau, m/s²", "ended by", ""];
 export const dash = (value, digits, factor = 1) =>
   (value === null || value === undefined ? "–" : (factor * value).toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
 
@@ -20,21 +15,30 @@ function row(head, ...cells) {
   return tr;
 }
 
+// Words with their unit, smaller, behind them.
+function name(element, words, unit = "") {
+  element.textContent = words;
+  if (!unit) return;
+  element.insertAdjacentHTML("beforeend", ` <span class="unit"></span>`);
+  element.lastChild.textContent = unit;
+}
+
 export class Tables {
   constructor(send) {
     this.send = send;
     this.figures = [];
     this.energies = [];
+    this.columns = []; // figures of the table of drops
+    this.links = []; // files of a drop: name, words, and what they are
     this.falls = true;
     this.measured = null; // the instant that the key figures are of [s]
     this.shown = null; // that of the picture [s]
   }
 
-  build({ figures, energies }) {
+  build({ figures, energies, drop_figures, files }) {
     this.figures = figures.map(([key, label, unit, factor, digits]) => {
-      const tr = row(label, "–", "");
-      tr.firstChild.insertAdjacentHTML("beforeend", ` <span class="unit"></span>`);
-      tr.firstChild.lastChild.textContent = unit;
+      const tr = row("", "–", "");
+      name(tr.firstChild, label, unit);
       tr.children[2].className = "measured";
       return { key, factor, digits, tr };
     });
@@ -44,6 +48,15 @@ export class Tables {
       return { key: label, bar, tr: row(label, "–", bar) };
     });
     $("energies").tBodies[0].replaceChildren(...this.energies.map(({ tr }) => tr));
+    this.columns = drop_figures;
+    this.links = files;
+    const heads = [["drop"], ["what is new"], ...drop_figures.map(([, label, unit]) => [label, unit]), ["ended by"], ["files"]];
+    $("list").tHead.rows[0].replaceChildren(...heads.map((words) => {
+      const th = document.createElement("th");
+      th.scope = "col";
+      name(th, ...words);
+      return th;
+    }));
   }
 
   begin({ measured, falls }) {
@@ -93,10 +106,11 @@ export class Tables {
     $("no-drops").hidden = drops.length > 0;
     $("list").parentElement.hidden = drops.length === 0;
     $("list").tBodies[0].replaceChildren(...drops.map((drop) => {
-      const f = drop.figures;
-      const tr = row(`${drop.number}`, drop.about.join(", ") || "as given", dash(f.max_displacement_m, 2, 1e2),
-        dash(f.impact_duration_s, 1, 1e3), dash(f.plateau_deceleration_m_s2, 1), drop.ended, this.files(drop));
-      LABELS.forEach((label, n) => { if (label) tr.children[n].dataset.label = label; });
+      const figures = this.columns.map(([key, , , factor, digits]) => dash(drop.figures[key], digits, factor));
+      const tr = row(`${drop.number}`, drop.about.join(", ") || "as given", ...figures, drop.ended, this.files(drop));
+      // a phone has no room for the head of the table: its words stand over each figure
+      const labels = [...this.columns.map(([, label, unit]) => `${label}, ${unit}`), "ended by"];
+      labels.forEach((label, n) => { tr.children[2 + n].dataset.label = label; });
       return tr;
     }));
   }
@@ -104,7 +118,7 @@ export class Tables {
   files({ number, folder, problem, films }) {
     const content = document.createDocumentFragment(), says = document.createElement("span");
     if (folder) {
-      for (const [name, label, about] of FILES) {
+      for (const [name, label, about] of this.links) {
         const link = document.createElement("a");
         Object.assign(link, { href: `/drops/${number}/${name}`, textContent: label, title: about, download: "" });
         content.append(link);

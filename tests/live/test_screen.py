@@ -17,9 +17,9 @@ import pytest
 import taichi_foam as tf
 from taichi_foam.errors import UserError
 from taichi_foam.live import screen as screen_module
-from taichi_foam.live.controller import PACES, WAITING, Controller, Outcome
-from taichi_foam.live.pictures import panel, strip
-from taichi_foam.live.screen import FPS, VELOCITY_STEP, Screen, pace_words
+from taichi_foam.live.messages import Pace
+from taichi_foam.live.screen import FPS, VELOCITY_STEP, Screen, pace_words, panel, strip
+from taichi_foam.live.session import PACES, WAITING, Outcome, Session
 from taichi_foam.picture.look import THEMES
 from taichi_foam.picture.modes import MODES
 from taichi_foam.records.ending import Ending
@@ -55,18 +55,18 @@ def keeper() -> Keeper:
 
 
 @pytest.fixture(scope="module")
-def shared(keeper: Keeper) -> Iterator[Controller]:
-    with Controller(scene_of(), keeper, pace=PACE) as controller:
-        yield controller
+def shared(keeper: Keeper) -> Iterator[Session]:
+    with Session(scene_of(), keeper, pace=PACE) as session:
+        yield session
 
 
 @pytest.fixture
-def controller(shared: Controller, keeper: Keeper) -> Controller:
+def session(shared: Session, keeper: Keeper) -> Session:
     """As it is at first, but for its number: an endless drop, being prepared."""
     wait(Screen(shared), lambda: shared.state != "preparing")
     keeper.first = lambda: None
     shared.save()
-    shared.pace = PACE
+    shared.tell(Pace(PACE))
     shared.drop(shared.given)
     keeper.kept.clear()
     shared.failures.clear()
@@ -80,8 +80,8 @@ def kept(keeper: Keeper) -> list[Result]:
 
 
 @pytest.fixture
-def screen(controller: Controller) -> Screen:
-    return Screen(controller)
+def screen(session: Session) -> Screen:
+    return Screen(session)
 
 
 def wait(screen: Screen, until: Callable[[], bool]) -> None:
@@ -93,8 +93,8 @@ def wait(screen: Screen, until: Callable[[], bool]) -> None:
 
 def begin(screen: Screen, scene: Scene) -> None:
     """Drop a scene as soon as the drop that is being prepared lets it."""
-    screen.controller.drop(scene)
-    wait(screen, lambda: screen.controller.scene == scene)
+    screen.session.drop(scene)
+    wait(screen, lambda: screen.session.scene == scene)
 
 
 def field(screen: Screen) -> np.ndarray:
@@ -106,24 +106,22 @@ def test_the_start_is_shown_before_anything_is_computed(
     screen: Screen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert screen.state == "preparing"
-    assert screen.controller.waiting == WAITING
+    assert screen.session.waiting == WAITING
     said: list[str] = []
     with monkeypatch.context() as patch:
         patch.setattr(screen_module, "strip", lambda image, text, theme: said.append(text))
         before = screen.picture(SIZE)
     assert said == [WAITING]
     wait(screen, lambda: screen.state == GOING)
-    assert screen.controller.waiting == ""
+    assert screen.session.waiting == ""
     assert np.any(screen.picture(SIZE) != before)
 
 
-def test_looks_change_the_picture_and_come_round_again(
-    screen: Screen, controller: Controller
-) -> None:
+def test_looks_change_the_picture_and_come_round_again(screen: Screen, session: Session) -> None:
     """Forwards through all modes, back by one, both themes, the grid and the curve."""
     wait(screen, lambda: screen.state == GOING)
     screen.toggle_pause()
-    wait(screen, lambda: controller.settled)
+    wait(screen, lambda: session.settled)
     first = screen.picture(SIZE)
     seen = []
     for _ in MODES:
@@ -142,88 +140,88 @@ def test_looks_change_the_picture_and_come_round_again(
     assert len(THEMES) == 2
 
 
-def test_the_pace_goes_up_and_down_and_stops_at_both_ends(controller: Controller) -> None:
+def test_the_pace_goes_up_and_down_and_stops_at_both_ends(session: Session) -> None:
     for _ in PACES:
-        controller.change_pace(1)
-    assert controller.pace is None
+        session.change_pace(1)
+    assert session.pace is None
     for _ in PACES:
-        controller.change_pace(-1)
-    assert controller.pace == PACES[0]
-    assert pace_words(controller.pace) == "1:1000 of real time"
+        session.change_pace(-1)
+    assert session.pace == PACES[0]
+    assert pace_words(session.pace) == "1:1000 of real time"
 
 
 def test_a_faster_impactor_and_another_shape_drop_again_under_a_name_of_their_own(
-    screen: Screen, controller: Controller
+    screen: Screen, session: Session
 ) -> None:
     """Their figures are not to be compared with what was measured at another velocity."""
     wait(screen, lambda: screen.state == GOING)
     screen.change_velocity(1)
-    assert controller.next.impactor.velocity == pytest.approx(2.86 + VELOCITY_STEP)
-    assert controller.next.name == "wedge, 2.96 m/s"
+    assert session.next.impactor.velocity == pytest.approx(2.86 + VELOCITY_STEP)
+    assert session.next.name == "wedge, 2.96 m/s"
     assert screen.state == "preparing"
     screen.next_shape()
-    assert controller.next.name == "ellipse, 2.96 m/s"
+    assert session.next.name == "ellipse, 2.96 m/s"
     wait(screen, lambda: screen.state == GOING)
 
 
 def test_a_change_that_cannot_be_is_said_and_nothing_is_dropped(
-    screen: Screen, controller: Controller
+    screen: Screen, session: Session
 ) -> None:
     wait(screen, lambda: screen.state == GOING)
     for _ in range(28):
         screen.change_velocity(-1)
-    wait(screen, lambda: screen.state == GOING and controller.scene == controller.next)
-    number = controller.number
+    wait(screen, lambda: screen.state == GOING and session.scene == session.next)
+    number = session.number
     screen.change_velocity(-1)
-    assert controller.next.impactor.velocity == pytest.approx(0.06)
+    assert session.next.impactor.velocity == pytest.approx(0.06)
     assert "impactor.velocity" in screen.message
     assert "must be above 0" in screen.message
-    assert controller.number == number
+    assert session.number == number
     screen.dismiss()
     assert screen.message == ""
 
 
 def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(
-    screen: Screen, controller: Controller, kept: list[Result]
+    screen: Screen, session: Session, kept: list[Result]
 ) -> None:
     scene = scene_of(end=0.002)
     begin(screen, scene)
-    wait(screen, lambda: controller.ended)
+    wait(screen, lambda: session.ended)
     assert screen.state == "at its end"
-    controller.finish()
-    assert not controller.was_cut
+    session.finish()
+    assert not session.was_cut
     screen.update(0.5)
     assert np.ptp(field(screen)) > 0
     assert [result.run["ended_by"] for result in kept] == [Ending.END_TIME]
 
 
 def test_a_drop_that_is_finished_early_is_kept_as_it_is(
-    screen: Screen, controller: Controller, kept: list[Result]
+    screen: Screen, session: Session, kept: list[Result]
 ) -> None:
     wait(screen, lambda: screen.state == GOING)
     screen.update(0.3)
-    controller.finish()
-    assert controller.was_cut
+    session.finish()
+    assert session.was_cut
     assert [result.run["interrupted"] for result in kept] == [True]
     assert len(kept[0].history["time_s"]) > 1
 
 
-def test_a_step_goes_on_by_a_frame_and_stays_paused(screen: Screen, controller: Controller) -> None:
+def test_a_step_goes_on_by_a_frame_and_stays_paused(screen: Screen, session: Session) -> None:
     wait(screen, lambda: screen.state == GOING)
     screen.toggle_pause()
-    wait(screen, lambda: controller.settled)
-    before = controller.snapshot.time
+    wait(screen, lambda: session.settled)
+    before = session.snapshot.time
     screen.step()
     interval = PACE / FPS
     # from row to row of the history, either of them up to a step of 13 us late
-    wait(screen, lambda: controller.snapshot.time >= before + interval - 2e-5)
+    wait(screen, lambda: session.snapshot.time >= before + interval - 2e-5)
     screen.update(0.3)
-    assert controller.snapshot.time < before + 1.2 * interval
+    assert session.snapshot.time < before + 1.2 * interval
     assert screen.state == "paused"
 
 
 def test_what_cannot_be_kept_stays_until_it_can_and_nothing_is_dropped_meanwhile(
-    screen: Screen, controller: Controller, keeper: Keeper
+    screen: Screen, session: Session, keeper: Keeper
 ) -> None:
     """A full disk: the result is not lost, and no further one joins it."""
     is_full = True
@@ -234,25 +232,25 @@ def test_what_cannot_be_kept_stays_until_it_can_and_nothing_is_dropped_meanwhile
 
     keeper.first = refuse
     begin(screen, scene_of(end=0.002))
-    number = controller.number
-    wait(screen, lambda: controller.ended)
+    number = session.number
+    wait(screen, lambda: session.ended)
     assert "the disk is full" in screen.message
-    controller.restart()
-    assert controller.number == number
+    session.restart()
+    assert session.number == number
     is_full = False
-    controller.restart()
+    session.restart()
     assert screen.message == ""
     assert len(keeper.kept) == 1
-    assert controller.number == number + 1
+    assert session.number == number + 1
     is_full = True
-    wait(screen, lambda: controller.ended)
-    controller.finish()
-    assert [outcome.result.scene for outcome in controller.unkept] == [controller.scene]
-    assert "the disk is full" in controller.problem
+    wait(screen, lambda: session.ended)
+    session.finish()
+    assert [outcome.result.scene for outcome in session.unkept] == [session.scene]
+    assert "the disk is full" in session.problem
 
 
 def test_ctrl_c_while_a_result_is_written_waits_until_it_is_whole(
-    screen: Screen, controller: Controller, keeper: Keeper
+    screen: Screen, session: Session, keeper: Keeper
 ) -> None:
     def press() -> None:
         os.kill(os.getpid(), signal.SIGINT)
@@ -261,41 +259,41 @@ def test_ctrl_c_while_a_result_is_written_waits_until_it_is_whole(
     keeper.first = press
     begin(screen, scene_of(end=0.002))
     with pytest.raises(KeyboardInterrupt):
-        wait(screen, lambda: controller.ended and bool(keeper.kept))
+        wait(screen, lambda: session.ended and bool(keeper.kept))
     assert len(keeper.kept) == 1
-    assert controller.unkept == []
+    assert session.unkept == []
 
 
-def test_a_key_that_is_held_down_piles_up_no_drops(screen: Screen, controller: Controller) -> None:
+def test_a_key_that_is_held_down_piles_up_no_drops(screen: Screen, session: Session) -> None:
     """While one is prepared, the last change waits."""
-    number = controller.number
+    number = session.number
     for _ in range(200):
-        controller.restart()
+        session.restart()
     screen.next_shape()
-    assert controller.number == number
-    wait(screen, lambda: controller.number == number + 1)
-    assert controller.scene.impactor.shape == "ellipse"
+    assert session.number == number
+    wait(screen, lambda: session.number == number + 1)
+    assert session.scene.impactor.shape == "ellipse"
 
 
 def test_a_run_that_goes_astray_is_kept_and_told_of(
-    screen: Screen, controller: Controller, kept: list[Result]
+    screen: Screen, session: Session, kept: list[Result]
 ) -> None:
     """With six times the step that is stable."""
     begin(screen, scene_of(0.01, "numerics.dt=1e-4"))
-    wait(screen, lambda: controller.ended)
+    wait(screen, lambda: session.ended)
     assert screen.state == "failed"
     assert "diverged" in screen.message
-    assert controller.failures == [screen.message]
+    assert session.failures == [screen.message]
     assert [result.run["ended_by"] for result in kept] == [Ending.DIVERGED]
 
 
-def test_a_worker_that_dies_is_told_of_and_replaced(screen: Screen, controller: Controller) -> None:
+def test_a_worker_that_dies_is_told_of_and_replaced(screen: Screen, session: Session) -> None:
     """The last of these tests that computes: another worker has no kernels that this one made."""
     wait(screen, lambda: screen.state == GOING)
-    controller._session._process.kill()
+    session._worker.process.kill()
     wait(screen, lambda: "signal 9" in screen.message)
     assert screen.state == "failed"
-    controller.restart()
+    session.restart()
     wait(screen, lambda: screen.state == GOING)
 
 

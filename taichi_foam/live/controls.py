@@ -1,19 +1,21 @@
-"""Which keys of a scene the page offers; ranges and words are those of the scene's own fields."""
+"""What people change of a scene while they watch, and what the changed scene is called.
+
+Ranges and words of the page's controls are those of the scene's own fields.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES, Impactor
-from taichi_foam.live.controller import offered_shapes
-from taichi_foam.live.heading import renamed
 from taichi_foam.parts import Part
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.options import Numerics
+from taichi_foam.shim2000 import tests
 
 Value = int | float | None
 
@@ -24,6 +26,44 @@ _COUNTS = frozenset({"block.columns", "block.rows"})
 
 #: What a scene without an impactor has for a shape.
 NO_SHAPE = "none"
+
+#: Longest name of a scene that is called after its changes.
+MOST_LETTERS = 100
+
+
+def offered_shapes() -> tuple[str, ...]:
+    """The shapes of impactors that a live view offers: those with sizes to change."""
+    return tuple(name for name, kind in SHAPES.items() if kind.controls)
+
+
+def heading(scene: Scene, given: Scene, changes: Mapping[str, str]) -> tuple[str, list[str]]:
+    """A drop's title, and what else is new, both in words.
+
+    changes  by dotted key, in words, how `scene` differs from `given`
+
+    One of the paper's tests that was changed into another impact does not keep the test's name: it
+    is called after its impactor.
+    """
+    test = tests.TESTS.get(given.name)
+    if test is None or scene.impactor is None:
+        return given.name, list(changes.values())
+    if tests.test_of(scene) is test and "impactor.velocity" not in changes:
+        return test.title, list(changes.values())
+    told = ("impactor.shape", "impactor.velocity")
+    title = f"{scene.impactor.label}, {scene.impactor.velocity:.6g} m/s"
+    if not changes:
+        title = tests.title(scene)  # changed already when it was given
+    return title, [words for key, words in changes.items() if key not in told]
+
+
+def renamed(scene: Scene, given: Scene, changes: Mapping[str, str]) -> Scene:
+    """`scene` named by its heading, as folders and films are; `given`'s name if nothing is new."""
+    if not changes:
+        return scene.model_copy(update={"name": given.name})
+    title, rest = heading(scene, given, changes)
+    name = f"{title} with {', '.join(rest)}" if rest else title
+    short = name if len(name) <= MOST_LETTERS else f"{name[: MOST_LETTERS - 1]}…"
+    return scene.model_copy(update={"name": short})
 
 
 @dataclass(frozen=True)
@@ -175,16 +215,7 @@ class Controls:
         spoken = spoken.replace(" below", ", below")
         allowed = f"{spoken} {knob.unit}".strip()
         return {
-            "group": knob.group,
-            "key": knob.key,
-            "label": knob.label,
-            "unit": knob.unit,
-            "factor": knob.factor,
-            "low": knob.low,
-            "high": knob.high,
-            "step": knob.step,
-            "log": knob.log,
-            "shapes": knob.shapes,
+            **asdict(knob),
             "whole": schema["type"] == "integer",
             "optional": schema["optional"],
             "min": given.get("", given.get("above")),
