@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features, features_of
-from taichi_foam.engine.grading import A, B, Grading, grading
+from taichi_foam.engine.grading import A, B, Grading, grading, limits, rate_shares, strengths
 from taichi_foam.engine.layout import Layout
-from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
@@ -352,7 +351,7 @@ def _members(record: Any) -> Iterator[tuple]:
 
 
 def parameters_of(scene: Scene) -> dict:
-    """Every member of `parameters_type` for one scene, by name."""
+    """Every member of `parameters_type` for one scene, by name; 0 what it does without."""
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     impactor, base = scene.impactor, scene.base
     stiffness = foam.youngs_modulus * block.depth  # of a square cell's bond [N/m]
@@ -361,7 +360,8 @@ def parameters_of(scene: Scene) -> dict:
     contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
-    values = {
+    values = {name: [0.0, 0.0] if kind is vec2 else 0 for name, kind in MEMBERS.items()}
+    values |= {
         **_foam(scene, grading(scene), 0),
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
@@ -373,23 +373,9 @@ def parameters_of(scene: Scene) -> dict:
         "floor_friction": base.friction,
         "contact_stiffness": contact,
         "contact_dashpot": 2.0 * numerics.contact_damping * _swing(scene, contact),
-        "support_stiffness": 0.0,
-        "impactor": 0,
-        "impactor_x": 0.0,
-        "impactor_half_width": 0.0,
-        "impactor_height": 0.0,
-        "impactor_centre": [0.0, 0.0],
-        "impactor_reach": 0.0,
-        "impactor_inertia": 1.0,
         "pulse_points": 0.0 if base.shaking is None else len(base.shaking.time),
-        "hull_corners": 0.0,
-        "support_rows": 0.0,
-        "support_low": [0.0, 0.0],
-        "support_high": [0.0, 0.0],
         "impactor_mass": 1.0,
-        "impactor_rate": 0.0,
-        "impactor_friction": 0.0,
-        "surface_rows": 0,
+        "impactor_inertia": 1.0,
         "piece_area": math.sqrt(area_a * area_b),
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,

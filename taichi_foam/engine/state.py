@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.resting import height_beneath
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
+from taichi_foam.engine.grading import cuts
 from taichi_foam.engine.layout import Layout
-from taichi_foam.engine.strengths import cuts
 from taichi_foam.records.cushion import (
     BONDS_A,
     BONDS_B,

@@ -1,14 +1,15 @@
-"""What goes to the device and what comes back, a lattice of a batch at a time."""
+"""What goes to the device and what comes back, a lattice of a batch at a time; and how it steps."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import driving, lanes, stepping, virial
+from taichi_foam.engine import cpu, driving, gpu, lanes, virial
 from taichi_foam.engine.lattice import Lattice, Packs
+from taichi_foam.engine.layout import BLOCK_NODES
 from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
 from taichi_foam.engine.state import (
@@ -41,6 +42,9 @@ CLOCK_REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stabl
 REPORT = (*CLOCK_REPORT, "overlap")
 """Of every lattice after a call: members of the clock that a run records, the deepest overlap."""
 
+# From this many nodes on, a stage is worth spreading over a CPU's threads.
+STAGED_NODES = 50_000
+
 AT_A_TIME = 500_000
 """Numbers of nodes that are copied at a time: a copy of a big lattice would be as large as it."""
 
@@ -57,12 +61,24 @@ def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> 
     _put_numbers(lattice, b, *_of_lattice(lattice, state))
     if lattice.features.self_contact:
         _put_neighbours(lattice, b, state.neighbours)
-    stepping.prepare(lattice, b, knows_stiffest=state.clock["stiffest"] >= 0.0)
+    _prepare(lattice, b, knows_stiffest=state.clock["stiffest"] >= 0.0)
 
 
 def unload(lattice: Lattice, b: int) -> None:
     """Take lattice `b` away: calls no longer step it."""
     lattice.state.clock[b].status = EMPTY
+
+
+def _prepare(lattice: Lattice, b: int, knows_stiffest: bool) -> None:
+    """Of a state that has been put: what its cells carry, and its stiffest bond if unknown.
+
+    Apart, since the second is the whole law of bonds to compile, and few states ask for it.
+    """
+    kernels = gpu if lattice.on_gpu else cpu
+    if lattice.features.cells:
+        kernels.look(lattice, b)
+    if not knows_stiffest:
+        kernels.find_stiffest(lattice, b)
 
 
 # Constants.
@@ -418,6 +434,13 @@ def _take_list(field: ti.template(), b: ti.i32, values: AnyNumbers):
 
 
 # Calls.
+
+
+def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
+    """The faster way to take up to so many steps of every lattice of a batch that goes on."""
+    if lattice.on_gpu:
+        return gpu.advance_blocks if lattice.size.nodes <= BLOCK_NODES else gpu.advance_wide
+    return cpu.advance_staged if lattice.size.nodes >= STAGED_NODES else cpu.advance_fused
 
 
 @ti.kernel

@@ -7,7 +7,7 @@ import pytest
 from bench import Bench, bench, numerics
 
 from taichi_foam.engine import transfer
-from taichi_foam.engine.strengths import limits
+from taichi_foam.engine.grading import limits
 from taichi_foam.laws.bond import Limit
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Output, Scene, Start
 from taichi_foam.simulation.simulate import run
