@@ -2,8 +2,8 @@
 
 It takes ten minutes on two cores. What most people compute first is computed with nothing in the
 cache; what Taichi has compiled by then is packed beside the engine (see
-`taichi_foam/engine/shipped.py`). To be done again after a change of a kernel, on a processor that
-LLVM 15 knows and that has vectors of 256 bits.
+`taichi_foam/engine/kernel_cache.py`). To be done again after a change of a kernel, on a processor
+that LLVM 15 knows and that has vectors of 256 bits.
 """
 
 import subprocess
@@ -15,8 +15,7 @@ from os import cpu_count, environ
 from pathlib import Path
 
 from taichi_foam.catalogue import list_scenes
-from taichi_foam.engine.kernel_cache import INDEX, MARK
-from taichi_foam.engine.shipped import archive_name
+from taichi_foam.engine.kernel_cache import INDEX, MARK, archive_name
 
 ENGINE = Path(__file__).parents[1] / "taichi_foam" / "engine"
 WIDE = b"<4 x double>"  # in the code of a kernel that was made for such vectors

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_foam.engine import stepping, transfer
+from taichi_foam.engine import transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import initial_state
@@ -47,7 +47,7 @@ class Bench:
 
     def step(self, steps: int, advance: Callable | None = None) -> Snapshot:
         """Take exactly `steps` steps, and return the first lattice's state."""
-        (advance or stepping.advance_of(self.lattice))(self.lattice, steps)
+        (advance or transfer.advance_of(self.lattice))(self.lattice, steps)
         transfer.harvest(self.lattice)  # makes room for the next rows
         return transfer.snapshot(self.lattice, 0)
 

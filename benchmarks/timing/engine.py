@@ -14,7 +14,7 @@ import numpy as np
 import taichi as ti
 from taichi.lang.util import to_numpy_type
 
-from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine import runtime, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import borrowed
 from taichi_foam.engine.state import RUNNING
@@ -36,7 +36,7 @@ class Loaded:
         self, stack: ExitStack, batch: int, counts: tuple[int, int], features: Features
     ) -> None:
         self._lattice = stack.enter_context(borrowed(batch, *counts, features))
-        self._advance = stepping.advance_of(self._lattice)
+        self._advance = transfer.advance_of(self._lattice)
         self._standing: dict[str, np.ndarray] = {}
         self.batch, self.nodes = batch, counts[0] * counts[1]
         self.holds = ""

@@ -1,7 +1,7 @@
 """Contact of mass points: with impactor, floor or support, and of pieces with each other."""
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import breaking, lanes, makeup, turning
+from taichi_foam.engine import bonds, lanes, makeup, turning
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import (
@@ -259,7 +259,7 @@ def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     if ti.static(lattice.features.shaped):
         radius *= ti.sqrt(makeup.share(lattice, b, i, j))
     flat = ti.min(width, height)
-    if flat < radius and not breaking.is_torn(lattice, b, i, j):
+    if flat < radius and not bonds.is_torn(lattice, b, i, j):
         radius = flat
     return radius
 
@@ -269,9 +269,9 @@ def looked_at(lattice: ti.template(), b, i, j, surface) -> ti.i32:
     """What a node is as a list is made: NEW if it has come to a surface, or is torn, since then."""
     found = surface
     if surface == INSIDE:
-        found = ti.select(breaking.is_surface(lattice, b, i, j) != 0, NEW, INSIDE)
+        found = ti.select(bonds.is_surface(lattice, b, i, j) != 0, NEW, INSIDE)
     elif surface == OUTER:
-        found = ti.select(breaking.is_torn(lattice, b, i, j) != 0, NEW, OUTER)
+        found = ti.select(bonds.is_torn(lattice, b, i, j) != 0, NEW, OUTER)
     return found
 
 
@@ -280,7 +280,7 @@ def listed(lattice: ti.template(), b, i, j, surface) -> ti.i32:
     """What a node is once the list is made."""
     found = surface
     if surface == NEW:
-        found = ti.select(breaking.is_torn(lattice, b, i, j) != 0, TORN, OUTER)
+        found = ti.select(bonds.is_torn(lattice, b, i, j) != 0, TORN, OUTER)
     return found
 
 

@@ -10,7 +10,7 @@ lattice), `staged` deals the columns of a big lattice out to several sweeps.
 """
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import bonds, breaking, cells, clock, contact, ledger, nodes
+from taichi_foam.engine import bonds, cells, clock, contact, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.state import RUNNING
 
@@ -75,11 +75,11 @@ def _end_step(lattice: ti.template(), b, p: ti.template()):
     if ti.static(lattice.features.softens):
         for i in range(lattice.counts[None].columns):
             if lattice.scratch.column_softens[b, i] > 0:
-                breaking.soften_bonds(lattice, b, i, p)
+                bonds.soften_bonds(lattice, b, i, p)
     if breaks > 0:
         for i in range(lattice.counts[None].columns):
             if lattice.scratch.column_breaks[b, i] > 0:
-                breaking.break_bonds(lattice, b, i, p)
+                bonds.break_bonds(lattice, b, i, p)
 
 
 @ti.func

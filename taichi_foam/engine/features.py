@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_foam.engine.grading import grading
-from taichi_foam.engine.strengths import limits
+from taichi_foam.engine.grading import grading, limits
 from taichi_foam.laws.bond import BondLaw
 from taichi_foam.laws.shape import Impactor, edges
 from taichi_foam.scene import Block, Scene

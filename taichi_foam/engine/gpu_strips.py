@@ -11,7 +11,7 @@ only; drivers order a work group's own memory all the same, and the tests would 
 """
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import bonds, breaking, cells, clock, gpu_neighbours, ledger, nodes
+from taichi_foam.engine import bonds, cells, clock, gpu_neighbours, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
@@ -215,7 +215,7 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.counts[None].nodes:
         i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
-        lost = breaking.soften_at(lattice, b, i, k, lost, p)
+        lost = bonds.soften_at(lattice, b, i, k, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)
 
@@ -228,6 +228,6 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.counts[None].nodes:
         i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
-        lost = breaking.break_at(lattice, b, i, k, time, lost, p)
+        lost = bonds.break_at(lattice, b, i, k, time, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)

@@ -1,7 +1,8 @@
 """A batch of lattices with the same counts and features: model, state and scratch on the device."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import effort, runtime
@@ -9,7 +10,7 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout, Size, bins_of, sweeps_of
 from taichi_foam.engine.model import ModelFields
 from taichi_foam.engine.scratch import ScratchFields
-from taichi_foam.engine.state import EMPTY, StateFields
+from taichi_foam.engine.state import ARRAYS, EMPTY, StateFields
 
 LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 
@@ -29,6 +30,26 @@ class Counts:
 
 
 @ti.data_oriented
+class Packs:
+    """Fields of nodes that are put or taken together, those of `names` that there are."""
+
+    def __init__(self, fields: Mapping[str, Any], *names: str) -> None:
+        self.names = [name for name in names if name in fields]
+        self.fields = [fields[name] for name in self.names]
+
+
+def _fields_of(part: Any) -> dict[str, Any]:
+    """The fields of model, state or scratch by name; of records those of their members."""
+    found: dict[str, Any] = {}
+    for name, field in vars(part).items():
+        if isinstance(field, ti.StructField):
+            found |= {f"{name}.{key}": field.get_member_field(key) for key in field.keys}
+        elif isinstance(field, ti.Field):
+            found[name] = field
+    return found
+
+
+@ti.data_oriented
 class Lattice:
     """Fields for a batch of lattices that have the same size; what is made room for as in `Layout`.
 
@@ -37,6 +58,10 @@ class Lattice:
     model     constants of their scenes
     state     what steps change
     scratch   what steps work in
+    seen, kept    numbers of nodes that snapshots show, and others that states have
+    put           all that are set by a state
+    made, apart   constants of nodes: those that columns which are alike share, and others
+    numbers, singles    names of what clock, body and turn hold, and the fields
     place     its tree and number among all fields that were made: compiled kernels have them
     """
 
@@ -55,9 +80,29 @@ class Lattice:
         self.state = StateFields(layout, features)
         self.scratch = ScratchFields(layout, features)
         layout.finish()
+        self._sort()
         self.size = room
         whole = self.counts.snode.ptr
         self.place = whole.get_snode_tree_id(), whole.id
+
+    def _sort(self) -> None:
+        """Sort the fields by how they go to the device and come back."""
+        fields = _fields_of(self.scratch) | _fields_of(self.state)
+        kept = [name for told in ARRAYS.values() for name in told.device if not told.seen]
+        seen = [name for told in ARRAYS.values() for name in told.device if told.seen]
+        seen += ["bond_a.condition", "bond_b.condition"]
+        if self.on_gpu:
+            kept += ["radius"]  # of the neighbour list
+        follow = [f"trial.{name}" for name in "xyuv"]
+        self.seen, self.kept = Packs(fields, *seen), Packs(fields, *kept)
+        self.put = Packs(fields, *seen, *kept, *follow, "grip", "push.x", "push.y")
+        fixed = _fields_of(self.model)
+        made = [name for name in fixed if name.split(".")[0] in ("filling", "mobility")]
+        self.made = Packs(fixed if self.features.shaped else {}, *made)
+        self.apart = Packs(fixed, "reach", "strength_a", "strength_b")
+        parts = ("clock", "body", "turn")
+        self.numbers = [name for name in fields if name.split(".")[0] in parts]
+        self.singles = [fields[name] for name in self.numbers]
 
     @property
     def filled_strips(self) -> int:

@@ -1,32 +1,32 @@
 """The energies of a lattice, and the rows of its history."""
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import breaking, cells, lanes, makeup
+from taichi_foam.engine import bonds, cells, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
-from taichi_foam.records.history import BOOKED, ENERGIES_NOW, ROW_COLUMNS, TURN_COLUMNS
+from taichi_foam.records.history import BOOKED, ENERGIES_NOW, TURN_COLUMNS, row_columns
 
 vec4 = ti.types.vector(4, ti.f64)
 vec_now = ti.types.vector(len(ENERGIES_NOW), ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
 KINETIC, POTENTIAL, IN_BONDS, IN_SHEAR, IN_ROOM = range(len(ENERGIES_NOW))
-FIRST_NOW = ROW_COLUMNS.index(ENERGIES_NOW[0])
-FIRST_BOOKED = ROW_COLUMNS.index(BOOKED[0])
-FIRST_OF_TURN = len(ROW_COLUMNS)
+COLUMN = {name: n for n, name in enumerate(row_columns(turns=True))}
+FIRST_NOW, FIRST_BOOKED = COLUMN[ENERGIES_NOW[0]], COLUMN[BOOKED[0]]
+FIRST_OF_TURN = COLUMN[TURN_COLUMNS[0]]
 
 
 @ti.func
 def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Stored energy [J] of the bond from (i, j) along `axis`, 0 where there is none."""
-    condition, worst, strain = breaking.look_at(lattice, axis, b, i, j, p)
+    condition, worst, strain = bonds.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
         c = makeup.constants_at(lattice, axis, b, j, p)
         stored = lattice.law.stored_energy(c, strain, worst, broken)
         if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
-            if not broken and breaking.is_pulled(lattice, c, strain, worst):
-                stored *= breaking.intact_share(lattice, axis, b, i, j)
+            if not broken and bonds.is_pulled(lattice, c, strain, worst):
+                stored *= bonds.intact_share(lattice, axis, b, i, j)
         energy = makeup.volume(lattice, axis, b, i, j, p) * stored
     return energy
 
@@ -83,19 +83,20 @@ def write_row(lattice: ti.template(), b, energy: vec_now, by_nodes: vec_works):
     row = clock.rows
     works = by_nodes
     works[BASE] += lattice.state.body[b].support_work
-    lattice.scratch.history[b, row, 0] = clock.time
-    lattice.scratch.history[b, row, 1] = clock.step
-    lattice.scratch.history[b, row, 2] = lattice.state.body[b].y
-    lattice.scratch.history[b, row, 3] = lattice.state.body[b].v
-    lattice.scratch.history[b, row, 4] = lattice.state.body[b].force
-    lattice.scratch.history[b, row, 5] = clock.broken
+    history = ti.static(lattice.scratch.history)
+    history[b, row, ti.static(COLUMN["time"])] = clock.time
+    history[b, row, ti.static(COLUMN["step"])] = clock.step
+    history[b, row, ti.static(COLUMN["y"])] = lattice.state.body[b].y
+    history[b, row, ti.static(COLUMN["v"])] = lattice.state.body[b].v
+    history[b, row, ti.static(COLUMN["force"])] = lattice.state.body[b].force
+    history[b, row, ti.static(COLUMN["broken"])] = clock.broken
     for k in ti.static(range(len(ENERGIES_NOW))):
-        lattice.scratch.history[b, row, FIRST_NOW + k] = energy[k]
+        history[b, row, FIRST_NOW + k] = energy[k]
     for k in ti.static(range(WORKS)):
-        lattice.scratch.history[b, row, FIRST_BOOKED + k] = works[k]
+        history[b, row, FIRST_BOOKED + k] = works[k]
     if ti.static(lattice.features.turns):
         turn = lattice.state.turn[b]
         of_body = vec4(turn.x, turn.u, turn.angle, turn.spin)
         for k in ti.static(range(len(TURN_COLUMNS))):
-            lattice.scratch.history[b, row, FIRST_OF_TURN + k] = of_body[k]
+            history[b, row, FIRST_OF_TURN + k] = of_body[k]
     lattice.state.clock[b].rows = row + 1

@@ -5,7 +5,7 @@ study that varies one compiles nothing again. What kernels are compiled for are 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features, features_of
-from taichi_foam.engine.grading import A, B, Grading, grading
+from taichi_foam.engine.grading import A, B, Grading, grading, limits, rate_shares, strengths
 from taichi_foam.engine.layout import Layout
-from taichi_foam.engine.strengths import limits, rate_shares, strengths
 from taichi_foam.laws.bond import BondFoam, BondLaw
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
@@ -46,6 +45,8 @@ FOLLOWED = 4.0
 # The support stops the impactor as hard as it can without asking for a shorter step: the impactor
 # swings on it this many times as slowly as a node on the impactor.
 SLOWNESS = 20.0
+
+Array = NDArray[np.float64]
 
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
@@ -133,30 +134,20 @@ class Model:
     """The constants of a scene, as the device takes them.
 
     numbers    (n,) every member of `parameters_type`, in its order
-    surface    (n, 3) of the impactor, a row of zeros without one
-    hull       (n, 2) corners of its convex hull, if it turns
-    pulse      (n, 2) times [s] and accelerations [m/s2] of the base, if it is shaken
-    support    (n, 3) edges of the support's outline, if it has one, see `edges_of`
-    strengths  (I, J, 2) strength of each bond A and B over the mean of all; None: all are equal
-    tables     (foams, TABLE_ROWS, TABLE_COLUMNS) of its bond law, if that looks things up
-    filling    (I, J, 6), of columns that are alike (1, J, 6): mass of each mass point [kg], share
-               of the faces of bonds A and B, whether it stands on the base, share of its cell, and
-               of that between it and the points to the right and above; None: the block is plain
-    reach      (I, J) of the foam's face from each mass point [m], if the block is not plain
+    lists      by the names of `ModelFields.lists`, (n, m) each; of mobilities (J,)
+    tables     (TABLE_ROWS, TABLE_COLUMNS) of each foam's law, if that looks things up
+    of_nodes   by the names of fields, (I, J) or of columns that are alike (1, J): if the block is
+               not plain those of `ModelFields.filling`, `mobility` and `reach`; strengths of the
+               bonds over the mean of all, if they differ
     foams      (foams, n) every member of `foam_type`; None: there is one
     places     (2, J) which of them bonds A and B of a row are of
     """
 
-    numbers: NDArray[np.float64]
-    surface: NDArray[np.float64]
-    hull: NDArray[np.float64] | None
-    pulse: NDArray[np.float64] | None
-    support: NDArray[np.float64] | None
-    strengths: NDArray[np.float64] | None
-    tables: NDArray[np.float64] | None
-    filling: NDArray[np.float64] | None
-    reach: NDArray[np.float64] | None
-    foams: NDArray[np.float64] | None
+    numbers: Array
+    lists: Mapping[str, Array]
+    tables: Sequence[Array]
+    of_nodes: Mapping[str, Array]
+    foams: Array | None
     places: NDArray[np.int32]
 
 
@@ -165,25 +156,35 @@ def model_of(scene: Scene) -> Model:
     law, graded = type(scene.foam.law_for(scene.model)), grading(scene)
     features = features_of(scene)
     record, outline = parameters_type(law), scene.support.outline_under(scene.block)
+    lists, of_nodes = {"surface": _surface(scene)}, {}
+    if scene.turns:
+        lists["hull"] = _hull(scene)
+    if scene.base.shaking is not None:
+        lists["pulse"] = np.column_stack([scene.base.shaking.time, scene.base.shaking.acceleration])
+    if outline is not None:
+        lists["support"] = edges_of(outline)
+    if features.shaped:
+        of_nodes = _filled(scene, features.alike)
+    else:
+        rows = np.arange(scene.block.rows)
+        lists |= _moved(scene, np.full(len(rows), _whole_mass(scene.block)), rows == 0)
+    if features.scattered:
+        drawn = strengths(scene)
+        of_nodes |= {"strength_a": drawn[..., A], "strength_b": drawn[..., B]}
     return Model(
         numbers=np.array([*_numbers(record, parameters_of(scene))], dtype=np.float64),
-        surface=_surface(scene),
-        hull=_hull(scene) if scene.turns else None,
-        pulse=_pulse(scene) if scene.base.shaking is not None else None,
-        support=None if outline is None else edges_of(outline),
-        strengths=strengths(scene) if scene.foam.strength_scatter > 0.0 else None,
+        lists=lists,
         tables=_tables(scene, graded),
-        filling=_filled(scene, features.alike) if features.shaped else None,
-        reach=np.ascontiguousarray(filling(scene.block).reach) if features.shaped else None,
+        of_nodes=of_nodes,
         foams=_foams(scene, graded) if len(graded.foams) > 1 else None,
         places=graded.places,
     )
 
 
-def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
+def _tables(scene: Scene, graded: Grading) -> Sequence[Array]:
     found = [foam.table for foam in graded.foams]
     if any(table is None for table in found):
-        return None
+        return ()
     tables = np.array(found)
     if scene.across.foam is not None:  # sheared as much on both sides of a cell's corner
         pair = [*{*graded.places[:, graded.places[A] != graded.places[B]].ravel().tolist()}]
@@ -191,20 +192,38 @@ def _tables(scene: Scene, graded: Grading) -> NDArray[np.float64] | None:
     return tables
 
 
-def _filled(scene: Scene, alike: bool) -> NDArray[np.float64]:
-    """See `Model.filling`."""
+def _moved(scene: Scene, mass: Array, stands: Array) -> dict[str, Array]:
+    """See `ModelFields.mobility`, of mass points [kg], of which some stand on the base."""
+    kind = scene.base.kind
+    free = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+    y = np.where(stands, 0.0, free) if kind in ("held", "gripped") else free
+    return {
+        "mobility.x": np.where(stands, 0.0, free) if kind == "gripped" else free,
+        "mobility.y": y,
+        "mobility.gravity": np.where(y > 0.0, scene.numerics.gravity, 0.0),
+    }
+
+
+def _filled(scene: Scene, alike: bool) -> dict[str, Array]:
+    """See `Model.of_nodes`."""
     filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
     if alike:
         shape = 1, scene.block.rows
-    found = np.zeros((*shape, 6))
-    of_points = filled.mass, filled.face_a, filled.face_b, filled.on_base
-    for n, values in enumerate((*of_points, filled.share, filled.cell)):
-        kept = values[: shape[0]]
-        found[: kept.shape[0], : kept.shape[1], n] = kept
-    return found
+
+    def padded(values: Array) -> Array:
+        found, kept = np.zeros(shape), values[: shape[0]]
+        found[: kept.shape[0], : kept.shape[1]] = kept
+        return found
+
+    names = ("mass", "face_a", "face_b", "share", "cell")
+    return {
+        **{f"filling.{name}": padded(getattr(filled, name)) for name in names},
+        **_moved(scene, padded(filled.mass), padded(filled.on_base) > 0.0),
+        "reach": filled.reach,
+    }
 
 
-def _foams(scene: Scene, graded: Grading) -> NDArray[np.float64]:
+def _foams(scene: Scene, graded: Grading) -> Array:
     record = foam_type(type(scene.foam.law_for(scene.model)))
     rows = (_foam(scene, graded, n) for n in range(len(graded.foams)))
     return np.array([[*_numbers(record, row)] for row in rows])
@@ -233,13 +252,18 @@ class ModelFields:
     mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
                 acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
                 (batch, I, packs) of the nodes of a shaped block, likewise
-    filling, reach   (batch, I, packs) of a shaped block, see `Model`, and `makeup.column`
+    filling     (batch, I, packs) of a shaped block: mass of each mass point [kg], share of the
+                faces of bonds A and B, share of its cell, and of that between it and the points to
+                the right and above; see `makeup.column`
+    reach       (batch, I, packs) of such foam's face from each mass point [m]
     foams       (batch, foams) records of `foam_type`, if there are several
     graded      (batch, 2 * packs) the same in packs, of bonds A and of bonds B by rows
     foam_of_row (batch, 2 * rows) which of `foams` bonds A and B of each row are of
-    strengths   of A and of B (batch, I, packs), if they are scattered
+    strength_a, strength_b, strengths   (batch, I, packs) of bonds over the mean of all, if they
+                are scattered
     table       (batch * foams, TABLE_ROWS) TABLE_COLUMNS numbers each, of a law that looks up
     law         the bond law, which knows that table
+    lists       names and fields of the constants that come in rows of several numbers
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -269,7 +293,8 @@ class ModelFields:
             self.support = vec3.field()
             layout.listed(SURFACE_ROWS, self.support)
         if features.scattered:
-            self.strengths = (small_pack.field(), small_pack.field())
+            self.strength_a, self.strength_b = small_pack.field(), small_pack.field()
+            self.strengths = (self.strength_a, self.strength_b)
             layout.of_nodes(*self.strengths)
         self.law = features.law
         if features.law.tabulated:
@@ -277,6 +302,11 @@ class ModelFields:
             layout.of_foams(features.foams, TABLE_ROWS, self.table)
             self.law = features.law.with_table(self.table)
         self.members = list(_members(self.parameters))
+        names = ("surface", "hull", "pulse", "support")
+        self.lists = [(name, getattr(self, name)) for name in names if hasattr(self, name)]
+        if not features.shaped:
+            for name in self.mobility.keys:
+                self.lists += [(f"mobility.{name}", self.mobility.get_member_field(name))]
 
     def _place_foams(self, layout: Layout, features: Features) -> None:
         record = foam_type(type(features.law))
@@ -320,7 +350,7 @@ def _members(record: Any) -> Iterator[tuple]:
 
 
 def parameters_of(scene: Scene) -> dict:
-    """Every member of `parameters_type` for one scene, by name."""
+    """Every member of `parameters_type` for one scene, by name; 0 what it does without."""
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     impactor, base = scene.impactor, scene.base
     stiffness = foam.youngs_modulus * block.depth  # of a square cell's bond [N/m]
@@ -329,7 +359,8 @@ def parameters_of(scene: Scene) -> dict:
     contact = numerics.contact_stiffness * stiffness
     at_rebound = numerics.end == "rebound"
     cell = min(block.dx, block.dy)
-    values = {
+    values = {name: [0.0, 0.0] if kind is vec2 else 0 for name, kind in MEMBERS.items()}
+    values |= {
         **_foam(scene, grading(scene), 0),
         "cell": [block.dx, block.dy],
         "area": [area_a, area_b],
@@ -341,23 +372,9 @@ def parameters_of(scene: Scene) -> dict:
         "floor_friction": base.friction,
         "contact_stiffness": contact,
         "contact_dashpot": 2.0 * numerics.contact_damping * _swing(scene, contact),
-        "support_stiffness": 0.0,
-        "impactor": 0,
-        "impactor_x": 0.0,
-        "impactor_half_width": 0.0,
-        "impactor_height": 0.0,
-        "impactor_centre": [0.0, 0.0],
-        "impactor_reach": 0.0,
-        "impactor_inertia": 1.0,
         "pulse_points": 0.0 if base.shaking is None else len(base.shaking.time),
-        "hull_corners": 0.0,
-        "support_rows": 0.0,
-        "support_low": [0.0, 0.0],
-        "support_high": [0.0, 0.0],
         "impactor_mass": 1.0,
-        "impactor_rate": 0.0,
-        "impactor_friction": 0.0,
-        "surface_rows": 0,
+        "impactor_inertia": 1.0,
         "piece_area": math.sqrt(area_a * area_b),
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,
@@ -421,7 +438,7 @@ def _surface(scene: Scene) -> NDArray[np.float64]:
     return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))
 
 
-def _hull(scene: Scene) -> NDArray[np.float64]:
+def _hull(scene: Scene) -> Array:
     """Corners of the convex hull of the impactor (n, 2), about its reference point [m]."""
     assert scene.impactor is not None
     return convex_hull(scene.impactor.outline())
@@ -523,7 +540,7 @@ def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
     cells = np.pad(filled.cell, 1)
     around = 0.25 * (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:])
 
-    def least(shares: NDArray[np.float64]) -> float:
+    def least(shares: Array) -> float:
         """The least mass over a share of what a mass point stands for."""
         there = shares[met] > 0.0
         return float(min(mass.max(), (mass[there] / shares[met][there]).min(initial=np.inf)))

@@ -6,7 +6,7 @@ are the same to the last bit.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
+from taichi_foam.engine.grading import cuts
 from taichi_foam.engine.layout import Layout
-from taichi_foam.engine.strengths import cuts
-from taichi_foam.records.cushion import Cushion
+from taichi_foam.records.cushion import (
+    BONDS_A,
+    BONDS_B,
+    CELLS,
+    NODES,
+    Cushion,
+    Per,
+    declared,
+)
 from taichi_foam.records.history import BOOKED
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -116,18 +124,41 @@ class Clock:
     spare: ti.i32  # an even number of them, see Layout
 
 
-CLOCK = (
-    "time", "step", "shortest", "longest", "stable", "next_row", "last_contact", "reversal",
-    "drift", "stiffest", "crush", "speed", "steps", "status", "broken", "bad_node", "stale",
-    "candidates", "pairs",
-)  # fmt: skip
+def _members(record: Any, *passing: str) -> tuple[str, ...]:
+    return tuple(name for name in record.members if name not in passing)
+
+
+CLOCK = _members(Clock, "pause", "rows", "active", "spare")
 """Members of a clock that a state holds."""
 
-BODY = ("y", "v", "rate_y", "force", "support_work")
+BODY = _members(Body, "trial_y", "trial_v", "rate_v")
 """Members of a body that a state holds."""
 
-TURN = ("x", "angle", "u", "spin", "rate_x", "rate_angle")
+TURN = _members(
+    Turn, "trial_x", "trial_angle", "trial_u", "trial_spin", "rate_u", "rate_spin", "cosine", "sine"
+)
 """Members of a turn that a state holds, if there is one."""
+
+
+@dataclass(frozen=True)
+class Kept(Per):
+    """Declares an array of a state by its annotation.
+
+    device  names of its numbers on the device, see `StateFields`
+    start   what it is at a start, and in scenes whose features do without it
+    beyond  what it is around the block
+    seen    whether snapshots show it
+    """
+
+    device: tuple[str, ...] = ()
+    start: float = 0.0
+    beyond: float = 0.0
+    seen: bool = False
+
+    @classmethod
+    def at(cls, places: tuple[int, int], *device: str, **told: Any) -> "Kept":
+        numbers = (len(device),) if len(device) > 1 else ()
+        return cls(places, numbers, device, **told)
 
 
 @dataclass(frozen=True)
@@ -150,21 +181,24 @@ class State:
                     start as of one strip, since how many there are is the device's
     overlap         (strips,) deepest so far in the impactor [m], likewise
     neighbours      the neighbour list as the device keeps it, by field
+
+    An array that is declared here goes to the device and comes back, and is in checkpoints. One
+    that a `Cushion` has too goes on to the next impact.
     """
 
-    position: Array
-    velocity: Array
-    increment: Array
-    stretch: Array
-    room: Array
-    surface: Array
-    hold: Array
-    worst_a: Array
-    worst_b: Array
-    break_time_a: Array
-    break_time_b: Array
-    intact_a: Array
-    intact_b: Array
+    position: Annotated[Array, Kept.at(NODES, "motion.x", "motion.y", seen=True)]
+    velocity: Annotated[Array, Kept.at(NODES, "motion.u", "motion.v", seen=True)]
+    increment: Annotated[Array, Kept.at(NODES, "increment.x", "increment.y")]
+    stretch: Annotated[Array, Kept.at(NODES, "slip.impactor", "slip.floor")]
+    room: Annotated[Array, Kept.at(NODES, "room", start=NEVER, beyond=NEVER)]
+    surface: Annotated[Array, Kept.at(NODES, "surface")]
+    hold: Annotated[Array, Kept.at(CELLS, "hold", start=1.0)]
+    worst_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.worst", seen=True)]
+    worst_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.worst", seen=True)]
+    break_time_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.break_time", start=np.nan, seen=True)]
+    break_time_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.break_time", start=np.nan, seen=True)]
+    intact_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.intact", start=1.0, beyond=1.0)]
+    intact_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.intact", start=1.0, beyond=1.0)]
     clock: Mapping[str, float]
     body: Mapping[str, float]
     turn: Mapping[str, float]
@@ -203,41 +237,46 @@ class State:
     def cushion(self) -> Cushion:
         """What it leaves of the block for the next impact."""
         return Cushion(
-            position=self.position,
-            velocity=self.velocity,
-            increment=self.increment,
+            **{name: getattr(self, name) for name in ARRAYS if name in _CARRIED},
+            **{name: self.clock[name] for name in CLOCK if name in _CARRIED},
             floor_stretch=self.stretch[..., 1],
-            room=self.room,
-            surface=self.surface,
-            hold=self.hold,
-            worst_a=self.worst_a,
-            worst_b=self.worst_b,
             broken_a=1.0 - np.isnan(self.break_time_a),
             broken_b=1.0 - np.isnan(self.break_time_b),
-            intact_a=self.intact_a,
-            intact_b=self.intact_b,
-            stiffest=self.clock["stiffest"],
-            crush=self.clock["crush"],
-            speed=self.clock["speed"],
-            broken=self.clock["broken"],
             held=self.work[:, HELD_AFTER].sum(axis=0),
         )
 
     def snapshot(self) -> Snapshot:
         """What a viewer sees of it. Without an impactor `impactor_y` is NaN."""
-        height = self.body["y"]
-        return Snapshot(
-            time=self.clock["time"],
-            impactor_y=np.nan if height == NEVER else height,
-            position=self.position,
-            velocity=self.velocity,
-            e_min_a=self.worst_a,
-            e_min_b=self.worst_b,
-            break_time_a=self.break_time_a,
-            break_time_b=self.break_time_b,
-            impactor_shift=self.turn.get("x", 0.0),
-            impactor_angle=self.turn.get("angle", 0.0),
-        )
+        return snapshot_of(vars(self), self.clock, self.body, self.turn)
+
+
+ARRAYS: dict[str, Kept] = declared(State)
+"""How each array of a state was declared."""
+
+_CARRIED = {each.name for each in fields(Cushion)}
+
+
+def snapshot_of(
+    arrays: Mapping[str, Any],
+    clock: Mapping[str, float],
+    body: Mapping[str, float],
+    turn: Mapping[str, float],
+    stress: NDArray[np.float32] | None = None,
+) -> Snapshot:
+    """A snapshot of parts of a state, of whose arrays those that are `seen` are there."""
+    return Snapshot(
+        time=clock["time"],
+        impactor_y=np.nan if body["y"] == NEVER else body["y"],
+        position=arrays["position"],
+        velocity=arrays["velocity"],
+        e_min_a=arrays["worst_a"],
+        e_min_b=arrays["worst_b"],
+        break_time_a=arrays["break_time_a"],
+        break_time_b=arrays["break_time_b"],
+        impactor_shift=turn.get("x", 0.0),
+        impactor_angle=turn.get("angle", 0.0),
+        stress=stress,
+    )
 
 
 def initial_state(scene: Scene) -> State:
@@ -273,20 +312,18 @@ def initial_state(scene: Scene) -> State:
     turn = {}
     if impactor is not None and scene.turns:
         turn = dict.fromkeys(TURN, 0.0) | {"u": impactor.velocity_x, "spin": impactor.spin}
+    arrays = {name: np.full(told.shape(columns, rows), told.start) for name, told in ARRAYS.items()}
+    arrays |= {
+        "position": position,
+        "velocity": velocity,
+        "hold": _held(filled),
+        "worst_a": np.where(filled.face_a > 0.0, worst[0], 0.0),
+        "worst_b": np.where(filled.face_b > 0.0, worst[1], 0.0),
+        "break_time_a": cut[:-1, :, 0],
+        "break_time_b": cut[:, :-1, 1],
+    }
     return State(
-        position=position,
-        velocity=velocity,
-        increment=np.zeros((columns, rows, 2)),
-        stretch=np.zeros((columns, rows, 2)),
-        room=np.full((columns, rows), NEVER),
-        surface=np.zeros((columns, rows)),
-        hold=_held(filled),
-        worst_a=np.where(filled.face_a > 0.0, worst[0], 0.0),
-        worst_b=np.where(filled.face_b > 0.0, worst[1], 0.0),
-        break_time_a=cut[:-1, :, 0],
-        break_time_b=cut[:, :-1, 1],
-        intact_a=np.ones((columns - 1, rows)),
-        intact_b=np.ones((columns, rows - 1)),
+        **arrays,
         clock=clock,
         body=body,
         turn=turn,
@@ -313,22 +350,13 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
         body["y"] += scene.impactor.gap
     work = np.zeros((1, WORKS))
     work[0, HELD_AFTER] = cushion.held
-    clock = {name: getattr(cushion, name) for name in ("stiffest", "crush", "speed", "broken")}
+    clock = {name: getattr(cushion, name) for name in CLOCK if name in _CARRIED}
     return replace(
         start,
-        position=cushion.position,
-        velocity=cushion.velocity,
-        increment=cushion.increment,
+        **{name: getattr(cushion, name) for name in ARRAYS if name in _CARRIED},
         stretch=stretch,
-        room=cushion.room,
-        surface=cushion.surface,
-        hold=cushion.hold,
-        worst_a=cushion.worst_a,
-        worst_b=cushion.worst_b,
         break_time_a=np.where(cushion.broken_a > 0.0, 0.0, np.nan),
         break_time_b=np.where(cushion.broken_b > 0.0, 0.0, np.nan),
-        intact_a=cushion.intact_a,
-        intact_b=cushion.intact_b,
         clock={**start.clock, **clock},
         body=body,
         work=work,
@@ -362,6 +390,7 @@ class StateFields:
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
                candidates; their nodes; positions, velocities and radii; how many a column has
     partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
+    lists      of the neighbour list by name, numbers of one kind each
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -408,6 +437,8 @@ class StateFields:
             layout.listed(layout.nodes, self.partner_start, self.partner_count, whole=True)
             self.partners = ti.field(ti.i32)
             layout.listed(2 * layout.most_pairs, self.partners, whole=True)
+            names = ("partners", "partner_start", "partner_count")
+            self.lists = {name: getattr(self, name) for name in names}
         else:
             self.pairs = ti.types.vector(2, ti.i32).field()
             layout.listed(layout.most_pairs, self.pairs, whole=True)
@@ -416,6 +447,13 @@ class StateFields:
             layout.listed(layout.columns, self.column_candidates, whole=True)
             self.candidate = Candidate.field()
             layout.listed(layout.most_candidates, self.candidate)
+            self.lists = {
+                "candidate_node": self.candidate_node,
+                "column_candidates": self.column_candidates,
+                "radius": self.candidate.get_member_field("radius"),
+                "first": self.pairs.get_scalar_field(0),
+                "second": self.pairs.get_scalar_field(1),
+            }
 
 
 @ti.dataclass

@@ -1,28 +1,29 @@
-"""What goes to the device and what comes back, a lattice of a batch at a time."""
+"""What goes to the device and what comes back, a lattice of a batch at a time; and how it steps."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import breaking, driving, lanes, makeup, stepping, virial
-from taichi_foam.engine.grading import B
-from taichi_foam.engine.lattice import Lattice
+from taichi_foam.engine import cpu, driving, gpu, lanes, virial
+from taichi_foam.engine.lattice import Lattice, Packs
+from taichi_foam.engine.layout import BLOCK_NODES
 from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
 from taichi_foam.engine.state import (
     ABSENT,
+    ARRAYS,
     BODY,
     BROKEN,
     CLOCK,
     EMPTY,
-    NEVER,
     TURN,
     WORKS,
     State,
     initial_state,
+    snapshot_of,
 )
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
@@ -30,21 +31,22 @@ from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
 
+Array = NDArray[np.float64]
 Numbers = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Table = ti.types.ndarray(dtype=ti.f64, ndim=2)
 Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
+AnyNumbers = ti.types.ndarray(ndim=1)
 
-vec2 = ti.types.vector(2, ti.f64)
-vec3 = ti.types.vector(3, ti.f64)
+CLOCK_REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node")
+REPORT = (*CLOCK_REPORT, "overlap")
+"""Of every lattice after a call: members of the clock that a run records, the deepest overlap."""
 
-# Of every lattice after a call: the clock's members that a run records, and the deepest overlap.
-REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node", "overlap")
+# From this many nodes on, a stage is worth spreading over a CPU's threads.
+STAGED_NODES = 50_000
 
-# Of a node, as `_take_nodes` gives them: position, velocity, increment, stretch of
-# both springs, room, surface, hold; of its bonds A and B: worst strain, time of breaking, share
-# intact.
-NODE_NUMBERS, BOND_NUMBERS = 11, 6
+AT_A_TIME = 500_000
+"""Numbers of nodes that are copied at a time: a copy of a big lattice would be as large as it."""
 
 
 def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> None:
@@ -52,10 +54,14 @@ def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> 
 
     The others go on. The lattice must have the scene's counts and features.
     """
-    put_model(lattice, b, model_of(scene))
+    model = model_of(scene)
+    _put_model(lattice, b, model)
     state = initial_state(scene) if state is None else state
-    put(lattice, b, state)
-    stepping.prepare(lattice, b, knows_stiffest=state.clock["stiffest"] >= 0.0)
+    _put_nodes(lattice, lattice.put, b, _of_nodes(lattice, scene.block, state, model))
+    _put_numbers(lattice, b, *_of_lattice(lattice, state))
+    if lattice.features.self_contact:
+        _put_neighbours(lattice, b, state.neighbours)
+    _prepare(lattice, b, knows_stiffest=state.clock["stiffest"] >= 0.0)
 
 
 def unload(lattice: Lattice, b: int) -> None:
@@ -63,31 +69,42 @@ def unload(lattice: Lattice, b: int) -> None:
     lattice.state.clock[b].status = EMPTY
 
 
-def put_model(lattice: Lattice, b: int, model: Model) -> None:
+def _prepare(lattice: Lattice, b: int, knows_stiffest: bool) -> None:
+    """Of a state that has been put: what its cells carry, and its stiffest bond if unknown.
+
+    Apart, since the second is the whole law of bonds to compile, and few states ask for it.
+    """
+    kernels = gpu if lattice.on_gpu else cpu
+    if lattice.features.cells:
+        kernels.look(lattice, b)
+    if not knows_stiffest:
+        kernels.find_stiffest(lattice, b)
+
+
+# Constants.
+
+
+def _put_model(lattice: Lattice, b: int, model: Model) -> None:
     """Set the constants of lattice `b`."""
-    _put_numbers(lattice, b, model.numbers, model.surface)
-    if model.hull is not None:
-        _put_hull(lattice, b, model.hull)
-    if model.pulse is not None:
-        _put_pulse(lattice, b, model.pulse)
-    if model.support is not None:
-        _put_support(lattice, b, model.support)
-    if model.strengths is not None:
-        _put_strengths(lattice, b, model.strengths)
-    if model.filling is not None:
-        _put_filling(lattice, b, model.filling)
-    if model.reach is not None:
-        _put_reach(lattice, b, model.reach)
-    if model.tables is not None:
-        for n, table in enumerate(model.tables):
-            _put_table(lattice, b, n, table)
+    lists = [model.lists[name].ravel() for name, _ in lattice.model.lists]
+    for n, (_, field) in enumerate(lattice.model.lists):
+        lists[n] = np.pad(lists[n], (0, -len(lists[n]) % field.n))
+    ends = np.cumsum([0, *map(len, lists)], dtype=np.int32)
+    _put_constants(lattice, b, model.numbers, ends, np.concatenate(lists))
+    for n, table in enumerate(model.tables):
+        _put_table(lattice, b, n, table)
     if model.foams is not None:
         _put_foams(lattice, b, model.foams, model.places.ravel())
+    parts = {name: (values, 0.0) for name, values in model.of_nodes.items()}
+    _put_nodes(lattice, lattice.made, b, parts, (0, 1) if lattice.features.alike else None)
+    _put_nodes(lattice, lattice.apart, b, parts)
 
 
 @ti.kernel
-def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: Table):
-    """All parameters in one call: setting them one by one takes longer than a short run."""
+def _put_constants(
+    lattice: ti.template(), b: ti.i32, numbers: Numbers, ends: WholeNumbers, lists: Numbers
+):
+    """All in one call: setting them one by one takes longer than a short run."""
     for _ in range(1):
         for n in ti.static(range(len(lattice.model.members))):
             member, component, kind = ti.static(lattice.model.members[n])
@@ -97,70 +114,11 @@ def _put_numbers(lattice: ti.template(), b: ti.i32, numbers: Numbers, surface: T
                 member[b] = ti.i32(numbers[n])
             else:
                 member[b] = numbers[n]
-    for row in range(surface.shape[0]):
-        for c in ti.static(range(3)):
-            lattice.model.surface[b, row][c] = surface[row, c]
-    if ti.static(not lattice.features.shaped):
-        for k in range(lattice.counts[None].packs):
-            p = lattice.model.parameters[b]
-            for lane in range(lattice.lanes):
-                j = k * lattice.lanes + lane
-                free = 1.0 / p.node_mass
-                moves_y = not (p.hold_y and j == 0)
-                lattice.model.mobility[b, k].x[lane] = ti.select(p.hold_x and j == 0, 0.0, free)
-                lattice.model.mobility[b, k].y[lane] = ti.select(moves_y, free, 0.0)
-                if ti.static(lattice.features.shaken):  # noqa: SIM102 - the static test stands alone
-                    if j >= lattice.counts[None].rows:
-                        lattice.model.mobility[b, k].y[lane] = 0.0
-                falls = moves_y and j < lattice.counts[None].rows
-                lattice.model.mobility[b, k].gravity[lane] = ti.select(falls, p.gravity, 0.0)
-
-
-@ti.kernel
-def _put_filling(lattice: ti.template(), b: ti.i32, filling: Stack):
-    """Masses, faces and mobilities; what pads the lattice, or holds no foam, cannot be moved.
-
-    Of columns that are alike one is kept, see `makeup.column`: those beside the lattice need none.
-    """
-    start, end = -1, lattice.counts[None].columns + 1
-    if ti.static(lattice.features.alike):
-        start, end = 0, 1
-    for i in range(start, end):
-        p = lattice.model.parameters[b]
-        for k in range(-1, lattice.counts[None].packs + 1):
-            for lane in range(lattice.lanes):
-                j = k * lattice.lanes + lane
-                mass, face_a, face_b, share, cell = 0.0, 0.0, 0.0, 0.0, 0.0
-                x, y, gravity = 0.0, 0.0, 0.0
-                if (
-                    i >= 0
-                    and i < lattice.counts[None].columns
-                    and j >= 0
-                    and j < lattice.counts[None].rows
-                ):
-                    mass, share, cell = filling[i, j, 0], filling[i, j, 4], filling[i, j, 5]
-                    face_a, face_b = filling[i, j, 1], filling[i, j, 2]
-                    stands = filling[i, j, 3] > 0.0
-                    if mass > 0.0:
-                        x = ti.select(p.hold_x and stands, 0.0, 1.0 / mass)
-                        y = ti.select(p.hold_y and stands, 0.0, 1.0 / mass)
-                        gravity = ti.select(y > 0.0, p.gravity, 0.0)
-                lattice.model.filling[b, i, k].mass[lane] = mass
-                lattice.model.filling[b, i, k].face_a[lane] = face_a
-                lattice.model.filling[b, i, k].face_b[lane] = face_b
-                lattice.model.filling[b, i, k].share[lane] = share
-                lattice.model.filling[b, i, k].cell[lane] = cell
-                lattice.model.mobility[b, i, k].x[lane] = x
-                lattice.model.mobility[b, i, k].y[lane] = y
-                lattice.model.mobility[b, i, k].gravity[lane] = gravity
-
-
-@ti.kernel
-def _put_reach(lattice: ti.template(), b: ti.i32, reach: Table):
-    for i in range(lattice.counts[None].columns):
-        for j in range(lattice.counts[None].rows):
-            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-            lattice.model.reach[b, i, k][lane] = reach[i, j]
+        for n in ti.static(range(len(lattice.model.lists))):
+            field = ti.static(lattice.model.lists[n][1])
+            for row in range(ti.raw_div(ends[n + 1] - ends[n], field.n)):
+                for c in ti.static(range(field.n)):
+                    field[b, row][c] = lists[ends[n] + row * field.n + c]
 
 
 @ti.kernel
@@ -185,34 +143,6 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
 
 
 @ti.kernel
-def _put_hull(lattice: ti.template(), b: ti.i32, hull: Table):
-    for n in range(hull.shape[0]):
-        lattice.model.hull[b, n] = vec2(hull[n, 0], hull[n, 1])
-
-
-@ti.kernel
-def _put_pulse(lattice: ti.template(), b: ti.i32, pulse: Table):
-    for n in range(pulse.shape[0]):
-        lattice.model.pulse[b, n] = vec2(pulse[n, 0], pulse[n, 1])
-
-
-@ti.kernel
-def _put_support(lattice: ti.template(), b: ti.i32, support: Table):
-    for row in range(support.shape[0]):
-        lattice.model.support[b, row] = vec3(support[row, 0], support[row, 1], support[row, 2])
-
-
-@ti.kernel
-def _put_strengths(lattice: ti.template(), b: ti.i32, strengths: Stack):
-    for i in range(lattice.counts[None].columns):
-        for j in range(lattice.counts[None].rows):
-            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-            for axis in ti.static(range(2)):
-                strength = ti.cast(strengths[i, j, axis], ti.f32)
-                lattice.model.strengths[axis][b, i, k][lane] = strength
-
-
-@ti.kernel
 def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
     """That of one of the block's foams; the first one is also what is asked without a place."""
     place = b * lattice.features.foams + foam
@@ -223,118 +153,153 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
             lattice.model.table[place, row][column] = table[row, column]
 
 
-def put(lattice: Lattice, b: int, state: State) -> None:
-    """Set the state of lattice `b`, whose model is there; `stepping.prepare` has to follow."""
+# Numbers of nodes, bonds and cells.
+
+Parts = Mapping[str, tuple[Array, Any]]
+"""Of fields by name: values by columns and rows, and what is beyond them."""
+
+
+def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Parts:
+    """What the device keeps of a state; what pads a block stands still on its lattice."""
+    parts: dict[str, tuple[Array, Any]] = {}
+    for name, told in ARRAYS.items():
+        values = getattr(state, name)
+        for n, device in enumerate(told.device):
+            parts[device] = values[..., n] if told.numbers else values, told.beyond
+    across = (np.arange(-1, block.columns + 1)[:, None] - 0.5 * (block.columns - 1)) * block.dx
+    up = (np.arange(_height(lattice)) - lattice.lanes + 0.5) * block.dy
+    parts["motion.x"] = state.position[..., 0], across
+    parts["motion.y"] = state.position[..., 1], up
+    grip = state.hold
+    for bond in ("bond_a", "bond_b"):
+        time, intact = parts[f"{bond}.break_time"][0], parts[f"{bond}.intact"][0]
+        condition = np.where(np.isnan(time), intact, BROKEN)
+        if lattice.features.shaped:
+            faces = model.of_nodes["filling.face_" + bond[-1]][: len(time), : time.shape[1]]
+            condition = np.where(faces == 0.0, ABSENT, condition)
+        parts[f"{bond}.condition"] = condition, ABSENT
+        parts[f"{bond}.break_time"] = np.where(condition == BROKEN, time, 0.0), 0.0
+    if lattice.features.shaped:
+        grip = grip * model.of_nodes["filling.cell"][: len(grip), : grip.shape[1]]
+    parts["grip"] = grip, 0.0
+    for member in "xyuv":
+        parts[f"trial.{member}"] = parts[f"motion.{member}"]
+    nothing = np.zeros((0, 0))
+    parts["push.x"] = parts["push.y"] = nothing, 0.0
+    if "radius" in state.neighbours and lattice.on_gpu:
+        parts["radius"] = state.neighbours["radius"].reshape(block.columns, block.rows), 0.0
+    else:
+        parts["radius"] = nothing, 0.0
+    return parts
+
+
+def _height(lattice: Lattice) -> int:
+    """Rows of a column of packs with those that pad it."""
+    return (-(-lattice.size.rows // lattice.lanes) + 2) * lattice.lanes
+
+
+def _put_nodes(
+    lattice: Lattice, packs: Packs, b: int, parts: Parts, columns: tuple[int, int] | None = None
+) -> None:
+    """Set fields of lattice `b`, from one column to another; by default all, and what pads them."""
+    if not packs.fields:
+        return
+    lanes_, height = lattice.lanes, _height(lattice)
+    start, end = columns or (-1, lattice.size.columns + 1)
+    count = max(1, AT_A_TIME // (len(packs.names) * height))
+    for first in range(start, end, count):
+        last = min(first + count, end)
+        copied = np.empty((len(packs.names), last - first, height))
+        for copy, name in zip(copied, packs.names, strict=True):
+            values, beyond = parts[name]
+            if np.ndim(beyond) == 2:
+                beyond = beyond[first + 1 : last + 1]
+            beyond = np.broadcast_to(beyond, copy.shape)
+            here = values[max(first, 0) : last]
+            low, high = max(-first, 0), max(-first, 0) + len(here)
+            bottom, top = lanes_, lanes_ + values.shape[1]
+            copy[low:high, bottom:top] = here
+            for around in (np.s_[:low], np.s_[high:], np.s_[:, :bottom], np.s_[:, top:]):
+                copy[around] = beyond[around]
+        _put_packs(lattice, packs, b, first, copied)
+
+
+@ti.kernel
+def _put_packs(
+    lattice: ti.template(), packs: ti.template(), b: ti.i32, first: ti.i32, values: Stack
+):
+    """Columns from `first` on, by rows from those of the pack below the block on."""
+    for i in range(values.shape[1]):
+        for n in ti.static(range(len(packs.fields))):
+            field = ti.static(packs.fields[n])
+            for row in range(values.shape[2]):
+                k, lane = lanes.pack_of(lattice, row) - 1, lanes.lane_of(lattice, row)
+                field[b, first + i, k][lane] = ti.cast(values[n, i, row], field.dtype)
+
+
+def _take_nodes(lattice: Lattice, packs: Packs, b: int) -> Iterator[tuple[slice, dict[str, Array]]]:
+    """Fields of lattice `b` by name, some columns at a time; it may be changed."""
+    columns, rows = lattice.size.columns, lattice.size.rows
+    count = max(1, AT_A_TIME // (len(packs.names) * rows))
+    for first in range(0, columns, count):
+        copied = np.empty((len(packs.names), min(count, columns - first), rows))
+        _take_packs(lattice, packs, b, first, copied)
+        yield slice(first, first + count), dict(zip(packs.names, copied, strict=True))
+
+
+@ti.kernel
+def _take_packs(
+    lattice: ti.template(), packs: ti.template(), b: ti.i32, first: ti.i32, values: Stack
+):
+    for i in range(values.shape[1]):
+        for j in range(values.shape[2]):
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+            for n in ti.static(range(len(packs.fields))):
+                values[n, i, j] = ti.cast(packs.fields[n][b, first + i, k][lane], ti.f64)
+
+
+def _arrays(lattice: Lattice, b: int, packs: Packs, seen: bool) -> dict[str, Array]:
+    """Those arrays of a state that are `seen`, or that are not."""
+    size = lattice.size.columns, lattice.size.rows
+    told = {name: each for name, each in ARRAYS.items() if each.seen == seen}
+    found = {name: np.empty(each.shape(*size)) for name, each in told.items()}
+    for name, each in told.items():
+        if each.device[0] not in packs.names:
+            found[name][...] = each.start
+    for columns, taken in _take_nodes(lattice, packs, b):
+        if seen:
+            for bond in ("bond_a", "bond_b"):  # nor what never was
+                taken[f"{bond}.break_time"][taken[f"{bond}.condition"] != BROKEN] = np.nan
+        for name, each in told.items():
+            for n, device in enumerate(each.device):
+                if device in taken:
+                    into = found[name][..., n] if each.numbers else found[name]
+                    part = into[columns]
+                    part[...] = taken[device][: len(part), : part.shape[1]]
+        if "radius" in taken:
+            radius = found.setdefault("radius", np.empty(size))
+            radius[columns] = taken["radius"]
+    return found
+
+
+# Numbers of a lattice and of its strips.
+
+
+def _of_lattice(lattice: Lattice, state: State) -> tuple[Array, Array]:
+    """What the device keeps of the state of a whole lattice: of each strip, and single numbers."""
     strips = np.zeros((lattice.filled_strips, WORKS + 1))
     given = len(state.work)
     strips[:given, :WORKS], strips[:given, WORKS] = state.work, state.overlap
-    numbers = np.array([*_values(state.clock, CLOCK), *_values(state.body, BODY)])
-    # each array as it is: copies of a big lattice would be as large as the lattice itself
-    nodes = (state.position, state.velocity, state.increment, state.stretch)
-    bonds = (state.worst_a, state.worst_b, state.break_time_a, state.break_time_b)
-    arrays = (*nodes, state.room, state.surface, state.hold, *bonds, state.intact_a, state.intact_b)
-    _put_nodes(lattice, b, *(np.ascontiguousarray(array, np.float64) for array in arrays))
-    _put_rest(lattice, b, strips, numbers)
-    if lattice.features.turns:
-        _put_turn(lattice, b, np.array(_values(state.turn, TURN)))
-    if lattice.features.self_contact:
-        _put_neighbours(lattice, b, state.neighbours)
-
-
-def _values(numbers: Mapping[str, float], names: tuple[str, ...]) -> list[float]:
-    return [numbers[name] for name in names]
+    parts = {"clock": state.clock, "body": state.body, "turn": state.turn}
+    told = {f"{part}.{name}": value for part, held in parts.items() for name, value in held.items()}
+    for part, names in (("body", ("y", "v")), ("turn", ("x", "angle", "u", "spin"))):
+        for name in names:
+            told[f"{part}.trial_{name}"] = parts[part].get(name, 0.0)
+    return strips, np.array([told.get(name, 0.0) for name in lattice.numbers])
 
 
 @ti.kernel
-def _put_nodes(
-    lattice: ti.template(), b: ti.i32, position: Stack, velocity: Stack, increments: Stack,
-    stretch: Stack, rooms: Table, surfaces: Table, holds: Table, worst_a: Table, worst_b: Table,
-    break_time_a: Table, break_time_b: Table, intact_a: Table, intact_b: Table,
-):  # fmt: skip
-    """Nodes and bonds; what pads them stands still on the reference lattice, and holds nothing."""
-    for i in range(-1, lattice.counts[None].columns + 1):
-        p = lattice.model.parameters[b]
-        for k in range(-1, lattice.counts[None].packs + 1):
-            for lane in range(lattice.lanes):
-                j = k * lattice.lanes + lane
-                x = vec2(
-                    (i - 0.5 * (lattice.counts[None].columns - 1)) * p.cell.x, (j + 0.5) * p.cell.y
-                )
-                v, increment, slip = vec2(0.0), vec2(0.0), vec2(0.0)
-                room, surface = NEVER, 0
-                if (
-                    i >= 0
-                    and i < lattice.counts[None].columns
-                    and j >= 0
-                    and j < lattice.counts[None].rows
-                ):
-                    x = vec2(position[i, j, 0], position[i, j, 1])
-                    v = vec2(velocity[i, j, 0], velocity[i, j, 1])
-                    increment = vec2(increments[i, j, 0], increments[i, j, 1])
-                    slip = vec2(stretch[i, j, 0], stretch[i, j, 1])
-                    room, surface = rooms[i, j], ti.i32(surfaces[i, j])
-                for motion in ti.static((lattice.state.motion, lattice.scratch.trial)):
-                    motion[b, i, k].x[lane] = x.x
-                    motion[b, i, k].y[lane] = x.y
-                    motion[b, i, k].u[lane] = v.x
-                    motion[b, i, k].v[lane] = v.y
-                lattice.state.increment[b, i, k].x[lane] = increment.x
-                lattice.state.increment[b, i, k].y[lane] = increment.y
-                lattice.state.slip[b, i, k].impactor[lane] = slip.x
-                lattice.state.slip[b, i, k].floor[lane] = slip.y
-                if ti.static(lattice.features.self_contact):
-                    lattice.state.room[b, i, k][lane] = room
-                    lattice.state.surface[b, i, k][lane] = surface
-                    lattice.scratch.push[b, i, k].x[lane] = 0.0
-                    lattice.scratch.push[b, i, k].y[lane] = 0.0
-                hold, grip = 0.0, 0.0
-                if (
-                    i >= 0
-                    and i < lattice.counts[None].columns - 1
-                    and j >= 0
-                    and j < lattice.counts[None].rows - 1
-                ):
-                    hold, grip = holds[i, j], holds[i, j]
-                    if ti.static(lattice.features.shaped):
-                        grip *= lattice.model.filling[b, makeup.column(lattice, i), k].cell[lane]
-                if ti.static(lattice.features.cells):
-                    lattice.state.hold[b, i, k][lane] = hold
-                    lattice.state.grip[b, i, k][lane] = grip
-                if ti.static(lattice.features.crushed_room):
-                    lattice.scratch.presses[b, i, k] = 0
-                for axis in ti.static(range(2)):
-                    bond = ti.static(lattice.state.bonds[axis])
-                    worsts = ti.static((worst_a, worst_b)[axis])
-                    break_times = ti.static((break_time_a, break_time_b)[axis])
-                    condition = ti.cast(ABSENT, ti.f32)
-                    worst, broken_at, intact = 0.0, 0.0, 1.0
-                    columns = lattice.counts[None].columns - ti.static(1 - axis)
-                    rows = lattice.counts[None].rows - ti.static(axis)
-                    if i >= 0 and i < columns and j >= 0 and j < rows:
-                        worst = worsts[i, j]
-                        broken_at = break_times[i, j]
-                        intact = ti.static((intact_a, intact_b)[axis])[i, j]
-                        condition = ti.cast(intact, ti.f32)
-                        if ti.static(lattice.features.shaped):
-                            column = makeup.column(lattice, i)
-                            face = lattice.model.filling[b, column, k].face_a[lane]
-                            if ti.static(axis == B):
-                                face = lattice.model.filling[b, column, k].face_b[lane]
-                            if face == 0.0:
-                                condition = ti.cast(ABSENT, ti.f32)
-                        if condition > ABSENT and not ti.math.isnan(broken_at):
-                            condition = BROKEN
-                        else:
-                            broken_at = 0.0
-                    bond[b, i, k].worst[lane] = worst
-                    bond[b, i, k].condition[lane] = condition
-                    bond[b, i, k].break_time[lane] = ti.cast(broken_at, ti.f32)
-                    if ti.static(lattice.features.softens):
-                        bond[b, i, k].intact[lane] = ti.cast(intact, ti.f32)
-
-
-@ti.kernel
-def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
+def _put_numbers(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
     for strip in range(lattice.counts[None].strips):
         for n in ti.static(range(WORKS)):
             lattice.state.work[b, strip][n] = strips[strip, n]
@@ -345,17 +310,13 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
         for n in range(SUMS):
             lattice.scratch.totals[b, 0, n] = 0.0
     for _ in range(1):
-        for n in ti.static(range(len(CLOCK))):
-            member = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))
+        for n in ti.static(range(len(lattice.singles))):
+            member = ti.static(lattice.singles[n])
             member[b] = ti.cast(numbers[n], member.dtype)
-        for n in ti.static(range(len(BODY))):
-            member = ti.static(lattice.state.body.get_member_field(BODY[n]))
-            member[b] = numbers[ti.static(len(CLOCK)) + n]
-        lattice.state.body[b].trial_y = lattice.state.body[b].y
-        lattice.state.body[b].trial_v = lattice.state.body[b].v
-        lattice.state.clock[b].rows = 0
-        lattice.state.clock[b].active = 0
-        lattice.state.clock[b].pause = 0.0
+        if ti.static(lattice.features.turns):
+            sine, cosine = elementary.sine_cosine(lattice.state.turn[b].angle)
+            lattice.state.turn[b].sine = sine
+            lattice.state.turn[b].cosine = cosine
         if ti.static(lattice.features.shaken):
             p = lattice.model.parameters[b]
             now = driving.pulse_at(lattice, b, lattice.state.clock[b].time, p)
@@ -363,243 +324,123 @@ def _put_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers
 
 
 @ti.kernel
-def _put_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
-    for _ in range(1):
-        for n in ti.static(range(len(TURN))):
-            member = ti.static(lattice.state.turn.get_member_field(TURN[n]))
-            member[b] = numbers[n]
-        turn = lattice.state.turn[b]
-        turn.trial_x, turn.trial_angle, turn.trial_u, turn.trial_spin = (
-            turn.x, turn.angle, turn.u, turn.spin,
-        )  # fmt: skip
-        turn.sine, turn.cosine = elementary.sine_cosine(turn.angle)
-        lattice.state.turn[b] = turn
-
-
-@ti.kernel
-def _take_turn(lattice: ti.template(), b: ti.i32, numbers: Numbers):
-    for _ in range(1):
-        for n in ti.static(range(len(TURN))):
-            numbers[n] = ti.static(lattice.state.turn.get_member_field(TURN[n]))[b]
-
-
-def _turn(lattice: Lattice, b: int) -> dict[str, float]:
-    """The members of a turn by name, none where impactors do not turn."""
-    if not lattice.features.turns:
-        return {}
-    numbers = np.empty(len(TURN))
-    _take_turn(lattice, b, numbers)
-    return dict(zip(TURN, numbers.tolist(), strict=True))
-
-
-def take(lattice: Lattice, b: int) -> State:
-    """The state of lattice `b` between two steps."""
-    nodes = np.empty((lattice.size.columns, lattice.size.rows, NODE_NUMBERS))
-    bonds = np.empty((lattice.size.columns, lattice.size.rows, BOND_NUMBERS))
-    strips = np.empty((lattice.filled_strips, WORKS + 1))
-    numbers = np.empty(len(CLOCK) + len(BODY))
-    _take_nodes(lattice, b, nodes, bonds)
-    _take_rest(lattice, b, strips, numbers)
-    return State(
-        position=nodes[..., 0:2].copy(),
-        velocity=nodes[..., 2:4].copy(),
-        increment=nodes[..., 4:6].copy(),
-        stretch=nodes[..., 6:8].copy(),
-        room=nodes[..., 8].copy(),
-        surface=nodes[..., 9].copy(),
-        hold=nodes[:-1, :-1, 10].copy(),
-        worst_a=bonds[:-1, :, 0].copy(),
-        worst_b=bonds[:, :-1, 1].copy(),
-        break_time_a=bonds[:-1, :, 2].copy(),
-        break_time_b=bonds[:, :-1, 3].copy(),
-        intact_a=bonds[:-1, :, 4].copy(),
-        intact_b=bonds[:, :-1, 5].copy(),
-        clock=dict(zip(CLOCK, numbers[: len(CLOCK)].tolist(), strict=True)),
-        body=dict(zip(BODY, numbers[len(CLOCK) :].tolist(), strict=True)),
-        turn=_turn(lattice, b),
-        work=strips[:, :WORKS].copy(),
-        overlap=strips[:, WORKS].copy(),
-        neighbours=_take_neighbours(lattice, b) if lattice.features.self_contact else {},
-    )
-
-
-def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
-    """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
-    nodes = np.empty((lattice.size.columns, lattice.size.rows, 4))
-    bonds = np.empty((lattice.size.columns, lattice.size.rows, 4))
-    _take_nodes(lattice, b, nodes, bonds)
-    height, turn = lattice.state.body[b].y, _turn(lattice, b)
-    return Snapshot(
-        time=lattice.state.clock[b].time,
-        impactor_y=np.nan if height == NEVER else height,
-        position=nodes[..., :2].copy(),
-        velocity=nodes[..., 2:].copy(),
-        e_min_a=bonds[:-1, :, 0].copy(),
-        e_min_b=bonds[:, :-1, 1].copy(),
-        break_time_a=bonds[:-1, :, 2].copy(),
-        break_time_b=bonds[:, :-1, 3].copy(),
-        impactor_shift=turn.get("x", 0.0),
-        impactor_angle=turn.get("angle", 0.0),
-        stress=None if stressed is None else virial.stresses(lattice, b, stressed),
-    )
-
-
-@ti.kernel
-def _take_nodes(lattice: ti.template(), b: ti.i32, nodes: Stack, bonds: Stack):
-    """Of each node and its bonds as many numbers as there is room for."""
-    for i in range(lattice.counts[None].columns):
-        for j in range(lattice.counts[None].rows):
-            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-            x = lanes.position(lattice, lattice.state.motion, b, i, j)
-            v = lanes.velocity(lattice, lattice.state.motion, b, i, j)
-            for c in ti.static(range(2)):
-                nodes[i, j, c] = x[c]
-                nodes[i, j, 2 + c] = v[c]
-                bond = ti.static(lattice.state.bonds[c])
-                bonds[i, j, c] = bond[b, i, k].worst[lane]
-                broken_at = ti.cast(bond[b, i, k].break_time[lane], ti.f64)
-                if bond[b, i, k].condition[lane] != BROKEN:  # nor what never was
-                    broken_at = ti.math.nan
-                bonds[i, j, 2 + c] = broken_at
-                if bonds.shape[2] > 4:
-                    bonds[i, j, 4 + c] = breaking.intact_share(lattice, c, b, i, j)
-            if nodes.shape[2] > 4:
-                nodes[i, j, 4] = lattice.state.increment[b, i, k].x[lane]
-                nodes[i, j, 5] = lattice.state.increment[b, i, k].y[lane]
-                nodes[i, j, 6] = lattice.state.slip[b, i, k].impactor[lane]
-                nodes[i, j, 7] = lattice.state.slip[b, i, k].floor[lane]
-                nodes[i, j, 8] = NEVER
-                nodes[i, j, 9] = 0.0
-                if ti.static(lattice.features.self_contact):
-                    nodes[i, j, 8] = lattice.state.room[b, i, k][lane]
-                    nodes[i, j, 9] = lattice.state.surface[b, i, k][lane]
-                nodes[i, j, 10] = 1.0
-                if ti.static(lattice.features.cells):
-                    nodes[i, j, 10] = lattice.state.hold[b, i, k][lane]
-
-
-@ti.kernel
-def _take_rest(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
+def _take_numbers(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Numbers):
     for strip in range(lattice.counts[None].strips):
         for n in ti.static(range(WORKS)):
             strips[strip, n] = lattice.state.work[b, strip][n]
         strips[strip, WORKS] = lattice.state.overlap[b, strip]
     for _ in range(1):
-        for n in ti.static(range(len(CLOCK))):
-            numbers[n] = ti.static(lattice.state.clock.get_member_field(CLOCK[n]))[b]
-        for n in ti.static(range(len(BODY))):
-            member = ti.static(lattice.state.body.get_member_field(BODY[n]))
-            numbers[ti.static(len(CLOCK)) + n] = member[b]
+        for n in ti.static(range(len(lattice.singles))):
+            numbers[n] = ti.static(lattice.singles[n])[b]
+
+
+def _numbers(lattice: Lattice, b: int) -> tuple[Array, dict[str, dict[str, float]]]:
+    """Of each strip its works and its overlap; members of clock, body and turn by name."""
+    strips = np.empty((lattice.filled_strips, WORKS + 1))
+    numbers = np.empty(len(lattice.numbers))
+    _take_numbers(lattice, b, strips, numbers)
+    told = dict(zip(lattice.numbers, numbers.tolist(), strict=True))
+    kinds = {"clock": CLOCK, "body": BODY, "turn": TURN if lattice.features.turns else ()}
+    held = {part: {name: told[f"{part}.{name}"] for name in names} for part, names in kinds.items()}
+    return strips, held
+
+
+def take(lattice: Lattice, b: int) -> State:
+    """The state of lattice `b` between two steps."""
+    strips, numbers = _numbers(lattice, b)
+    arrays = {
+        **_arrays(lattice, b, lattice.seen, True),
+        **_arrays(lattice, b, lattice.kept, False),
+    }
+    radius = arrays.pop("radius", None)
+    clock, neighbours = numbers["clock"], {}
+    if lattice.features.self_contact:
+        neighbours = _take_neighbours(lattice, b, clock)
+        if radius is not None:
+            neighbours["radius"] = radius.ravel()
+    return State(
+        **arrays,
+        clock=clock,
+        body=numbers["body"],
+        turn=numbers["turn"],
+        work=strips[:, :WORKS].copy(),
+        overlap=strips[:, WORKS].copy(),
+        neighbours=neighbours,
+    )
+
+
+def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
+    """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
+    stress = None if stressed is None else virial.stresses(lattice, b, stressed)
+    arrays = _arrays(lattice, b, lattice.seen, True)
+    return snapshot_of(arrays, **_numbers(lattice, b)[1], stress=stress)
 
 
 # The neighbour list: kept as it is, since sums go in its order.
 
 
-def _listed(lattice: Lattice) -> dict[str, Any]:
-    """Whole-number fields of the neighbour list, by their names in a state."""
-    state = lattice.state
-    names = (
-        ("partners", "partner_start", "partner_count") if lattice.on_gpu else ("candidate_node",)
-    )
-    return {name: getattr(state, name) for name in names}
-
-
 def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) -> None:
-    if not kept:
-        _forget_neighbours(lattice, b)
-        return
-    for name, field in _listed(lattice).items():
-        values = np.ascontiguousarray(kept[name], dtype=np.int32)
-        _put_whole(field, b, values, len(values))
+    columns, rows = lattice.size.columns, lattice.size.rows
     if lattice.on_gpu:
-        _put_gpu_radii(lattice, b, np.ascontiguousarray(kept["radius"]))
+        lists = dict(kept) or {"partner_count": np.zeros(lattice.size.nodes, dtype=np.int32)}
     else:
-        pairs = np.ascontiguousarray(kept["pairs"], dtype=np.int32).ravel()
-        _put_pairs(lattice, b, pairs, np.ascontiguousarray(kept["radius"]))
+        lists = {name: values for name, values in kept.items() if name != "pairs"}
+        if kept:
+            lists["first"], lists["second"] = kept["pairs"].T
+        in_columns = np.asarray(kept.get("candidate_node", ()), dtype=np.int32) // rows
+        lists["column_candidates"] = np.bincount(in_columns, minlength=columns)
+    for name, field in lattice.state.lists.items():
+        if name in lists:
+            kind = np.float64 if name == "radius" else np.int32
+            _put_list(field, b, np.ascontiguousarray(lists[name], dtype=kind))
 
 
-def _take_neighbours(lattice: Lattice, b: int) -> dict[str, NDArray[Any]]:
-    state, kept = lattice.state, {}
-    counts = {"candidate_node": state.clock[b].candidates, "partners": 2 * lattice.most_pairs}
-    for name, field in _listed(lattice).items():
-        kept[name] = np.zeros(counts.get(name, lattice.size.nodes), dtype=np.int32)
-        _take_whole(field, b, kept[name], len(kept[name]))
+def _take_neighbours(
+    lattice: Lattice, b: int, clock: Mapping[str, float]
+) -> dict[str, NDArray[Any]]:
+    nodes, pairs, candidates = lattice.size.nodes, int(clock["pairs"]), int(clock["candidates"])
     if lattice.on_gpu:
-        kept["radius"] = np.zeros(lattice.size.nodes)
-        _take_gpu_radii(lattice, b, kept["radius"])
+        counts = {
+            "partners": 2 * lattice.most_pairs,
+            "partner_start": nodes,
+            "partner_count": nodes,
+        }
     else:
-        pairs = np.zeros(2 * state.clock[b].pairs, dtype=np.int32)
-        kept["radius"] = np.zeros(state.clock[b].candidates)
-        _take_pairs(lattice, b, pairs, kept["radius"])
-        kept["pairs"] = pairs.reshape(-1, 2)
+        counts = {
+            "candidate_node": candidates,
+            "radius": candidates,
+            "first": pairs,
+            "second": pairs,
+        }
+    kept = {}
+    for name, count in counts.items():
+        kept[name] = np.zeros(count, dtype=np.float64 if name == "radius" else np.int32)
+        _take_list(lattice.state.lists[name], b, kept[name])
+    if not lattice.on_gpu:
+        kept["pairs"] = np.stack([kept.pop("first"), kept.pop("second")], axis=1)
     return kept
 
 
 @ti.kernel
-def _put_whole(field: ti.template(), b: ti.i32, values: WholeNumbers, count: ti.i32):
-    for n in range(count):
+def _put_list(field: ti.template(), b: ti.i32, values: AnyNumbers):
+    for n in range(values.shape[0]):
         field[b, n] = values[n]
 
 
 @ti.kernel
-def _take_whole(field: ti.template(), b: ti.i32, values: WholeNumbers, count: ti.i32):
-    for n in range(count):
+def _take_list(field: ti.template(), b: ti.i32, values: AnyNumbers):
+    for n in range(values.shape[0]):
         values[n] = field[b, n]
 
 
-@ti.kernel
-def _forget_neighbours(lattice: ti.template(), b: ti.i32):
-    if ti.static(lattice.on_gpu):
-        for node in range(lattice.counts[None].nodes):
-            lattice.state.partner_count[b, node] = 0
-    else:
-        for i in range(lattice.counts[None].columns):
-            lattice.state.column_candidates[b, i] = 0
+# Calls.
 
 
-@ti.kernel
-def _put_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: Numbers):
-    for i in range(lattice.counts[None].columns):
-        lattice.state.column_candidates[b, i] = 0
-    for _ in range(1):
-        for n in range(lattice.state.clock[b].candidates):
-            lattice.state.candidate[b, n].radius = radius[n]
-            i = ti.raw_div(lattice.state.candidate_node[b, n], lattice.counts[None].rows)
-            count = lattice.state.column_candidates[b, i]
-            lattice.state.column_candidates[b, i] = count + 1
-        for n in range(lattice.state.clock[b].pairs):
-            for side in ti.static(range(2)):
-                lattice.state.pairs[b, n][side] = pairs[2 * n + side]
-
-
-@ti.kernel
-def _take_pairs(lattice: ti.template(), b: ti.i32, pairs: WholeNumbers, radius: Numbers):
-    for _ in range(1):
-        for n in range(lattice.state.clock[b].candidates):
-            radius[n] = lattice.state.candidate[b, n].radius
-        for n in range(lattice.state.clock[b].pairs):
-            for side in ti.static(range(2)):
-                pairs[2 * n + side] = lattice.state.pairs[b, n][side]
-
-
-@ti.kernel
-def _put_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
-    for node in range(lattice.counts[None].nodes):
-        i, j = (
-            ti.raw_div(node, lattice.counts[None].rows),
-            ti.raw_mod(node, lattice.counts[None].rows),
-        )
-        lattice.state.radius[b, i, j][0] = radius[node]
-
-
-@ti.kernel
-def _take_gpu_radii(lattice: ti.template(), b: ti.i32, radius: Numbers):
-    for node in range(lattice.counts[None].nodes):
-        i, j = (
-            ti.raw_div(node, lattice.counts[None].rows),
-            ti.raw_mod(node, lattice.counts[None].rows),
-        )
-        radius[node] = lattice.state.radius[b, i, j][0]
+def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
+    """The faster way to take up to so many steps of every lattice of a batch that goes on."""
+    if lattice.on_gpu:
+        return gpu.advance_blocks if lattice.size.nodes <= BLOCK_NODES else gpu.advance_wide
+    return cpu.advance_staged if lattice.size.nodes >= STAGED_NODES else cpu.advance_fused
 
 
 @ti.kernel
@@ -628,15 +469,10 @@ def _harvest(lattice: ti.template(), report: Table, rows: Stack):
         else:
             for strip in range(lattice.counts[None].strips):
                 overlap = ti.max(overlap, lattice.state.overlap[b, strip])
-        report[b, 0] = clock.status
-        report[b, 1] = clock.time
-        report[b, 2] = clock.rows
-        report[b, 3] = clock.steps
-        report[b, 4] = clock.shortest
-        report[b, 5] = clock.longest
-        report[b, 6] = clock.stable
-        report[b, 7] = clock.bad_node
-        report[b, 8] = overlap
+        for n in ti.static(range(len(CLOCK_REPORT))):
+            member = ti.static(lattice.state.clock.get_member_field(CLOCK_REPORT[n]))
+            report[b, n] = member[b]
+        report[b, ti.static(len(CLOCK_REPORT))] = overlap
         for r in range(clock.rows):
             for n in ti.static(range(len(row_columns(lattice.features.turns)))):
                 rows[b, r, n] = lattice.scratch.history[b, r, n]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import bonds, breaking, cells, contact, lanes, makeup
+from taichi_foam.engine import bonds, cells, contact, lanes, makeup
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.state import ABSENT
@@ -268,7 +268,7 @@ def _side(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()
         if state[b, m, k].condition[lane] > ABSENT:
             worst += state[b, m, k].worst[lane]
             there += 1
-        if breaking.is_whole(lattice, axis, b, m, n):
+        if bonds.is_whole(lattice, axis, b, m, n):
             total += lanes.position(lattice, motion, b, m + step[0], n + step[1])
             total -= lanes.position(lattice, motion, b, m, n)
             count += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,35 @@ from numpy.typing import NDArray
 from taichi_foam.scene import Block
 
 Array = NDArray[np.float64]
+
+# What an array has a place for each of, as how many columns and rows it has less than mass points.
+NODES, BONDS_A, BONDS_B, CELLS = (0, 0), (1, 0), (0, 1), (1, 1)
+
+
+@dataclass(frozen=True)
+class Per:
+    """Declares an array of a block by its annotation.
+
+    places   what it has a place for each of; None: it is one alone
+    numbers  shape of what is in each
+    """
+
+    places: tuple[int, int] | None
+    numbers: tuple[int, ...] = ()
+
+    def shape(self, columns: int, rows: int) -> tuple[int, ...]:
+        """In a block of so many mass points."""
+        if self.places is None:
+            return self.numbers
+        return (columns - self.places[0], rows - self.places[1], *self.numbers)
+
+
+def declared(kind: type) -> dict[str, Any]:
+    """The `Per` of each member of a class that has one, in order."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated
+    }
 
 
 @dataclass(frozen=True)
@@ -38,24 +67,24 @@ class Cushion:
     held            (3,) energy that contacts store: base, its friction, pieces [J]
     """
 
-    position: Array
-    velocity: Array
-    increment: Array
-    floor_stretch: Array
-    room: Array
-    surface: Array
-    hold: Array
-    worst_a: Array
-    worst_b: Array
-    broken_a: Array
-    broken_b: Array
-    intact_a: Array
-    intact_b: Array
-    stiffest: float
-    crush: float
-    speed: float
-    broken: float
-    held: Array
+    position: Annotated[Array, Per(NODES, (2,))]
+    velocity: Annotated[Array, Per(NODES, (2,))]
+    increment: Annotated[Array, Per(NODES, (2,))]
+    floor_stretch: Annotated[Array, Per(NODES)]
+    room: Annotated[Array, Per(NODES)]
+    surface: Annotated[Array, Per(NODES)]
+    hold: Annotated[Array, Per(CELLS)]
+    worst_a: Annotated[Array, Per(BONDS_A)]
+    worst_b: Annotated[Array, Per(BONDS_B)]
+    broken_a: Annotated[Array, Per(BONDS_A)]
+    broken_b: Annotated[Array, Per(BONDS_B)]
+    intact_a: Annotated[Array, Per(BONDS_A)]
+    intact_b: Annotated[Array, Per(BONDS_B)]
+    stiffest: Annotated[float, Per(None)]
+    crush: Annotated[float, Per(None)]
+    speed: Annotated[float, Per(None)]
+    broken: Annotated[float, Per(None)]
+    held: Annotated[Array, Per(None, (3,))]
 
     @property
     def sha256(self) -> str:
@@ -79,12 +108,5 @@ class Cushion:
     @classmethod
     def shapes(cls, block: Block) -> dict[str, tuple[int, ...]]:
         """Shape of each array of the cushion that a block becomes."""
-        columns, rows = block.columns, block.rows
-        nodes, a, b = (columns, rows), (columns - 1, rows), (columns, rows - 1)
-        pairs = dict.fromkeys(("position", "velocity", "increment"), (*nodes, 2))
-        kinds = {"floor_stretch": nodes, "room": nodes, "surface": nodes}
-        kinds["hold"] = (columns - 1, rows - 1)
-        for name in ("worst", "broken", "intact"):
-            kinds |= {f"{name}_a": a, f"{name}_b": b}
-        numbers = dict.fromkeys(("stiffest", "crush", "speed", "broken"), ())
-        return {**pairs, **kinds, **numbers, "held": (3,)}
+        told = declared(cls).items()
+        return {name: each.shape(block.columns, block.rows) for name, each in told}

@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_foam.analysis.columns import history_of
 from taichi_foam.backend import ti
-from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine import runtime, transfer
 from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import (
@@ -190,7 +190,7 @@ class Slots:
         """What the engine does is added to `wall`."""
         self._lattice = lattice
         self._wall = wall
-        self._advance = stepping.advance_of(lattice)
+        self._advance = transfer.advance_of(lattice)
         self._places: list[Run | None] = [None] * lattice.size.batch
         # of the whole batch, from the last call that took all the steps it was to take
         self._steps_per_second = 0.0

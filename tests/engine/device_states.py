@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from bench import bench, groups_of
 from test_same_numbers import EVERYTHING
 
-from taichi_foam.engine import runtime, stepping, transfer
+from taichi_foam.engine import runtime, transfer
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.layout import BLOCK_NODES, THREADS
@@ -179,7 +179,7 @@ def alone(scene: Scene, steps: int) -> States:
             transfer.unload(lattice, b)
         transfer.load(lattice, 0, scene)
         transfer.set_pause(lattice, np.full(LATTICES, 1e30))
-        stepping.advance_of(lattice)(lattice, steps)
+        transfer.advance_of(lattice)(lattice, steps)
         transfer.harvest(lattice)
         return _states(lattice, 1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bench import COLUMNS, ROWS, bench, node_forces, small_scene
 
-from taichi_foam.engine import stepping, transfer
+from taichi_foam.engine import transfer
 from taichi_foam.records.history import ROW_COLUMNS
 from taichi_foam.scene import Base, Block, Foam, Model, Scene
 from taichi_foam.scene.filling import filling
@@ -153,7 +153,7 @@ def test_forces_are_less_the_gradient_of_the_stored_energy(
     assert np.abs(expected).max() > 10.0
     np.testing.assert_allclose(forces, expected, rtol=1e-11, atol=2e-9)
     with bench(scene, **start) as loaded:
-        stepping.advance_of(loaded.lattice)(loaded.lattice, 1)
+        transfer.advance_of(loaded.lattice)(loaded.lattice, 1)
         row = dict(zip(ROW_COLUMNS, transfer.harvest(loaded.lattice)[1][0][0], strict=True))
     assert row["time"] == 0.0
     energies = stored(scene, start, start["position"].astype(complex))

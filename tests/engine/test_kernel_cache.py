@@ -15,7 +15,7 @@ import pytest
 import taichi as ti
 
 import taichi_foam
-from taichi_foam.engine import runtime, shipped
+from taichi_foam.engine import kernel_cache, runtime
 from taichi_foam.engine.kernel_cache import INDEX, LOCK
 
 PROGRAM = """
@@ -75,7 +75,7 @@ def kernels(folder: Path) -> dict[str, bytes]:
 def compiled(folder: Path) -> set[str]:
     """Names of the kernels that did not come with the package."""
     with tempfile.TemporaryDirectory() as name:
-        shipped.unpack(Path(name))
+        kernel_cache.unpack(Path(name))
         return kernels(folder).keys() - kernels(Path(name)).keys()
 
 
@@ -94,7 +94,7 @@ def test_a_home_that_cannot_be_written(tmp_path: Path) -> None:
 
 def test_the_users_cache(tmp_path: Path) -> None:
     assert process(tmp_path, HOME=str(tmp_path)) == ""
-    assert compiled(tmp_path / ".cache" / "taichi_foam" / "kernels" / shipped.digest())
+    assert compiled(tmp_path / ".cache" / "taichi_foam" / "kernels" / kernel_cache.digest())
 
 
 def test_kernels_are_found_again(tmp_path: Path, cache: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bench import bench, groups_of, small_scene
 
-from taichi_foam.engine import cpu, runtime, shipped
+from taichi_foam.engine import cpu, kernel_cache, runtime
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
@@ -168,7 +168,9 @@ tf.run(scene).save(sys.argv[2])
 """
 
 
-@pytest.mark.skipif(shipped.archive() is None, reason="no kernels come with it for this platform")
+@pytest.mark.skipif(
+    kernel_cache.archive() is None, reason="no kernels come with it for this platform"
+)
 def test_kernels_of_long_use_give_the_same_numbers(tmp_path: Path) -> None:
     """Those that come with the package have been through all of Taichi's passes, others not."""
     scene = paper_scene("paper/wedge-2.86").with_values(

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 import taichi_foam
-from taichi_foam.engine import kernel_cache, shipped
+from taichi_foam.engine import kernel_cache
 
 needs_kernels = pytest.mark.skipif(
-    shipped.archive() is None, reason="no kernels come with the package on this platform"
+    kernel_cache.archive() is None, reason="no kernels come with the package on this platform"
 )
 ZEN_5 = "vendor_id\t: AuthenticAMD\ncpu family\t: 26\nflags\t\t: fpu sse2 {}\n".format(
-    " ".join(sorted(shipped.WIDE_NEEDS))
+    " ".join(sorted(kernel_cache.WIDE_NEEDS))
 )
 
 PROGRAM = """
@@ -58,7 +58,7 @@ def names(folder: Path) -> set[str]:
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("unpacked") / "kernels"
-    shipped.unpack(folder)
+    kernel_cache.unpack(folder)
     return folder
 
 
@@ -94,11 +94,11 @@ def test_a_folder_that_is_used_is_left_alone(
 @needs_kernels
 def test_a_damaged_archive_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The run goes on, and compiles."""
-    archive = shipped.archive()
+    archive = kernel_cache.archive()
     assert archive is not None
     damaged = tmp_path / "damaged.tar.xz"
     damaged.write_bytes(archive.read_bytes()[:-4000])
-    monkeypatch.setattr(shipped, "archive", lambda: damaged)
+    monkeypatch.setattr(kernel_cache, "archive", lambda: damaged)
     cache = tmp_path / "cache"
     monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(cache))
     assert kernel_cache.prepared() == cache
@@ -107,24 +107,24 @@ def test_a_damaged_archive_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_processors_with_more_than_llvm_knows() -> None:
-    assert shipped.is_wider_than_known(ZEN_5)
-    assert not shipped.is_wider_than_known(ZEN_5.replace(": 26", ": 25"))
-    assert not shipped.is_wider_than_known(ZEN_5.replace("avx2", "avx"))
-    assert not shipped.is_wider_than_known(ZEN_5.replace("AuthenticAMD", "GenuineIntel"))
-    assert not shipped.is_wider_than_known("")
+    assert kernel_cache.is_wider_than_known(ZEN_5)
+    assert not kernel_cache.is_wider_than_known(ZEN_5.replace(": 26", ": 25"))
+    assert not kernel_cache.is_wider_than_known(ZEN_5.replace("avx2", "avx"))
+    assert not kernel_cache.is_wider_than_known(ZEN_5.replace("AuthenticAMD", "GenuineIntel"))
+    assert not kernel_cache.is_wider_than_known("")
 
 
 @needs_kernels
 def test_widened_kernels_are_sound_and_compute_the_same(tmp_path: Path, unpacked: Path) -> None:
     """Told that the processor has wide vectors, a kernel gives the same bits."""
-    flags = shipped.cpuinfo()
-    if not all(flag in flags.split() for flag in shipped.WIDE_NEEDS):
+    flags = kernel_cache.cpuinfo()
+    if not all(flag in flags.split() for flag in kernel_cache.WIDE_NEEDS):
         pytest.skip("this processor does not have them")
     wide = tmp_path / "wide"
     wide.mkdir()
     for path in unpacked.iterdir():
         kernel = path.read_bytes()
-        changed = shipped.widened(kernel) if path.suffix == ".tic" else kernel
+        changed = kernel_cache.widened(kernel) if path.suffix == ".tic" else kernel
         assert (changed != kernel) == (path.suffix == ".tic")
         (wide / path.name).write_bytes(changed)
     before = {path: hashlib.sha256(path.read_bytes()).digest() for path in wide.glob("T*.tic")}

@@ -11,7 +11,7 @@ from reference_lattice import reference_positions
 from scipy.stats import kstest, weibull_min
 
 from taichi_foam.analysis.fragments import pieces
-from taichi_foam.engine.strengths import cuts, strengths, weibull_modulus
+from taichi_foam.engine.grading import cuts, strengths, weibull_modulus
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
 from taichi_foam.simulation.simulate import run
 

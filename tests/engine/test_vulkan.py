@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from device_states import ENERGIES, STEPS_BEFORE, STEPS_BIG, STEPS_OPTIONS, States
 
-from taichi_foam.engine.device import device_of
+from taichi_foam.engine.runtime import device_of
 
 HERE = Path(__file__).parent
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from taichi_foam.analysis.measures import assumed_of
 from taichi_foam.catalogue import load_scene
-from taichi_foam.engine.strengths import cuts
+from taichi_foam.engine.grading import cuts
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Block, FlatBlock, Foam, Layer, Numerics, Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
