@@ -30,6 +30,7 @@ from timing.engine import settings, start_taichi
 from timing.table import Table, write
 from timing.workers import compile_thoroughly
 
+from taichi_foam.analysis import cell_shapes
 from taichi_foam.live.messages import Frame
 from taichi_foam.live.screen import FPS, Screen
 from taichi_foam.live.session import Session

@@ -424,13 +424,6 @@ def parameters_of(scene: Scene) -> dict:
     return values
 
 
-def _pulse(scene: Scene) -> NDArray[np.float64]:
-    """Points (n, 2) of the base's pulse: time [s], acceleration [m/s2]."""
-    pulse = scene.base.shaking
-    assert pulse is not None
-    return np.column_stack([pulse.time, pulse.acceleration])
-
-
 def _surface(scene: Scene) -> NDArray[np.float64]:
     """Rows of three numbers (n, 3) of the impactor, see `laws.shape.edges.surface_of`."""
     if scene.impactor is None:
