@@ -2,31 +2,44 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
-from dataclasses import replace
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
-from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.cli.outcome import Terminal, command
 from taichi_foam.errors import UserError
-from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from taichi_foam.cli.delivery import Job
     from taichi_foam.results.result import Result
 
 _RUN = "Folder of a stored run."
+
+
+@dataclass(frozen=True)
+class Job:
+    """Something to draw.
+
+    names   what it writes: files, or folders, whose names end with /
+    pieces  how many pictures that takes
+    write   writes it into a folder, each file whole, calling back after each picture
+    """
+
+    names: tuple[str, ...]
+    pieces: int
+    write: Callable[[Path, Callable[[], None]], object]
 
 
 def render_command(
@@ -59,8 +72,7 @@ def render_command(
     overwrite: OverwriteFiles = False,
 ) -> None:
     """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         if not (gif or mp4 or png or frames or pdf or svg):
             gif = mp4 = True
         film = gif or mp4
@@ -72,7 +84,6 @@ def render_command(
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Matplotlib
-        from taichi_foam.cli.delivery import Job
         from taichi_foam.picture import films, montage, printed
         from taichi_foam.shim2000 import tests
 
@@ -106,7 +117,7 @@ def render_command(
                 printed.column_width(wide)
                 endings = [e for e, wanted in ((".pdf", pdf), (".svg", svg)) if wanted]
                 jobs += [_figure(name + e, partial(figure, column=wide)) for e in endings]
-        _deliver(jobs, run_dir if out is None else out, overwrite, console, errors)
+        _deliver(jobs, run_dir if out is None else out, overwrite, terminal)
 
 
 def compare_command(
@@ -125,13 +136,11 @@ def compare_command(
     overwrite: OverwriteFiles = False,
 ) -> None:
     """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         if not (gif or mp4 or png):
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
-        from taichi_foam.cli.delivery import Job
         from taichi_foam.picture import comparison, films, montage
         from taichi_foam.shim2000 import tests
 
@@ -149,7 +158,7 @@ def compare_command(
             width = output.width if size else montage.WIDTH
             montage.check_width(width)
             jobs.append(_still(f"{name}.png", partial(comparison.instants, lineup, width=width)))
-        _deliver(jobs, out, overwrite, console, errors)
+        _deliver(jobs, out, overwrite, terminal)
 
 
 def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
@@ -196,7 +205,6 @@ def _loaded(
 
 def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
     """A picture as a PNG."""
-    from taichi_foam.cli.delivery import Job
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from PIL import Image
@@ -213,7 +221,6 @@ def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
 
 def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     """A figure for print."""
-    from taichi_foam.cli.delivery import Job
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from taichi_foam.picture import style
@@ -224,11 +231,85 @@ def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     return Job((name,), 1, write)
 
 
-def _deliver(
-    jobs: list[Job], folder: str, overwrite: bool, console: Console, errors: Console
-) -> None:
-    """Draw, and name what was written."""
-    from taichi_foam.cli.delivery import deliver
+def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
+    """Draw `jobs` into `folder`, which is made where it is absent, and name what was written.
 
-    names = deliver(jobs, folder, overwrite, Bars(errors))
-    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
+    Folder and files may be there: each file appears whole or not at all.
+
+    Raises:
+        UserError: a name that is taken, a folder that cannot be written to; before anything is
+            drawn.
+        KeyboardInterrupt: on Ctrl-C, with a message that names what had been completed.
+    """
+    from taichi_foam.results import manifest
+
+    if not folder.strip() or "\0" in folder:
+        raise UserError(f"output folder {folder!r}: not a path. Fix: give the name of a folder.")
+    with _explained(folder):
+        _check(Path(folder), [name for job in jobs for name in job.names], overwrite)
+    done: list[str] = []
+    with _made(folder) as place, _explained(folder):
+        total = sum(job.pieces for job in jobs)
+        try:
+            with terminal.bars.counting(
+                "pictures", "drawing pictures", total, "pictures"
+            ) as on_piece:
+                for job in jobs:
+                    job.write(place, on_piece)
+                    manifest.add(place, [name.rstrip("/") for name in job.names])
+                    done += job.names
+        except KeyboardInterrupt:
+            kept = f"what was complete is in {folder}: {', '.join(done)}"
+            raise KeyboardInterrupt(kept if done else "nothing was written") from None
+    terminal.line(f"in {folder}: {', '.join(done)}")
+
+
+def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
+    """Refuse a folder that is a file, and names that are taken. Raises OSError too."""
+    from taichi_foam.results.folders import check_output_folder
+
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"output folder {folder}: that is a file. Fix: choose another --out.")
+    for name in names:
+        path = folder / name
+        if not os.path.lexists(path):
+            continue
+        if path.is_dir() != name.endswith("/"):
+            kind = "a folder" if path.is_dir() else "a file"
+            raise UserError(f"{path}: that is {kind}. Fix: move it, or choose another --out.")
+        if not overwrite:
+            raise UserError(
+                f"{path}: it is there already. "
+                "Fix: pass --overwrite to replace it, or choose another folder with --out."
+            )
+        if path.is_dir():
+            check_output_folder(path, overwrite)
+
+
+@contextlib.contextmanager
+def _made(folder: str) -> Iterator[Path]:
+    """Make a folder with its parents and try it; those made that are empty at the end go again."""
+    place = Path(os.path.realpath(folder))
+    missing = [path for path in (*reversed(place.parents), place) if not path.exists()]
+    try:
+        with _explained(folder):
+            place.mkdir(parents=True, exist_ok=True)
+            # Permission bits do not tell all: root, /proc, read-only disks.
+            tempfile.TemporaryDirectory(prefix=".taichi-foam-", dir=place).cleanup()
+        yield place
+    finally:
+        for path in reversed(missing):
+            with contextlib.suppress(OSError):  # it has content
+                path.rmdir()
+
+
+@contextlib.contextmanager
+def _explained(folder: str) -> Iterator[None]:
+    """Turn a system error into a UserError about `folder`."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(
+            f"output folder {folder}: cannot be written ({error.strerror or error}). "
+            "Fix: free some space, or choose a folder that you may write to with --out."
+        ) from error
