@@ -97,11 +97,14 @@ def exit_codes(console: Console) -> Iterator[None]:
             )
             raise _told(console, text, REFUSED) from None
         except ImportError as error:
-            if "libX11" not in str(error):
+            text = str(error)
+            if "libX11" in text:
+                text = (
+                    f"Taichi cannot be loaded ({text}); install libX11 (Debian: apt install "
+                    "libx11-6)"
+                )
+            elif error.name != "taichi_foam.backend":
                 raise
-            text = (
-                f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
-            )
             raise _told(console, text, REFUSED) from None
 
 

@@ -18,6 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from taichi_foam import backend
 from taichi_foam.engine import shipped
 
 LOCK, INDEX = "ticache.lock", "ticache.tcb"
@@ -78,8 +79,9 @@ def _ready() -> Path | None:
             "process alone; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can"
         )
         return None
-    with contextlib.suppress(OSError):  # another process may mend it at the same time
-        _mend(folder, now)
+    if backend.keeps_ticache():
+        with contextlib.suppress(OSError):  # another process may mend it at the same time
+            _mend(folder, now)
     return folder
 
 

@@ -16,7 +16,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from taichi_foam.backend import ti
+from taichi_foam import backend
 
 # A processor that Taichi's LLVM does not know counts as one without wide vectors. These families of
 # AMD's, and what they have in any case; 25 is the last that LLVM 15 knows.
@@ -34,8 +34,7 @@ _ATTRIBUTES = re.compile(rb'^(attributes #\d+ = \{ )(?!.*"target-cpu")', re.MULT
 
 def archive_name() -> str:
     """What kernels for this platform and version of Taichi are called."""
-    version = ".".join(map(str, ti.__version__))
-    return f"kernels-{version}-{sys.platform}-{platform.machine()}.tar.xz"
+    return f"kernels-{backend.version()}-{sys.platform}-{platform.machine()}.tar.xz"
 
 
 def archive() -> Path | None:
