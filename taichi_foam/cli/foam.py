@@ -32,11 +32,11 @@ app = typer.Typer(
 def list_command() -> None:
     """List the foams of the library."""
     with command() as terminal:
-        from taichi_foam.cli import foam_tables
+        from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import SCALED
 
         terminal.show(
-            foam_tables.library(),
+            foam_files.library(),
             "",
             f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, by a "
             "scaling",
@@ -56,15 +56,15 @@ def show_command(
 ) -> None:
     """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
     with command() as terminal:
-        from taichi_foam.cli import foam_tables
+        from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import foam_of
 
         file = foam_of(name, asked="foam ")
         terminal.show(
-            *foam_tables.known(file),
-            *foam_tables.constants(file),
-            *foam_tables.landmarks(file.foam),
-            *foam_tables.assumed(file, file.assumed),
+            *foam_files.known(file),
+            *foam_files.constants(file),
+            *foam_files.landmarks(file.foam),
+            *foam_files.assumed(file, file.assumed),
         )
 
 
@@ -148,36 +148,36 @@ def import_command(
 ) -> None:
     """Make a foam file of a compression test, and a picture of both beside it."""
     with command() as terminal:
-        from taichi_foam.cli import compression, foam_tables
+        from taichi_foam.cli import foam_files
         from taichi_foam.laws.bond.fit import crushable_fit
         from taichi_foam.scene.measured import Columns, read_test
 
-        path = compression.path_of(test)
-        targets = compression.targets(path, out, overwrite)
-        finest = compression.finest(points)
+        path = foam_files.path_of(test)
+        targets = foam_files.targets(path, out, overwrite)
+        finest = foam_files.finest(points)
         columns = Columns(
-            compression.column(strain), compression.column(stress), strain_unit, stress_unit,
-            area=compression.number(area),  # type: ignore[arg-type]  # told by it
-            height=compression.number(height),  # type: ignore[arg-type]
+            foam_files.column(strain), foam_files.column(stress), strain_unit, stress_unit,
+            area=foam_files.number(area),  # type: ignore[arg-type]  # told by it
+            height=foam_files.number(height),  # type: ignore[arg-type]
         )  # fmt: skip
         read = read_test(path, columns, finest)
         known = {
             "title": path.stem if name is None else name,
             "source": f"compression test in {path.name}" if source is None else source,
-            "density": compression.number(density),
-            "rate": compression.number(rate),
+            "density": foam_files.number(density),
+            "rate": foam_files.number(rate),
             "direction": direction,
             "licence": licence,
         }
-        file = compression.file_of(known, read)
+        file = foam_files.file_of(known, read)
         fit = crushable_fit(read.curve)
-        compression.write(file, read, fit, *targets)
+        foam_files.write(file, read, fit, *targets)
         terminal.show(
-            *compression.what_was_read(path, read),
-            *compression.derived(file.foam, fit),
-            *foam_tables.assumed(file, file.assumed),
+            *foam_files.what_was_read(path, read),
+            *foam_files.derived(file.foam, fit),
+            *foam_files.assumed(file, file.assumed),
         )
-        terminal.warn(compression.doubts(file.foam, fit))
+        terminal.warn(foam_files.doubts(file.foam, fit))
         terminal.line(f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
         terminal.line(f'in a scene: foam = "{targets[0].name}", if the scene is in that folder')
 
@@ -194,7 +194,7 @@ def assumed_command(
     """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
     with command() as terminal:
         from taichi_foam.catalogue import load_scene
-        from taichi_foam.cli import foam_tables
+        from taichi_foam.cli import foam_files
 
         folder = Path(source)
         if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
@@ -205,4 +205,4 @@ def assumed_command(
         scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
         if not scene.assumed:
             terminal.show("nothing is assumed of the foam")
-        terminal.show(*foam_tables.assumed(scene, scene.assumed or ()))
+        terminal.show(*foam_files.assumed(scene, scene.assumed or ()))

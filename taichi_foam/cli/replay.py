@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from taichi_foam.picture.films import Names
     from taichi_foam.results.result import Result
+    from taichi_foam.scene import Scene
 
 _RUN = "Folder of a stored run."
 
@@ -95,18 +97,12 @@ def render_command(
                 gif=f"film-{shown}.gif" if gif else None,
                 frames=f"frames-{shown}" if frames else None,
             )
-            written = [name for name in (names.mp4, names.gif) if name]
-            written += [f"{names.frames}/"] if frames else []
             pieces = films.frames_to_draw(result, names)
             write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
-            jobs.append(Job(tuple(written), pieces, write))
+            jobs.append(_film(names, pieces, write))
         if png:
-            width = result.scene.output.width if size else montage.WIDTH
-            montage.check_width(width)
-            draw = partial(
-                montage.montage, result.snapshots, result.scene, width=width, title=title
-            )
-            jobs.append(_still(f"montage-{shown}.png", draw))
+            draw = partial(montage.montage, result.snapshots, result.scene, title=title)
+            jobs.append(_still(f"montage-{shown}.png", draw, result.scene, size))
         if pdf or svg:
             instants = partial(printed.montage, result.snapshots, result.scene)
             for name, figure, usual in (
@@ -141,23 +137,20 @@ def compare_command(
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
-        from taichi_foam.picture import comparison, films, montage
+        from taichi_foam.picture import comparison, films
         from taichi_foam.shim2000 import tests
 
         captions = [tests.caption(result.scene) for result in results]
         lineup = comparison.Lineup.of(results, _folder_names(runs), captions)
-        output = results[0].scene.output
-        name = f"comparison-{output.mode}"
+        name = f"comparison-{results[0].scene.output.mode}"
         jobs = []
         if gif or mp4:
             names = films.Names(f"{name}.mp4" if mp4 else None, f"{name}.gif" if gif else None)
-            written = tuple(each for each in (names.mp4, names.gif) if each)
             pieces = films.lineup_frames_to_draw(lineup, names)
-            jobs.append(Job(written, pieces, partial(films.write_lineup, lineup, names=names)))
+            jobs.append(_film(names, pieces, partial(films.write_lineup, lineup, names=names)))
         if png:
-            width = output.width if size else montage.WIDTH
-            montage.check_width(width)
-            jobs.append(_still(f"{name}.png", partial(comparison.instants, lineup, width=width)))
+            draw = partial(comparison.instants, lineup)
+            jobs.append(_still(f"{name}.png", draw, results[0].scene, size))
         _deliver(jobs, out, overwrite, terminal)
 
 
@@ -203,15 +196,28 @@ def _loaded(
     return replace(result, scene=result.scene.with_values(values))
 
 
-def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
-    """A picture as a PNG."""
+def _film(names: Names, pieces: int, write: Callable[..., object]) -> Job:
+    """Pictures in motion."""
+    written = [name for name in (names.mp4, names.gif) if name]
+    written += [f"{names.frames}/"] if names.frames else []
+    return Job(tuple(written), pieces, write)
+
+
+def _still(
+    name: str, draw: Callable[..., NDArray[np.uint8]], scene: Scene, size: str | None
+) -> Job:
+    """A picture as a PNG, as wide as the scene says if a `size` was given. Raises UserError."""
+    from taichi_foam.picture import montage
+
+    width = scene.output.width if size else montage.WIDTH
+    montage.check_width(width)
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from PIL import Image
 
         from taichi_foam.results.files import whole_file
 
-        picture = Image.fromarray(draw())
+        picture = Image.fromarray(draw(width=width))
         with whole_file(folder / name) as partial_:
             picture.save(partial_, optimize=True)
         on_piece()
