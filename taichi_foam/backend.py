@@ -2,32 +2,96 @@
 
 It is Taichi itself, with less ado about source code. What it does with that, for error messages for
 the most part, takes a third of the time that a process needs until it computes.
+
+TAICHI_FOAM_BACKEND=quadrants takes Quadrants instead, Taichi's living fork, on trial: install
+`quadrants`. Numbers may differ in their last digits, and kernels that come with the package are
+Taichi's. Whatever reaches beyond what both of them document stands here, and says what is other.
 """
 
 from __future__ import annotations
 
 import ast
+import gc
 import inspect
 import linecache
+import os
 import sys
 import textwrap
 from functools import cache
+from importlib import import_module
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import taichi as ti
-from taichi.lang import kernel_impl
-from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+__all__ = ["compiling", "has_fields_elsewhere", "is_present", "keeps_ticache", "ti", "version"]
 
-__all__ = ["ti"]
+NAME = os.environ.get("TAICHI_FOAM_BACKEND") or "taichi"
+"""What computes: taichi or quadrants."""
+
+if NAME not in ("taichi", "quadrants"):
+    raise ImportError(
+        f"TAICHI_FOAM_BACKEND = {NAME!r}: choose taichi, which is the default, or quadrants",
+        name=__name__,
+    )
+
+if TYPE_CHECKING or NAME == "taichi":
+    import taichi as ti
+else:
+    os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "0")
+    try:
+        import quadrants as ti  # type: ignore[import-not-found]
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            f"TAICHI_FOAM_BACKEND=quadrants: needs {error.name}, which is not installed. "
+            "Fix: python -m pip install quadrants",
+            name=__name__,
+        ) from None
+
+
+def version() -> str:
+    """Which version computes: 1.7.4 of Taichi, or quadrants-1.3.3."""
+    number = ".".join(map(str, ti.__version__))
+    return number if NAME == "taichi" else f"{NAME}-{number}"
+
+
+def keeps_ticache() -> bool:
+    """Whether kernels lie on disk in the files that `engine.kernel_cache` knows and mends.
+
+    Quadrants has other ones, in a folder within the same, which it looks after by itself.
+    """
+    return NAME == "taichi"
+
+
+def is_present(arch: str) -> bool:
+    """Whether this machine offers `arch`, a GPU's; `ti.init` would take the CPU with a warning."""
+    core = import_module(f"{NAME}._lib").core
+    return bool(getattr(core, f"with_{arch}")())
+
+
+def compiling() -> Any:
+    """How kernels are compiled from now on, once `ti.init` was called: its members may be set."""
+    program = import_module(f"{NAME}.lang.impl").get_runtime().prog
+    assert program is not None
+    return program.config()
+
+
+def has_fields_elsewhere(trees: int) -> bool:
+    """Whether there are more than so many trees of fields, or other fields or arrays on the device.
+
+    The tree that is made by itself is empty unless a program has fields in it.
+    """
+    made = sum(root.ptr.get_num_ch() > 0 for root in ti.FieldsBuilder._finalized_roots())
+    begun = import_module(f"{NAME}.lang.impl").get_runtime().unfinalized_fields_builder
+    arrays = (thing for thing in gc.get_objects() if isinstance(thing, ti.Ndarray))
+    return (
+        made != trees
+        or not all(builder.empty for builder in begun)
+        or next(arrays, None) is not None
+    )
 
 
 def _inside_class(level_of_class_stackframe: int) -> bool:
     """Whether a function is decorated in a class; by its frame, not by how the line is written."""
     return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
-
-
-_taichis_sourcelines = kernel_impl.getsourcelines
 
 
 @cache
@@ -44,15 +108,21 @@ def _getsourcefile(function: Any) -> str:
     return inspect.unwrap(function).__code__.co_filename
 
 
-def _position(self: ASTTransformerContext, node: ast.AST) -> str:
+def _position(self: Any, node: ast.AST) -> str:
     """Where a statement stands, for messages; Taichi adds its text, whether there is any or not."""
     line = node.lineno + self.lineno_offset  # type: ignore[attr-defined]
     assert self.func is not None
     return f'File "{self.file}", line {line}, in {self.func.func.__name__}:\n'
 
 
-kernel_impl._inside_class = _inside_class
-kernel_impl.getsourcelines = _getsourcelines
-kernel_impl.getsourcefile = _getsourcefile
-kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
-ASTTransformerContext.get_pos_info = _position
+if NAME == "taichi":
+    # Quadrants reads the source once and keeps positions: it has no use for these
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+    _taichis_sourcelines = kernel_impl.getsourcelines
+    kernel_impl._inside_class = _inside_class
+    kernel_impl.getsourcelines = _getsourcelines
+    kernel_impl.getsourcefile = _getsourcefile
+    kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
+    ASTTransformerContext.get_pos_info = _position

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from taichi_foam import version as package
-from taichi_foam.cli import foam, keys, replay, serve, sweep
+from taichi_foam.cli import foam, replay, sweep
 from taichi_foam.cli.options import (
-    After,
     Arch,
     Checkpoint,
     Choices,
-    Drops,
     Dt,
-    Frames,
-    Live,
-    NoFilm,
-    Out,
     Overwrite,
+    RunRequest,
     SceneName,
     Set,
     Threads,
+    overrides_of,
+    spread,
 )
-from taichi_foam.cli.outcome import exit_codes, say_where
-from taichi_foam.simulation.progress import Bars
+from taichi_foam.cli.outcome import INTERRUPTED, command
+from taichi_foam.errors import UserError, installed
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -50,25 +48,9 @@ def run_script(scene: Scene) -> None:
     )
 
     @script.command(help=f"Run the scene {scene.name!r} of this script.")
-    def command(
-        out: Out = None,
-        set_: Set = None,
-        choices: Choices = None,
-        dt: Dt = None,
-        arch: Arch = "cpu",
-        threads: Threads = None,
-        overwrite: Overwrite = False,
-        no_film: NoFilm = False,
-        frames: Frames = False,
-        live: Live = False,
-        checkpoint: Checkpoint = None,
-        after: After = None,
-        drops: Drops = None,
-    ) -> None:
-        overrides = _overrides(set_, dt, no_film, frames)
-        _run(
-            scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint, after, drops
-        )
+    @spread
+    def run_it(asked: RunRequest) -> None:
+        _run(scene, asked)
 
     script()
 
@@ -91,26 +73,18 @@ def _root(
     """Hold the options that belong to no command."""
 
 
+def _run(scene: str | Scene, asked: RunRequest) -> None:
+    with command() as terminal:
+        from taichi_foam.cli.run import run
+
+        run(scene, asked, terminal)
+
+
 @_app.command("run")
-def run_command(
-    scene: SceneName,
-    out: Out = None,
-    set_: Set = None,
-    choices: Choices = None,
-    dt: Dt = None,
-    arch: Arch = "cpu",
-    threads: Threads = None,
-    overwrite: Overwrite = False,
-    no_film: NoFilm = False,
-    frames: Frames = False,
-    live: Live = False,
-    checkpoint: Checkpoint = None,
-    after: After = None,
-    drops: Drops = None,
-) -> None:
+@spread
+def run_command(scene: SceneName, asked: RunRequest) -> None:
     """Run one scene and write its result: histories, snapshots, measures, a GIF and an MP4."""
-    overrides = _overrides(set_, dt, no_film, frames)
-    _run(scene, out, choices, overrides, arch, threads, overwrite, live, checkpoint, after, drops)
+    _run(scene, asked)
 
 
 @_app.command("resume")
@@ -120,11 +94,10 @@ def resume_command(
     checkpoint: Checkpoint = None,
 ) -> None:
     """Continue a run that was killed or interrupted, from the checkpoint in its folder."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         from taichi_foam.cli.run import resume
 
-        resume(folder, threads, checkpoint, Bars(errors), console, errors)
+        resume(folder, RunRequest(threads=threads, checkpoint=checkpoint), terminal)
 
 
 @_app.command("scenes")
@@ -138,10 +111,77 @@ def scenes_command() -> None:
         typer.echo(f"{name:<{width}}{about}")
 
 
-_app.command("keys")(keys.keys_command)
+@_app.command("keys")
+def keys_command(
+    part: Annotated[
+        str | None,
+        typer.Argument(metavar="PART", help="Part of a scene, or one key; default: all."),
+    ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the page docs/scene.md instead.")
+    ] = False,
+) -> None:
+    """List the keys of a scene: unit (- is a plain number), default, what is allowed, meaning."""
+    with command() as terminal:
+        from taichi_foam.cli import reference
+
+        if markdown and part is not None:
+            raise UserError("--markdown: the page is of all keys; leave out PART")
+        if markdown:
+            typer.echo(reference.page(), nl=False)
+        else:
+            terminal.show(*reference.tables_of(part))
+
+
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
-_app.command("serve")(serve.serve_command)
+
+
+@_app.command("serve")
+def serve_command(
+    scene: SceneName,
+    host: Annotated[
+        str, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines in, too.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0 takes any that is free.")] = 8000,
+    out: Annotated[str, typer.Option(help="Folder for the folders of drops.")] = "runs/served",
+    set_: Set = None,
+    choices: Choices = None,
+    dt: Dt = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
+) -> None:
+    """Show a scene in the browser while it computes: picture, curve, controls, downloads."""
+    with command() as terminal:
+        from taichi_foam.catalogue import load_scene
+
+        checked = load_scene(scene, choices, overrides_of(dt, set_))
+        # the scene is right: now what brings Taichi along
+        with installed("a live page", "taichi-foam[live]"):
+            from taichi_foam.live.page.server import Server, open_browser
+
+        server = Server(checked, out, host, port, arch, threads)
+
+        def ready() -> None:
+            terminal.line(f"{server.address} (Ctrl-C ends it)")
+            if not no_open:
+                # it may take its time, or all of it
+                threading.Thread(target=open_browser, args=[server.address], daemon=True).start()
+
+        if server.is_open:
+            terminal.warn(
+                [
+                    f"whoever reaches {host} and has the token in the address can drop things, "
+                    "and fill the disk; the connection is not encrypted"
+                ]
+            )
+        if server.run(ready):
+            with contextlib.suppress(OSError):  # the terminal may be what has gone
+                terminal.warn([f"what there was is in {out}"], "interrupted")
+            raise typer.Exit(INTERRUPTED)
+
+
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
 
@@ -167,8 +207,7 @@ def reproduce_command(
     no_films: Annotated[bool, typer.Option("--no-films", help="Write no GIFs and MP4s.")] = False,
 ) -> None:
     """Run the paper's nine impacts and write a report: tables, curves, pictures."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         from taichi_foam.cli import tables
         from taichi_foam.shim2000.reproduce import reproduce
 
@@ -181,52 +220,18 @@ def reproduce_command(
             threads=threads,
             overwrite=overwrite,
             films=not no_films,
-            bars=Bars(errors),
+            bars=terminal.bars,
         )
-        console.print(tables.study(content))
+        terminal.show(tables.study(content))
         if content["ensemble"]:
-            console.print(tables.scores(content))
+            terminal.show(tables.scores(content))
         if content["criteria"]:
-            console.print(tables.criteria(content))
-        say_where(console, out)
-        for text in content["warnings"]:
-            errors.print(f"warning: {text}", soft_wrap=True, markup=False)
+            terminal.show(tables.criteria(content))
+        terminal.where(out)
+        terminal.warn(content["warnings"])
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
             left = f"not finished and left out: {missing}" if missing else "films may be missing"
             raise KeyboardInterrupt(
                 f"what has finished is kept; {left}; the same command goes on from there"
             )
-
-
-def _overrides(given: list[str] | None, dt: str | None, no_film: bool, frames: bool) -> list[str]:
-    """The options as scene overrides; --set comes last and so has the last word."""
-    overrides = [] if dt is None else [f"numerics.dt={dt}"]
-    if no_film:
-        overrides.append("output.film=false")
-    if frames:
-        overrides.append("output.frames=true")
-    return [*overrides, *(given or [])]
-
-
-def _run(
-    source: str | Scene,
-    out: str | None,
-    choices: str | None,
-    overrides: list[str],
-    arch: str,
-    threads: int | None,
-    overwrite: bool,
-    live: bool,
-    every: float | None,
-    after: str | None,
-    drops: int | None,
-) -> None:
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
-        from taichi_foam.cli.run import run
-
-        run(
-            source, out, choices, overrides, arch, threads, overwrite, live, every, after, drops,
-            Bars(errors), console, errors,
-        )  # fmt: skip

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.cli.options import OverwriteFiles
+from taichi_foam.cli.outcome import command
 from taichi_foam.errors import UserError
 from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UNITS
 
@@ -31,15 +31,15 @@ app = typer.Typer(
 @app.command("list")
 def list_command() -> None:
     """List the foams of the library."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
-        from taichi_foam.cli import foam_tables
+    with command() as terminal:
+        from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import SCALED
 
-        console.print(foam_tables.library())
-        console.print()
-        console.print(
-            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, by a scaling"
+        terminal.show(
+            foam_files.library(),
+            "",
+            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, by a "
+            "scaling",
         )
 
 
@@ -55,19 +55,17 @@ def show_command(
     ],
 ) -> None:
     """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
-        from taichi_foam.cli import foam_tables
+    with command() as terminal:
+        from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import foam_of
 
         file = foam_of(name, asked="foam ")
-        for part in (
-            *foam_tables.known(file),
-            *foam_tables.constants(file),
-            *foam_tables.landmarks(file.foam),
-            *foam_tables.assumed(file, file.assumed),
-        ):
-            console.print(part)
+        terminal.show(
+            *foam_files.known(file),
+            *foam_files.constants(file),
+            *foam_files.landmarks(file.foam),
+            *foam_files.assumed(file, file.assumed),
+        )
 
 
 @app.command("import")
@@ -146,47 +144,42 @@ def import_command(
         str | None,
         typer.Option(metavar="FILE.toml", help="Default: the test's name, in this folder."),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files that are there already.")
-    ] = False,
+    overwrite: OverwriteFiles = False,
 ) -> None:
     """Make a foam file of a compression test, and a picture of both beside it."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
-        from taichi_foam.cli import compression, foam_tables
+    with command() as terminal:
+        from taichi_foam.cli import foam_files
         from taichi_foam.laws.bond.fit import crushable_fit
         from taichi_foam.scene.measured import Columns, read_test
 
-        path = compression.path_of(test)
-        targets = compression.targets(path, out, overwrite)
-        finest = compression.finest(points)
+        path = foam_files.path_of(test)
+        targets = foam_files.targets(path, out, overwrite)
+        finest = foam_files.finest(points)
         columns = Columns(
-            compression.column(strain), compression.column(stress), strain_unit, stress_unit,
-            area=compression.number(area),  # type: ignore[arg-type]  # told by it
-            height=compression.number(height),  # type: ignore[arg-type]
+            foam_files.column(strain), foam_files.column(stress), strain_unit, stress_unit,
+            area=foam_files.number(area),  # type: ignore[arg-type]  # told by it
+            height=foam_files.number(height),  # type: ignore[arg-type]
         )  # fmt: skip
         read = read_test(path, columns, finest)
         known = {
             "title": path.stem if name is None else name,
             "source": f"compression test in {path.name}" if source is None else source,
-            "density": compression.number(density),
-            "rate": compression.number(rate),
+            "density": foam_files.number(density),
+            "rate": foam_files.number(rate),
             "direction": direction,
             "licence": licence,
         }
-        file = compression.file_of(known, read)
+        file = foam_files.file_of(known, read)
         fit = crushable_fit(read.curve)
-        compression.write(file, read, fit, *targets)
-        for part in (
-            *compression.what_was_read(path, read),
-            *compression.derived(file.foam, fit),
-            *foam_tables.assumed(file, file.assumed),
-        ):
-            console.print(part)
-        for text in compression.doubts(file.foam, fit):
-            _line(errors, f"warning: {text}")
-        _line(console, f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
-        _line(console, f'in a scene: foam = "{targets[0].name}", if the scene is in that folder')
+        foam_files.write(file, read, fit, *targets)
+        terminal.show(
+            *foam_files.what_was_read(path, read),
+            *foam_files.derived(file.foam, fit),
+            *foam_files.assumed(file, file.assumed),
+        )
+        terminal.warn(foam_files.doubts(file.foam, fit))
+        terminal.line(f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
+        terminal.line(f'in a scene: foam = "{targets[0].name}", if the scene is in that folder')
 
 
 @app.command("assumed")
@@ -199,10 +192,9 @@ def assumed_command(
     ],
 ) -> None:
     """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         from taichi_foam.catalogue import load_scene
-        from taichi_foam.cli import foam_tables
+        from taichi_foam.cli import foam_files
 
         folder = Path(source)
         if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
@@ -212,10 +204,5 @@ def assumed_command(
             )
         scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
         if not scene.assumed:
-            console.print("nothing is assumed of the foam")
-        for part in foam_tables.assumed(scene, scene.assumed or ()):
-            console.print(part)
-
-
-def _line(console: Console, text: str) -> None:
-    console.print(text, soft_wrap=True, markup=False)
+            terminal.show("nothing is assumed of the foam")
+        terminal.show(*foam_files.assumed(scene, scene.assumed or ()))

@@ -6,7 +6,11 @@ imported by a command when it runs.
 
 from __future__ import annotations
 
-from typing import Annotated, get_args
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
@@ -98,3 +102,57 @@ Mp4 = Annotated[bool, typer.Option("--mp4", help="Write an MP4.")]
 OverwriteFiles = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that are there already.")
 ]
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What a run is asked for, beside its scene: fields are the options of `run` and of scripts."""
+
+    out: Out = None
+    set_: Set = None
+    choices: Choices = None
+    dt: Dt = None
+    arch: Arch = "cpu"
+    threads: Threads = None
+    overwrite: Overwrite = False
+    no_film: NoFilm = False
+    frames: Frames = False
+    live: Live = False
+    checkpoint: Checkpoint = None
+    after: After = None
+    drops: Drops = None
+
+    @property
+    def overrides(self) -> list[str]:
+        """What the options change of the scene; --set comes last and so has the last word."""
+        films = ["output.film=false"] if self.no_film else []
+        frames = ["output.frames=true"] if self.frames else []
+        return [*overrides_of(self.dt), *films, *frames, *(self.set_ or [])]
+
+
+def overrides_of(dt: str | None, set_: list[str] | None = None) -> list[str]:
+    """--dt and --set as scene overrides."""
+    return [*([] if dt is None else [f"numerics.dt={dt}"]), *(set_ or [])]
+
+
+def spread(act: Callable[..., None]) -> Callable[..., None]:
+    """`act`, whose last parameter is a request, as a command with the request's fields instead."""
+    *first, last = inspect.signature(act, eval_str=True).parameters.values()
+    request = last.annotation
+    hints = get_type_hints(request, include_extras=True)
+    options = [
+        inspect.Parameter(
+            field.name, last.kind, default=field.default, annotation=hints[field.name]
+        )
+        for field in fields(request)
+    ]
+
+    @functools.wraps(act)
+    def command(**given: Any) -> None:
+        ahead = [given.pop(each.name) for each in first]
+        act(*ahead, request(**given))
+
+    taken = [*first, *options]
+    command.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in taken}
+    return command

@@ -1,27 +1,70 @@
-"""How a command ends: where its files are, or what is wrong and an exit code."""
+"""A command from outside: where it speaks, and how it ends, with what is wrong and an exit code."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import shlex
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.text import Text
 
 from taichi_foam.errors import LongRunWarning, RunError, RunWarning, SceneNote, UserError
 from taichi_foam.interrupts import end_undisturbed, heard_once
-
-if TYPE_CHECKING:
-    from taichi_foam.results.result import Result
+from taichi_foam.simulation.progress import Bars
 
 FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+
+
+class Terminal:
+    """Where a command speaks.
+
+    out     for what it was asked for
+    errors  for all else
+    bars    how far it is, among `errors`
+    """
+
+    def __init__(self, out: Console | None = None, errors: Console | None = None) -> None:
+        """By default the two standard streams of the process."""
+        self.out = out or Console(highlight=False)
+        self.errors = errors or Console(stderr=True, highlight=False)
+        self.bars = Bars(self.errors)
+
+    def show(self, *parts: RenderableType) -> None:
+        """Tables, and words that fit the terminal."""
+        for part in parts:
+            self.out.print(part)
+
+    def line(self, text: str) -> None:
+        """A line of plain text, whole, for whoever reads it by a program."""
+        self.out.print(text, soft_wrap=True, markup=False)
+
+    def warn(self, texts: Iterable[str], word: str = "warning") -> None:
+        """Such lines on standard error, `word` before each."""
+        for text in texts:
+            self.errors.print(f"{word}: {text}", soft_wrap=True, markup=False)
+
+    def where(self, folder: str) -> None:
+        """Name the files just written into a folder, those for people first."""
+        from taichi_foam.results.folders import UNFINISHED
+        from taichi_foam.results.manifest import MANIFEST
+
+        order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
+        names = [name for name in os.listdir(folder) if name not in (UNFINISHED, MANIFEST)]
+        names.sort(key=lambda n: (order.index(n) if n in order else 99, n))
+        self.line(f"in {folder}: {', '.join(names)}")
+
+
+@contextlib.contextmanager
+def command() -> Iterator[Terminal]:
+    """What a command does: yields where it speaks, and ends it as `exit_codes` does."""
+    terminal = Terminal()
+    with exit_codes(terminal.errors):
+        yield terminal
 
 
 @contextlib.contextmanager
@@ -54,11 +97,14 @@ def exit_codes(console: Console) -> Iterator[None]:
             )
             raise _told(console, text, REFUSED) from None
         except ImportError as error:
-            if "libX11" not in str(error):
+            text = str(error)
+            if "libX11" in text:
+                text = (
+                    f"Taichi cannot be loaded ({text}); install libX11 (Debian: apt install "
+                    "libx11-6)"
+                )
+            elif error.name != "taichi_foam.backend":
                 raise
-            text = (
-                f"Taichi cannot be loaded ({error}); install libX11 (Debian: apt install libx11-6)"
-            )
             raise _told(console, text, REFUSED) from None
 
 
@@ -77,35 +123,6 @@ def _ask_for_patience() -> None:
     """Answer a second Ctrl-C while what there is is being saved."""
     with contextlib.suppress(OSError):
         os.write(2, b"saving what there is; one moment\n")
-
-
-def say_where(console: Console, folder: str) -> None:
-    """Name the files just written, those for people first."""
-    from taichi_foam.results.folders import UNFINISHED
-    from taichi_foam.results.manifest import MANIFEST
-
-    order = ("report.html", "film.mp4", "film.gif", "frames", "summary.json")
-    names = [name for name in os.listdir(folder) if name not in (UNFINISHED, MANIFEST)]
-    names.sort(key=lambda n: (order.index(n) if n in order else 99, n))
-    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
-
-
-def say_warnings(errors: Console, result: Result) -> None:
-    """Say what makes a result's figures doubtful, each on a line."""
-    for text in result.warnings:
-        errors.print(f"warning: {text}", soft_wrap=True, markup=False)
-
-
-def say_assumed(console: Console, result: Result, folder: str | Path) -> None:
-    """Say how many values of a foam of one's own nobody gave, and what shows those of a folder."""
-    if count := len(result.summary["assumed"]):
-        values = "1 value of the foam is" if count == 1 else f"{count} values of the foam are"
-        console.print(
-            f"{values} assumed: `taichi-foam foam assumed {shlex.quote(str(folder))}` shows "
-            f"{'it' if count == 1 else 'them'}",
-            soft_wrap=True,
-            markup=False,
-        )
 
 
 def _with_options(error: UserError) -> str:

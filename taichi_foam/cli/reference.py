@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
+from rich.console import RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
 from taichi_foam.errors import UserError
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.keys import REQUIRED, Key, keys, listed, written
@@ -130,6 +135,35 @@ def keys_of(name: str | None = None) -> list[Key]:
     raise UserError(
         f"{shown(name)}: no part and no key of a scene; {guess}the parts are {', '.join(parts)}"
     )
+
+
+def tables_of(name: str | None = None) -> Iterator[RenderableType]:
+    """Those keys for the terminal, part by part. Raises UserError as `keys_of`."""
+    for part, having in groupby(keys_of(name), key=lambda key: key.part):
+        yield from _listed_part(f"{part}: {described(part)}", list(having))
+
+
+def _listed_part(title: str, keys: Sequence[Key]) -> Iterator[RenderableType]:
+    """A heading, then two rows for each key: what fits into columns, and the meaning below."""
+    yield Text(title, style="bold")
+    heads = ("key", "unit", "default", "allowed")
+    rows = [(key.key, key.unit, key.default, key.allowed) for key in keys]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)][:-1]
+    yield _columns(heads, widths, "dim")
+    for key, row in zip(keys, rows, strict=True):
+        yield _columns(row, widths)
+        yield Padding(Text(key.about), (0, 0, 0, 4), expand=False)
+    yield Text()
+
+
+def _columns(cells: Iterable[str], widths: Sequence[int], style: str = "") -> Table:
+    """A line of columns as wide as these, and of one more that takes the rest."""
+    row = Table(box=None, show_header=False, pad_edge=False)
+    for width in widths:
+        row.add_column(width=width, no_wrap=True)
+    row.add_column()
+    row.add_row(*map(Text, cells), style=style)
+    return row
 
 
 def page() -> str:

@@ -2,31 +2,44 @@
 
 from __future__ import annotations
 
+import os
 import re
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
-from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.cli.outcome import Terminal, command
 from taichi_foam.errors import UserError
-from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from taichi_foam.cli.delivery import Job
+    from taichi_foam.picture.films import Names
     from taichi_foam.results.result import Result
+    from taichi_foam.scene import Scene
 
 _RUN = "Folder of a stored run."
+
+
+@dataclass(frozen=True)
+class Job:
+    """Something to draw.
+
+    names   what it writes: files, or folders, whose names end with /
+    pieces  how many pictures that takes
+    write   writes it into a folder, each file whole, calling back after each picture
+    """
+
+    names: tuple[str, ...]
+    pieces: int
+    write: Callable[[Path, Callable[[], None]], object]
 
 
 def render_command(
@@ -59,8 +72,7 @@ def render_command(
     overwrite: OverwriteFiles = False,
 ) -> None:
     """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         if not (gif or mp4 or png or frames or pdf or svg):
             gif = mp4 = True
         film = gif or mp4
@@ -72,7 +84,6 @@ def render_command(
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Matplotlib
-        from taichi_foam.cli.delivery import Job
         from taichi_foam.picture import films, montage, printed
         from taichi_foam.shim2000 import tests
 
@@ -84,18 +95,12 @@ def render_command(
                 gif=f"film-{shown}.gif" if gif else None,
                 frames=f"frames-{shown}" if frames else None,
             )
-            written = [name for name in (names.mp4, names.gif) if name]
-            written += [f"{names.frames}/"] if frames else []
             pieces = films.frames_to_draw(result, names)
             write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
-            jobs.append(Job(tuple(written), pieces, write))
+            jobs.append(_film(names, pieces, write))
         if png:
-            width = result.scene.output.width if size else montage.WIDTH
-            montage.check_width(width)
-            draw = partial(
-                montage.montage, result.snapshots, result.scene, width=width, title=title
-            )
-            jobs.append(_still(f"montage-{shown}.png", draw))
+            draw = partial(montage.montage, result.snapshots, result.scene, title=title)
+            jobs.append(_still(f"montage-{shown}.png", draw, result.scene, size))
         if pdf or svg:
             instants = partial(printed.montage, result.snapshots, result.scene)
             for name, figure, usual in (
@@ -106,7 +111,7 @@ def render_command(
                 printed.column_width(wide)
                 endings = [e for e, wanted in ((".pdf", pdf), (".svg", svg)) if wanted]
                 jobs += [_figure(name + e, partial(figure, column=wide)) for e in endings]
-        _deliver(jobs, run_dir if out is None else out, overwrite, console, errors)
+        _deliver(jobs, run_dir if out is None else out, overwrite, terminal)
 
 
 def compare_command(
@@ -125,31 +130,26 @@ def compare_command(
     overwrite: OverwriteFiles = False,
 ) -> None:
     """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         if not (gif or mp4 or png):
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
-        from taichi_foam.cli.delivery import Job
-        from taichi_foam.picture import comparison, films, montage
+        from taichi_foam.picture import comparison, films
         from taichi_foam.shim2000 import tests
 
         captions = [tests.caption(result.scene) for result in results]
         lineup = comparison.Lineup.of(results, _folder_names(runs), captions)
-        output = results[0].scene.output
-        name = f"comparison-{output.mode}"
+        name = f"comparison-{results[0].scene.output.mode}"
         jobs = []
         if gif or mp4:
             names = films.Names(f"{name}.mp4" if mp4 else None, f"{name}.gif" if gif else None)
-            written = tuple(each for each in (names.mp4, names.gif) if each)
             pieces = films.lineup_frames_to_draw(lineup, names)
-            jobs.append(Job(written, pieces, partial(films.write_lineup, lineup, names=names)))
+            jobs.append(_film(names, pieces, partial(films.write_lineup, lineup, names=names)))
         if png:
-            width = output.width if size else montage.WIDTH
-            montage.check_width(width)
-            jobs.append(_still(f"{name}.png", partial(comparison.instants, lineup, width=width)))
-        _deliver(jobs, out, overwrite, console, errors)
+            draw = partial(comparison.instants, lineup)
+            jobs.append(_still(f"{name}.png", draw, results[0].scene, size))
+        _deliver(jobs, out, overwrite, terminal)
 
 
 def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
@@ -194,16 +194,28 @@ def _loaded(
     return replace(result, scene=result.scene.with_values(values))
 
 
-def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
-    """A picture as a PNG."""
-    from taichi_foam.cli.delivery import Job
+def _film(names: Names, pieces: int, write: Callable[..., object]) -> Job:
+    """Pictures in motion."""
+    written = [name for name in (names.mp4, names.gif) if name]
+    written += [f"{names.frames}/"] if names.frames else []
+    return Job(tuple(written), pieces, write)
+
+
+def _still(
+    name: str, draw: Callable[..., NDArray[np.uint8]], scene: Scene, size: str | None
+) -> Job:
+    """A picture as a PNG, as wide as the scene says if a `size` was given. Raises UserError."""
+    from taichi_foam.picture import montage
+
+    width = scene.output.width if size else montage.WIDTH
+    montage.check_width(width)
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from PIL import Image
 
         from taichi_foam.results.files import whole_file
 
-        picture = Image.fromarray(draw())
+        picture = Image.fromarray(draw(width=width))
         with whole_file(folder / name) as partial_:
             picture.save(partial_, optimize=True)
         on_piece()
@@ -213,7 +225,6 @@ def _still(name: str, draw: Callable[[], NDArray[np.uint8]]) -> Job:
 
 def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     """A figure for print."""
-    from taichi_foam.cli.delivery import Job
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from taichi_foam.picture import style
@@ -224,11 +235,54 @@ def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     return Job((name,), 1, write)
 
 
-def _deliver(
-    jobs: list[Job], folder: str, overwrite: bool, console: Console, errors: Console
-) -> None:
-    """Draw, and name what was written."""
-    from taichi_foam.cli.delivery import deliver
+def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
+    """Draw `jobs` into `folder`, which is made where it is absent, and name what was written.
 
-    names = deliver(jobs, folder, overwrite, Bars(errors))
-    console.print(f"in {folder}: {', '.join(names)}", soft_wrap=True, markup=False)
+    Folder and files may be there: each file appears whole or not at all.
+
+    Raises:
+        UserError: a name that is taken, a folder that cannot be written to; before anything is
+            drawn.
+        KeyboardInterrupt: on Ctrl-C, with a message that names what had been completed.
+    """
+    from taichi_foam.results import folders, manifest
+
+    place = folders.resolved(folder)
+    done: list[str] = []
+    with folders.explained(folder, " with --out"):
+        _check(Path(folder), [name for job in jobs for name in job.names], overwrite)
+        folders.check_writable(place)
+    with folders.explained(folder, " with --out"), folders.made(place):
+        total = sum(job.pieces for job in jobs)
+        try:
+            with terminal.bars.counting(
+                "pictures", "drawing pictures", total, "pictures"
+            ) as on_piece:
+                for job in jobs:
+                    job.write(place, on_piece)
+                    manifest.add(place, [name.rstrip("/") for name in job.names])
+                    done += job.names
+        except KeyboardInterrupt:
+            kept = f"what was complete is in {folder}: {', '.join(done)}"
+            raise KeyboardInterrupt(kept if done else "nothing was written") from None
+    terminal.line(f"in {folder}: {', '.join(done)}")
+
+
+def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
+    """Refuse names that are taken. Raises OSError too."""
+    from taichi_foam.results.folders import check_output_folder
+
+    for name in names:
+        path = folder / name
+        if not os.path.lexists(path):
+            continue
+        if path.is_dir() != name.endswith("/"):
+            kind = "a folder" if path.is_dir() else "a file"
+            raise UserError(f"{path}: that is {kind}. Fix: move it, or choose another --out.")
+        if not overwrite:
+            raise UserError(
+                f"{path}: it is there already. "
+                "Fix: pass --overwrite to replace it, or choose another folder with --out."
+            )
+        if path.is_dir():
+            check_output_folder(path, overwrite)

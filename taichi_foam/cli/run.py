@@ -1,29 +1,38 @@
-"""`run` and `resume`: one scene computed, saved, drawn and told."""
+"""`run` and `resume`: a scene, drops on one block, or a window; computed, saved, drawn, told."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable, Sequence
+import os
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+from rich.table import Table
 
 from taichi_foam.analysis import balance
 from taichi_foam.catalogue import load_scene
-from taichi_foam.cli.films import draw_films
-from taichi_foam.cli.outcome import say_assumed, say_warnings, say_where
+from taichi_foam.cli.options import RunRequest
+from taichi_foam.cli.outcome import Terminal
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
-from taichi_foam.results.files import file_name
+from taichi_foam.results import manifest
+from taichi_foam.results.result import write_drops
+from taichi_foam.results.files import file_name, next_numbered
 from taichi_foam.results.folders import Claim, claimed, size_text
 from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene, block
 from taichi_foam.scene.values import settings
-from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
+    from taichi_foam.live.session import Outcome
+    from taichi_foam.live.messages import Keeping
+    from taichi_foam.simulation.after import After
+    from taichi_foam.simulation.progress import Bars
     from taichi_foam.simulation.simulate import ProgressCallback
 
 # A run that may take more than this is told before it begins [bytes].
@@ -31,92 +40,54 @@ _WORTH_SAYING = 1e9
 # The default folder's name says what was changed, up to so many letters.
 _LONGEST_CHANGES = 60
 
+TABLE, FIGURE = "drops.csv", "drops.png"
+"""Files of a series of drops, beside the drops' own folders."""
 
-def run(
-    source: str | Scene,
-    out: str | None,
-    choices: str | None,
-    overrides: list[str],
-    arch: str,
-    threads: int | None,
-    overwrite: bool,
-    live: bool,
-    every: float | None,
-    after: str | None,
-    drops: int | None,
-    bars: Bars,
-    console: Console,
-    errors: Console,
-) -> None:
+
+def run(source: str | Scene, asked: RunRequest, terminal: Terminal) -> None:
     """`run`: load, check, compute, save, show. Raises UserError, RunError, KeyboardInterrupt."""
-    scene = load_scene(source, choices, overrides)
-    _check_combination(live, after, drops)
-    for said in (balance.doubt(scene), block.advice(scene.block)):
-        if said is not None:
-            errors.print(f"note: {said}", soft_wrap=True, markup=False)
-    words = [] if after is None else [f"after-{Path(after).resolve().name}"]
-    words += [] if drops is None else [f"{drops}-drops"]
-    folder = _default_folder(scene, choices, overrides, words) if out is None else out
+    overrides = asked.overrides
+    scene = load_scene(source, asked.choices, overrides)
+    _check_combination(asked)
+    terminal.warn(filter(None, (balance.doubt(scene), block.advice(scene.block))), "note")
+    folder = asked.out
+    if folder is None:
+        words = [] if asked.after is None else [f"after-{Path(asked.after).resolve().name}"]
+        words += [] if asked.drops is None else [f"{asked.drops}-drops"]
+        folder = _default_folder(scene, asked.choices, overrides, words)
     # Names and values are right: now what needs Taichi, and costs its import.
-    if live:
-        from taichi_foam.cli.live import run_live
-
-        run_live(scene, folder, overwrite, every, arch, threads, bars, console, errors)
+    if asked.live:
+        _watch(scene, folder, asked, terminal)
         return
-    if drops is not None:
-        from taichi_foam.cli.series import run_series
+    if asked.drops is not None:
+        work = _series(scene, asked.drops)
+    else:
+        from taichi_foam.simulation.after import After
 
-        run_series(scene, drops, folder, arch, threads, overwrite, every, bars, console, errors)
-        return
-    from taichi_foam.engine import runtime
-    from taichi_foam.picture import films
-    from taichi_foam.simulation import simulate
-    from taichi_foam.simulation.after import After
-
-    before = None if after is None else After.of(scene, after)
-    needed = storage_bytes(scene) + films.storage_bytes(scene)
-    request = request_of(scene, before and before.told)
-    with claimed(folder, request, overwrite, needed) as claim:
-        runtime.start(arch, threads)  # before the bar: what is wrong with it is no failed run
+        work = _single(scene, None if asked.after is None else After.of(scene, asked.after))
+    needed = (asked.drops or 1) * _needed(scene)
+    with claimed(folder, work.request, asked.overwrite, needed) as claim:
         if needed > _WORTH_SAYING:
-            bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
-        _compute_and_save(
-            scene.name,
-            lambda on_progress: simulate.run(
-                scene, on_progress, after=before, checkpoint=claim, every=every
-            ),
-            claim, folder, bars, console, errors,
-        )  # fmt: skip
+            terminal.bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
+        _compute(work, claim, folder, asked, terminal)
 
 
-def resume(
-    folder: str,
-    threads: int | None,
-    every: float | None,
-    bars: Bars,
-    console: Console,
-    errors: Console,
-) -> None:
+def resume(folder: str, asked: RunRequest, terminal: Terminal) -> None:
     """`resume`: as `run`, from the checkpoint in a folder, and of its scene."""
-    from taichi_foam.engine import runtime
-    from taichi_foam.simulation import simulate
     from taichi_foam.simulation.after import After
     from taichi_foam.simulation.checkpoint import Checkpoint, work_in
 
     scene, arch, told = Checkpoint.head(work_in(Path(folder)))
-    with claimed(folder, request_of(scene, told)) as claim:
-        runtime.start(arch, threads)
-        _compute_and_save(
-            scene.name,
-            lambda on_progress: simulate.run(
-                scene,
-                on_progress,
-                after=None if told is None else After(told),
-                checkpoint=claim,
-                every=every,
-            ),
-            claim, folder, bars, console, errors,
-        )  # fmt: skip
+    work = _single(scene, None if told is None else After(told))
+    with claimed(folder, work.request) as claim:
+        _compute(work, claim, folder, replace(asked, arch=arch), terminal)
+
+
+def _needed(scene: Scene) -> int:
+    """Room that a run and its pictures take [bytes]."""
+    from taichi_foam.picture import films
+
+    return storage_bytes(scene) + films.storage_bytes(scene)
 
 
 def _default_folder(
@@ -132,66 +103,311 @@ def _default_folder(
     return f"runs/{name}-{changes}" if changes else f"runs/{name}"
 
 
-def _check_combination(live: bool, after: str | None, drops: int | None) -> None:
+def _check_combination(asked: RunRequest) -> None:
     """Refuse options that do not go together. Raises UserError."""
-    if live and (after is not None or drops is not None):
-        option = "--after" if drops is None else "--drops"
+    if asked.live and (asked.after is not None or asked.drops is not None):
+        option = "--after" if asked.drops is None else "--drops"
         raise UserError(
             f"--live: shows drops on fresh blocks only, not {option}; leave out one of the two"
         )
-    if after is not None and drops is not None:
+    if asked.after is not None and asked.drops is not None:
         raise UserError("--drops: a series begins on a fresh block; leave out --after")
 
 
-def _compute_and_save(
-    name: str,
-    compute: Callable[[ProgressCallback], Result],
-    claim: Claim,
-    folder: str,
-    bars: Bars,
-    console: Console,
-    errors: Console,
-) -> None:
-    """Compute with a progress bar, write the folder, draw films, show the figures."""
+@dataclass(frozen=True)
+class _Work:
+    """A run, or a series of drops on one block.
+
+    name       beside its bar
+    request    what stands for it where a folder is claimed
+    compute    gives its results, or RunError with those that there are
+    is_series  whether each result has a folder of its own within that which is claimed
+    """
+
+    name: str
+    request: Mapping[str, Any]
+    compute: Callable[[ProgressCallback, Claim, float | None], list[Result]]
+    is_series: bool = False
+
+    def place(self, folder: str | Path, result: Result) -> str:
+        """The folder of a result."""
+        from taichi_foam.simulation.simulate import drop_name
+
+        return os.path.join(folder, drop_name(result.drop)) if self.is_series else str(folder)
+
+    def write(self, results: Sequence[Result], folder: Path) -> None:
+        """Write results into the folder, and of a series table and figure."""
+        for result in results:
+            place = Path(self.place(folder, result))
+            place.mkdir(exist_ok=True)
+            result.write(place)
+        if self.is_series:
+            from taichi_foam.picture import style
+            from taichi_foam.picture.figures import drops_figure
+
+            write_drops(folder / TABLE, [result.summary for result in results])
+            style.save(drops_figure(results), folder / FIGURE)
+
+    def table(self, results: Sequence[Result]) -> Table:
+        from taichi_foam.cli import tables
+
+        if self.is_series:
+            return tables.drops(results)
+        return tables.key_figures(results[0].scene, results[0].summary)
+
+
+def _single(scene: Scene, after: After | None) -> _Work:
+    """A run of `scene`, `after` another one if that is given."""
+    from taichi_foam.simulation import simulate
+
+    return _Work(
+        scene.name,
+        request_of(scene, after and after.told),
+        lambda on_progress, claim, every: [
+            simulate.run(scene, on_progress, after=after, checkpoint=claim, every=every)
+        ],
+    )
+
+
+def _series(scene: Scene, count: int) -> _Work:
+    """So many drops on one block. Raises UserError: there cannot be so many, or nothing falls."""
+    from taichi_foam.simulation import simulate
+
+    simulate.check_drops(count)
+    if scene.impactor is None:
+        raise UserError("drops: nothing falls without an impactor; give [impactor] a shape")
+    return _Work(
+        f"{count} drops of {scene.name}",
+        simulate.drops_request(scene, count),
+        lambda on_progress, claim, every: simulate.run_drops(
+            scene, count, on_progress, checkpoint=claim, every=every
+        ),
+        is_series=True,
+    )
+
+
+def _compute(work: _Work, claim: Claim, folder: str, asked: RunRequest, terminal: Terminal) -> None:
+    """Compute with a progress bar, write the folder, draw films, and finish."""
+    from taichi_foam.engine import runtime
+
+    runtime.start(asked.arch, asked.threads)  # before the bar: a fault of it is no failed run
     failure = None
-    with bars.computing(name) as on_progress:
+    with terminal.bars.computing(work.name) as on_progress:
         try:
-            result = compute(on_progress)
+            results = work.compute(on_progress, claim, asked.checkpoint)
         except RunError as error:
             if not error.results:
                 raise
-            result, failure = error.results[0], error
+            results, failure = error.results, error
     with held_interrupts() as pressed, claim.publishing() as staging:
-        result.write(staging)
-    cut = pressed.is_set() or result.ending is Ending.INTERRUPTED
-    no_film = None if cut or failure else draw_films(result, claim.folder, bars)
+        work.write(results, staging)
+    cut = pressed.is_set() or results[-1].ending is Ending.INTERRUPTED
+    no_film = None
+    if not cut and failure is None:
+        places = [Path(work.place(claim.folder, result)) for result in results]
+        no_film = _draw_films(zip(places, results, strict=True), terminal.bars, work.is_series)
     if not cut and not isinstance(no_film, KeyboardInterrupt):
         claim.finish()
+    one = "run is", "run itself is"
+    it_is, itself_is = ("drops are", "drops themselves are") if work.is_series else one
+    also = "" if work.is_series else f", and so does `taichi-foam resume {folder}`"
+    end = None
+    if failure is not None:
+        end = RunError(f"{failure}; what was computed until then is in {folder}")
+    elif cut:
+        end = KeyboardInterrupt(
+            f"what there was is in {folder}; the same command goes on from there{also}"
+        )
+    elif isinstance(no_film, KeyboardInterrupt):
+        end = KeyboardInterrupt(
+            f"the {it_is} in {folder}, films may be missing; the same command draws them{also}"
+        )
+    elif no_film is not None:
+        end = RunError(f"{no_film}; the {itself_is} complete in {folder}")
+    doubts = _doubts(results if failure is None else (), work.is_series)
+    place = work.place(folder, results[0])
+    _finish(terminal, lambda: work.table(results), results[0], place, [folder], doubts, end)
+
+
+def _draw_films(
+    kept: Iterable[tuple[Path, Result]],
+    bars: Bars,
+    is_series: bool = False,
+    names_folders: bool = False,
+) -> BaseException | None:
+    """Draw films into the folders of runs that are saved; what kept them from being drawn, if so.
+
+    Whatever it is, the runs are not to be lost by it.
+    """
+    from taichi_foam.picture import films
+    from taichi_foam.shim2000 import tests
+
+    try:
+        for folder, result in kept:
+            if not (frames := films.frames_to_draw(result)):
+                continue
+            what = f"films of {folder}" if names_folders else "drawing pictures"
+            title = tests.title(result.scene)
+            if is_series:
+                title = f"{result.scene.name}, drop {result.drop}"
+            with bars.counting("films", what, frames, "frames") as on_frame:
+                drawn = films.write(result, folder, on_frame, title=title)
+            manifest.add(folder, [path.name for path in drawn])
+    except (Exception, KeyboardInterrupt) as error:
+        return error
+    return None
+
+
+def _doubts(results: Iterable[Result], is_series: bool = False) -> Iterator[str]:
+    """Warnings of results, measured when they are asked for."""
+    for result in results:
+        for text in result.warnings:
+            yield f"drop {result.drop}: {text}" if is_series else text
+
+
+def _finish(
+    terminal: Terminal,
+    table: Callable[[], Table],
+    result: Result,
+    folder: str,
+    written: Iterable[str],
+    doubts: Iterable[str],
+    end: BaseException | None,
+) -> None:
+    """Tell what has come of runs that are saved, and end with what went wrong, if anything did.
+
+    Args:
+        terminal: where to tell it.
+        table: makes the table of their figures.
+        result: that whose foam may have values that nobody gave, in the folder `folder`.
+        written: all folders.
+        doubts: warnings of the figures.
+        end: what to raise when all is told.
+
+    Raises:
+        RunError: the runs cannot be measured.
+    """
     try:
         # measures take a while to load: after the run, not before it
-        from taichi_foam.cli import tables
-
-        console.print(tables.key_figures(result.scene, result.summary))
+        terminal.show(table())
     except Exception as error:
         told = f"{type(error).__name__}: {error}"
         raise RunError(
             f"the run could not be measured ({told}); its data are in {folder}"
         ) from error
-    say_assumed(console, result, folder)
-    say_where(console, folder)
-    if failure is None:
-        say_warnings(errors, result)
-    if failure is not None:
-        raise RunError(f"{failure}; what was computed until then is in {folder}")
-    if cut:
-        raise KeyboardInterrupt(
-            f"what there was is in {folder}; the same command goes on from there, and so does "
-            f"`taichi-foam resume {folder}`"
+    if count := len(result.summary["assumed"]):
+        one = count == 1
+        values = "1 value of the foam is" if one else f"{count} values of the foam are"
+        shows = f"`taichi-foam foam assumed {shlex.quote(folder)}` shows {'it' if one else 'them'}"
+        terminal.line(f"{values} assumed: {shows}")
+    for each in written:
+        terminal.where(each)
+    terminal.warn(doubts)
+    if end is not None:
+        raise end
+
+
+class _Folders:
+    """Where a window's drops are kept: the first in the folder that was claimed, the next beside.
+
+    Until the first is kept, drops of the scene as it was given leave checkpoints in the claim, from
+    which the same command goes on. Later ones, and those that keys have changed, leave none.
+
+    kept  folders of the drops that are kept, in order
+    """
+
+    def __init__(
+        self, scene: Scene, folder: str, claim: Claim, every: float | None, release: Callable
+    ) -> None:
+        """`release` gives the claim up; checkpoints are written `every` seconds."""
+        self.kept: list[Path] = []
+        self._scene, self._first, self._claim, self._every = scene, Path(folder), claim, every
+        self._release = release
+        self._has_begun = False
+        self._drops: set[int] = set()
+
+    def keeping(self, scene: Scene) -> Keeping | None:
+        """Where a drop leaves checkpoints; the very first goes on from what is there."""
+        from taichi_foam.live.messages import Keeping
+
+        if self.kept or scene != self._scene:
+            return None
+        goes_on, self._has_begun = not self._has_begun, True
+        return Keeping(self._claim.work, self._every, goes_on)
+
+    def keep(self, outcome: Outcome) -> None:
+        """Save what a drop has given. Raises UserError, OSError."""
+        if outcome.drop in self._drops:
+            return  # Ctrl-C came when it had just been kept
+        if self.kept:
+            path = next_numbered(self._first, digits=1, first=2)
+            outcome.result.save(path)
+            self._note(outcome, path)
+            return
+        try:
+            with self._claim.publishing() as staging:
+                outcome.result.write(staging)
+        except KeyboardInterrupt:
+            self._note(outcome, self._first)  # it is whole: Ctrl-C is held until then
+            raise
+        self._note(outcome, self._first)
+        # what was cut short the same command continues
+        if not (outcome.ended == "cut short" and outcome.result.scene == self._scene):
+            self._claim.finish()
+            self._release()
+
+    def _note(self, outcome: Outcome, path: Path) -> None:
+        self._drops.add(outcome.drop)
+        self.kept.append(path)
+
+
+def _watch(scene: Scene, folder: str, asked: RunRequest, terminal: Terminal) -> None:
+    """`run --live`: drops in a window until it is closed, each kept as it ends; then their films.
+
+    The first drop becomes `folder`, the next `folder`-2 and so on.
+    """
+    from taichi_foam.cli import tables
+    from taichi_foam.live import window
+    from taichi_foam.live.session import Session
+
+    window.check_display()
+    with contextlib.ExitStack() as claims:
+        claim = claims.enter_context(
+            claimed(folder, request_of(scene), asked.overwrite, _needed(scene))
         )
-    if isinstance(no_film, KeyboardInterrupt):
-        raise KeyboardInterrupt(
-            f"the run is in {folder}, films may be missing; the same command draws them, and so "
-            f"does `taichi-foam resume {folder}`"
+        folders = _Folders(scene, folder, claim, asked.checkpoint, claims.close)
+        session = Session(
+            scene, folders.keep, arch=asked.arch, threads=asked.threads, keeping=folders.keeping
         )
-    if no_film is not None:
-        raise RunError(f"{no_film}; the run itself is complete in {folder}")
+        window.show(session, shots=Path(f"{Path(folder)}-shots"))
+    kept = folders.kept
+    no_film = None
+    if not session.failures:
+        # What has failed or was cut short has no film, as in `run` without a window.
+        whole = kept[:-1] if session.was_cut else kept
+        stored = ((path, Result.load(path)) for path in whole)
+        no_film = _draw_films(stored, terminal.bars, names_folders=True)
+    end = None
+    if session.problem:
+        end = RunError(f"{session.unkept[0].result.scene.name}: {session.problem}")
+    elif session.failures:
+        where = "; what was computed is in the folders above" if kept else ""
+        end = RunError(f"{session.failures[-1]}{where}")
+    elif not kept:
+        end = KeyboardInterrupt("the window was closed before there was anything to save")
+    elif session.was_cut:
+        is_given = len(kept) == 1 and session.scene == scene
+        goes_on = "; the same command goes on from there" if is_given else ""
+        end = KeyboardInterrupt(f"closed before its end: what there was is in {kept[-1]}{goes_on}")
+    elif isinstance(no_film, KeyboardInterrupt):
+        end = KeyboardInterrupt("films may be missing")
+    elif no_film is not None:
+        end = RunError(f"{no_film}; the drops themselves are complete in the folders above")
+    if not kept:
+        assert end is not None
+        raise end
+    last = Result.load(kept[-1])
+    _finish(
+        terminal, lambda: tables.key_figures(last.scene, last.summary), last, str(kept[-1]),
+        map(str, kept), _doubts([] if session.failures else [last]), end,
+    )  # fmt: skip

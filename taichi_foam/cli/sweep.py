@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from typer.core import TyperGroup
 
 from taichi_foam.cli.options import Arch, Choices, OverwriteFiles, Set, Threads
-from taichi_foam.cli.outcome import exit_codes
+from taichi_foam.cli.outcome import Terminal, command
 from taichi_foam.errors import UserError
-from taichi_foam.simulation.progress import Bars
 
 if TYPE_CHECKING:
     from taichi_foam.sweeps.dealing import Estimate
@@ -84,9 +82,7 @@ def run_command(
     ] = False,
 ) -> None:
     """Compute the drops of a plan; the same command again goes on where it has ended."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    bars = Bars(errors)
-    with exit_codes(errors):
+    with command() as terminal:
         from taichi_foam.results.files import file_name
         from taichi_foam.sweeps import run
         from taichi_foam.sweeps.plan import Plan, axis_of
@@ -106,16 +102,16 @@ def run_command(
         folder = out or f"sweeps/{file_name(plan.name or 'sweep')}"
         run.prepare(plan, folder, workers, scheduler)
         if dry_run:
-            for text in plan.notes:
-                errors.print(f"note: {text}", soft_wrap=True, markup=False)
-            _say_estimate(console, run.tried(plan, arch, threads, bars), workers, threads)
+            terminal.warn(plan.notes, "note")
+            found = run.tried(plan, arch, threads, terminal.bars)
+            terminal.show(_estimate(found, workers, threads))
             return
         found = run.sweep(
             plan, folder, workers=workers, scheduler=scheduler, arch=arch, threads=threads,
-            bars=bars,
+            bars=terminal.bars,
         )  # fmt: skip
-        _say(console, found, found.standing)
-        _say_balance(console, found)
+        _say(terminal, found, found.standing)
+        _say_balance(terminal, found)
 
 
 @app.command("status")
@@ -123,10 +119,9 @@ def status_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
     """Say how far a sweep is, and what has failed."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         found = _opened(folder)
-        _say(console, found, found.standing, at_work=True)
+        _say(terminal, found, found.standing, at_work=True)
 
 
 @app.command("collect")
@@ -134,12 +129,11 @@ def collect_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
     """Write results.csv and results.parquet of what there is, while it goes on or after."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         count = _opened(folder).collect()
         if not count:
             raise UserError(f"{folder}: nothing is complete yet")
-        console.print(f"{count:,} drops in {folder}: results.csv, results.parquet")
+        terminal.show(f"{count:,} drops in {folder}: results.csv, results.parquet")
 
 
 @app.command("show")
@@ -164,8 +158,7 @@ def show_command(
     overwrite: OverwriteFiles = False,
 ) -> None:
     """Draw a measure over one or two axes: medians, and bands from 5 to 95 % of the repeats."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         found = _opened(folder)
         from taichi_foam.picture import style
         from taichi_foam.sweeps import figure
@@ -178,7 +171,7 @@ def show_command(
                 argument="overwrite=True",
             )
         style.save(figure.shown(found, measure, x=x, by=by, as_map=map_), path)
-        console.print(f"{path}", soft_wrap=True, markup=False)
+        terminal.line(f"{path}")
 
 
 @app.command("again")
@@ -189,8 +182,7 @@ def again_command(
     threads: Threads = None,
 ) -> None:
     """Compute one drop of a sweep again and keep its whole result; the numbers are the same."""
-    console, errors = Console(highlight=False), Console(stderr=True, highlight=False)
-    with exit_codes(errors):
+    with command() as terminal:
         found = _opened(folder)
         from taichi_foam.cli import tables
         from taichi_foam.results.folders import check_output_folder
@@ -199,11 +191,11 @@ def again_command(
         scene = found.member(member).scene
         target = out or f"{Path(folder)}-{member}"
         check_output_folder(target, needed_bytes=storage_bytes(scene))
-        with Bars(errors).computing(f"member {member}") as on_progress:
+        with terminal.bars.computing(f"member {member}") as on_progress:
             result = found.again(member, on_progress, threads=threads)
         result.save(target)
-        console.print(tables.key_figures(result.scene, result.summary))
-        console.print(f"in {target}", soft_wrap=True, markup=False)
+        terminal.show(tables.key_figures(result.scene, result.summary))
+        terminal.line(f"in {target}")
 
 
 def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> str:
@@ -236,9 +228,7 @@ def _check_plan_alone(
             )
 
 
-def _say_estimate(
-    console: Console, found: Estimate, workers: int | None, threads: int | None
-) -> None:
+def _estimate(found: Estimate, workers: int | None, threads: int | None) -> Table:
     from taichi_foam.results.folders import size_text
     from taichi_foam.sweeps.dealing import cores
     from taichi_foam.units import duration_text
@@ -252,10 +242,10 @@ def _say_estimate(
         "time", f"about {took} on {count} core{'' if count == 1 else 's'} of this machine"
     )
     shown.add_row("disk", f"at most {size_text(found.bytes)}")
-    console.print(shown)
+    return shown
 
 
-def _say(console: Console, found: Sweep, standing: Standing, at_work: bool = False) -> None:
+def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = False) -> None:
     """How far it is, in words."""
     parts = [f"{standing.done:,} of {standing.drops:,} drops"]
     if standing.failed:
@@ -264,14 +254,12 @@ def _say(console: Console, found: Sweep, standing: Standing, at_work: bool = Fal
         parts.append(f"{standing.lost:,} lost, to be tried again (see {found.folder / 'lost'})")
     if at_work:
         parts.append("at work" if standing.at_work else "nobody is at work")
-    console.print("; ".join(parts), soft_wrap=True, markup=False)
+    terminal.line("; ".join(parts))
     if not at_work:
-        console.print(
-            f"in {found.folder}: results.csv, results.parquet", soft_wrap=True, markup=False
-        )
+        terminal.line(f"in {found.folder}: results.csv, results.parquet")
 
 
-def _say_balance(console: Console, found: Sweep) -> None:
+def _say_balance(terminal: Terminal, found: Sweep) -> None:
     """Of drops on level cushions: their peaks by hand, and how near the computed ones come."""
     from taichi_foam.sweeps import table
 
@@ -284,8 +272,7 @@ def _say_balance(console: Console, found: Sweep) -> None:
         return
     by_hand = [f"{end(peak for peak, _ in peaks):.1f}" for end in (min, max)]
     off = max(abs(computed / peak - 1.0) for peak, computed in peaks)
-    console.print(
+    terminal.line(
         f"peaks of {len(peaks):,} level cushions: by energy balance "
-        f"{' to '.join(dict.fromkeys(by_hand))} g, computed within {100 * off:.1f} % of that",
-        soft_wrap=True, markup=False,
-    )  # fmt: skip
+        f"{' to '.join(dict.fromkeys(by_hand))} g, computed within {100 * off:.1f} % of that"
+    )

@@ -27,7 +27,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from taichi_foam.backend import ti
+from taichi_foam import backend
 
 LOCK, INDEX = "ticache.lock", "ticache.tcb"
 LOCK_SECONDS = 60.0
@@ -97,8 +97,9 @@ def _ready() -> Path | None:
             "process alone; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can"
         )
         return None
-    with contextlib.suppress(OSError):  # another process may mend it at the same time
-        _mend(folder, now)
+    if backend.keeps_ticache():
+        with contextlib.suppress(OSError):  # another process may mend it at the same time
+            _mend(folder, now)
     return folder
 
 
@@ -205,8 +206,7 @@ def _say(text: str) -> None:
 
 def archive_name() -> str:
     """What kernels for this platform and version of Taichi are called."""
-    version = ".".join(map(str, ti.__version__))
-    return f"kernels-{version}-{sys.platform}-{platform.machine()}.tar.xz"
+    return f"kernels-{backend.version()}-{sys.platform}-{platform.machine()}.tar.xz"
 
 
 def archive() -> Path | None:

@@ -7,13 +7,13 @@ the one who knows that all fields are his, and that nobody uses them any more.
 
 import contextlib
 import ctypes
-import gc
 import io
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_foam import backend
 from taichi_foam.backend import ti
 from taichi_foam.engine import kernel_cache
 from taichi_foam.errors import UserError
@@ -67,7 +67,7 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
             )
         return
     ti.set_logging_level(ti.ERROR)
-    if arch != "cpu" and not _is_present(arch):
+    if arch != "cpu" and not backend.is_present(arch):
         raise UserError(
             f"arch = {arch!r}: this machine offers no {arch} device that Taichi can use; "
             "use arch='cpu', or install the device's driver",
@@ -114,18 +114,7 @@ def has_only(trees: int) -> bool:
 
     Those that were set aside do not count.
     """
-    from taichi._snode.fields_builder import FieldsBuilder
-    from taichi.lang import impl
-
-    # the tree that Taichi makes for itself is empty unless a program has fields in it
-    made = sum(root.ptr.get_num_ch() > 0 for root in FieldsBuilder._finalized_roots())
-    begun = impl.get_runtime().unfinalized_fields_builder
-    arrays = (thing for thing in gc.get_objects() if isinstance(thing, ti.Ndarray))
-    return (
-        made == trees + len(_aside)
-        and all(builder.empty for builder in begun)
-        and next(arrays, None) is None
-    )
+    return not backend.has_fields_elsewhere(trees + len(_aside))
 
 
 def _init(arch: str, threads: int) -> None:
@@ -155,11 +144,7 @@ def _share_kernels() -> None:
     Taichi writes the number into each kernel that it compiles, as the most that it may use; the
     threads that there are have been started by then, and no loop gets more of them.
     """
-    from taichi.lang import impl
-
-    program = impl.get_runtime().prog
-    assert program is not None
-    program.config().cpu_max_num_threads = MOST_THREADS
+    backend.compiling().cpu_max_num_threads = MOST_THREADS
 
 
 def _has_all_passes(arch: str) -> bool:
@@ -179,16 +164,13 @@ def passes(advanced: bool) -> Iterator[None]:
     grows with the square of a kernel's length.
     """
     assert _started is not None
-    from taichi.lang import impl
-
-    program = impl.get_runtime().prog
-    assert program is not None
-    before = program.config().advanced_optimization
-    program.config().advanced_optimization = advanced and _has_all_passes(_started[0])
+    how = backend.compiling()
+    before = how.advanced_optimization
+    how.advanced_optimization = advanced and _has_all_passes(_started[0])
     try:
         yield
     finally:
-        program.config().advanced_optimization = before
+        how.advanced_optimization = before
 
 
 def settings() -> dict[str, str | int]:
@@ -198,14 +180,6 @@ def settings() -> dict[str, str | int]:
     if _device is not None:
         told["device"] = _device.name + (" (software)" if _device.is_software else "")
     return told
-
-
-def _is_present(arch: str) -> bool:
-    """Ask Taichi's own probe: `ti.init` itself would fall back to the CPU with only a warning."""
-    from taichi._lib import core
-
-    probe = {"cuda": core.with_cuda, "vulkan": core.with_vulkan, "metal": core.with_metal}
-    return bool(probe[arch]())
 
 
 # What a graphics device is called and whether it computes in 64 bits, asked of its driver: Taichi

@@ -3,6 +3,8 @@
 `simulate` runs scenes to their ends on this, `stepwise` advances one a little at a time.
 """
 
+from __future__ import annotations
+
 import contextlib
 import math
 import time
@@ -92,6 +94,32 @@ class Run:
     after: After | None = None
     cushion: Cushion | None = None  # what it leaves, once it has ended well
 
+    @classmethod
+    def stored(cls, checkpoint: Checkpoint, index: int, wall: Wall, batch: int) -> Run:
+        """The run of a checkpoint as it stands, to go on in a batch of so many unless it has ended.
+
+        `wall` is what the engine has done so far, of which the checkpoint's own is taken off.
+        """
+        state = checkpoint.state
+        run = cls(
+            checkpoint.scene, index,
+            Wall(
+                wall.seconds - checkpoint.seconds,
+                node_stages=wall.node_stages - checkpoint.node_stages,
+            ),
+            batch,
+            rows=[checkpoint.rows] if len(checkpoint.rows) else [],
+            snapshots=checkpoint.snapshots,
+            recorded=checkpoint.snapshots[-1].time,
+            status=int(state.clock["status"]),
+            time=state.clock["time"],
+            report={**state.clock, "overlap": float(state.overlap.max(initial=0.0))},
+            after=None if checkpoint.after is None else After(checkpoint.after),
+        )  # fmt: skip
+        run.cushion = state.cushion() if run.status in LEAVING else None
+        run.resumed = checkpoint.resumed + (not run.ended)
+        return run
+
     @property
     def ended(self) -> bool:
         """Whether it takes no more steps, for good or for ill."""
@@ -170,7 +198,7 @@ class Run:
         return Checkpoint(
             scene=self.scene,
             state=state,
-            arch=str(runtime.settings()["arch"]),
+            arch=_arch(),
             rows=self.rows_since(0),
             snapshots=self.snapshots,
             seconds=wall.seconds - self.begun.seconds,
@@ -186,10 +214,17 @@ class Slots:
     runs  those in their places, in order, also what has ended and was not cleared
     """
 
-    def __init__(self, lattice: Lattice, wall: Wall) -> None:
-        """What the engine does is added to `wall`."""
+    def __init__(
+        self, lattice: Lattice, wall: Wall, kept: Checkpoints | None, after: After | None
+    ) -> None:
+        """What the engine does is added to `wall`.
+
+        Runs go on from the checkpoints that are `kept`, and leave some. All start `after` another
+        run, if that is given.
+        """
         self._lattice = lattice
         self._wall = wall
+        self._kept, self._after = kept, after
         self._advance = transfer.advance_of(lattice)
         self._places: list[Run | None] = [None] * lattice.size.batch
         # of the whole batch, from the last call that took all the steps it was to take
@@ -200,28 +235,15 @@ class Slots:
     def runs(self) -> list[Run]:
         return [run for run in self._places if run is not None]
 
-    def fill(
-        self,
-        waiting: list[tuple[int, Scene]],
-        checkpoints: Checkpoints | None = None,
-        after: After | None = None,
-    ) -> None:
+    def fill(self, waiting: list[tuple[int, Scene]]) -> None:
         """Load scenes, each with its index, from the end of `waiting` into empty places.
 
         One that has a checkpoint goes on from there. Raises UserError: it cannot.
-        All start `after` another run, if that is given.
         """
         lattice = self._lattice
         for b in range(lattice.size.batch):
             if self._places[b] is None and waiting:
-                index, scene = waiting.pop()
-                arch = str(runtime.settings()["arch"])
-                stored = checkpoints.stored(index, scene, arch, after) if checkpoints else None
-                if stored is not None:
-                    self._places[b] = self._resumed(b, index, stored)
-                else:
-                    kept = checkpoints.snapshots(index, scene) if checkpoints else []
-                    self._places[b] = self._begun(b, index, scene, kept, after)
+                self._places[b] = self._loaded(b, *waiting.pop())
         if not self._is_compiled:
             # a call that steps nothing, and is not counted
             transfer.set_pause(lattice, np.zeros(lattice.size.batch))
@@ -229,64 +251,41 @@ class Slots:
             transfer.harvest(lattice)
             self._is_compiled = True
 
-    def _begun(
-        self,
-        b: int,
-        index: int,
-        scene: Scene,
-        snapshots: list[Snapshot] | SnapshotFile,
-        after: After | None,
-    ) -> Run:
-        """The run of a scene from its start, in place `b`."""
+    def _loaded(self, b: int, index: int, scene: Scene) -> Run:
+        """The run of a scene in place `b`: from its checkpoint on, else from its start."""
+        lattice, wall, kept, after = self._lattice, self._wall, self._kept, self._after
+        stored = kept and kept.stored(index, scene, _arch(), after)
+        if stored is not None:
+            transfer.load(lattice, b, scene, stored.state)
+            return Run.stored(stored, index, wall, lattice.size.batch)
+        snapshots = kept.snapshots(index, scene) if kept else []
         cushion = after and after.cushion
-        state = None if cushion is None else state_after(scene, cushion)
-        transfer.load(self._lattice, b, scene, state)
+        transfer.load(lattice, b, scene, None if cushion is None else state_after(scene, cushion))
         run = Run(
-            scene,
-            index,
-            replace(self._wall),
-            self._lattice.size.batch,
-            snapshots=snapshots,
-            after=after,
-        )
+            scene, index, replace(wall), lattice.size.batch, snapshots=snapshots, after=after
+        )  # fmt: skip
         run.record(self._snapshot(b, run))
         return run
 
-    def _resumed(self, b: int, index: int, stored: Checkpoint) -> Run:
-        """The run of a checkpoint from there on, in place `b`."""
-        lattice, wall, scene = self._lattice, self._wall, stored.scene
-        transfer.load(lattice, b, scene, stored.state)
-        begun = Wall(
-            seconds=wall.seconds - stored.seconds, node_stages=wall.node_stages - stored.node_stages
-        )
-        clock = stored.state.clock
-        return Run(
-            scene, index, begun, lattice.size.batch,
-            rows=[stored.rows] if len(stored.rows) else [],
-            snapshots=stored.snapshots,
-            recorded=stored.snapshots[-1].time,
-            status=int(clock["status"]),
-            time=clock["time"],
-            report=_report(stored.state),
-            resumed=stored.resumed + 1,
-            after=None if stored.after is None else After(stored.after),
-            cushion=_left(stored.state),
-        )  # fmt: skip
-
-    def checkpoints(self, only_ended: bool = False) -> list[tuple[int, Checkpoint]]:
-        """The runs as they stand, each with its index."""
-        return [
+    def save(self, only_ended: bool = False) -> None:
+        """Write checkpoints of the runs as they stand, if any are kept, and there are such runs."""
+        if self._kept is None:
+            return
+        standing = [
             (run.index, run.checkpoint(transfer.take(self._lattice, b), self._wall))
             for b, run in enumerate(self._places)
             if run is not None and (run.ended or not only_ended)
         ]
+        if standing:
+            self._kept.save(standing)
 
     def advance(self, seconds: float, until: float = math.inf) -> bool:
         """One call of the engine, which takes about `seconds` of wall time.
 
         It ends sooner for a run whose next snapshot is due or whose rows on the device are full,
-        or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs.
-        Ctrl-C waits until they have got there; the answer is whether it was pressed.
+        or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs, and
+        checkpoints that are due are written. Ctrl-C waits until rows and snapshots have got there;
+        the answer is whether it was pressed.
         """
         pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
         transfer.set_pause(self._lattice, np.array(pauses))
@@ -302,6 +301,8 @@ class Slots:
         # cut short by a pause do not count
         if taken >= most_steps or took > seconds:
             self._steps_per_second = taken / max(took, 1e-6)
+        if self._kept is not None and self._kept.are_due():
+            self.save()
         return pressed.is_set()
 
     def _collect(self) -> int:
@@ -353,12 +354,20 @@ class Slots:
 
 @contextlib.contextmanager
 def borrowed_slots(
-    batch: int, columns: int, rows: int, features: Features, wall: Wall
+    batch: int,
+    scene: Scene,
+    wall: Wall,
+    checkpoints: Checkpoints | None = None,
+    after: After | None = None,
 ) -> Iterator[Slots]:
-    """Slots on a lattice of these counts and features, which goes back empty."""
-    with borrowed(batch, columns, rows, features) as lattice:
+    """So many slots for scenes like this one, on a lattice which goes back empty.
+
+    See `Slots` for the other arguments.
+    """
+    block = scene.block
+    with borrowed(batch, block.columns, block.rows, features_of(scene)) as lattice:
         try:
-            yield Slots(lattice, wall)
+            yield Slots(lattice, wall, checkpoints, after)
         finally:
             for b in range(batch):
                 transfer.unload(lattice, b)
@@ -382,60 +391,33 @@ def advance_all(
     groups: dict[tuple[int, int, Features], list[int]] = {}
     for index, scene in enumerate(scenes):
         if checkpoints is not None and checkpoints.has_ended(index):
-            stored = checkpoints.stored(index, scene, str(runtime.settings()["arch"]), after)
+            stored = checkpoints.stored(index, scene, _arch(), after)
             assert stored is not None
-            yield [_ended_run(index, stored, wall)]
+            yield [Run.stored(stored, index, wall, batch=1)]
             continue
         block = scene.block
         groups.setdefault((block.columns, block.rows, features_of(scene)), []).append(index)
-    for (columns, rows, features), group in groups.items():
+    for (columns, rows, _), group in groups.items():
         waiting = [(index, scenes[index]) for index in group][::-1]
         batch = _batch_size(len(waiting), columns * rows)
-        with borrowed_slots(batch, columns, rows, features, wall) as slots:
+        with borrowed_slots(batch, scenes[group[0]], wall, checkpoints, after) as slots:
             try:
                 while waiting or slots.runs:
-                    slots.fill(waiting, checkpoints, after)
+                    slots.fill(waiting)
                     pressed = slots.advance(CALL_SECONDS)
-                    if checkpoints is not None:
-                        due = checkpoints.are_due()
-                        if due or any(run.ended for run in slots.runs):
-                            checkpoints.save(slots.checkpoints(only_ended=not due))
+                    slots.save(only_ended=True)
                     yield slots.runs
                     if pressed:  # what has ended has been taken
                         raise KeyboardInterrupt
                     slots.clear_ended()
             except (KeyboardInterrupt, GeneratorExit):
-                if checkpoints is not None:
-                    checkpoints.save(slots.checkpoints())
+                slots.save()
                 raise
 
 
-def _left(state: State) -> Cushion | None:
-    """What a run that stands in this state leaves of its block, if it has ended well."""
-    return state.cushion() if state.clock["status"] in LEAVING else None
-
-
-def _report(state: State) -> dict[str, float]:
-    """What the last call has told of a run that stands in this state."""
-    return {**state.clock, "overlap": float(state.overlap.max(initial=0.0))}
-
-
-def _ended_run(index: int, stored: Checkpoint, wall: Wall) -> Run:
-    """A run that had ended when its checkpoint was written: nothing is to be computed."""
-    state, begun = stored.state, Wall(wall.seconds - stored.seconds, 0, 0)
-    begun.node_stages = wall.node_stages - stored.node_stages
-    return Run(
-        stored.scene, index, begun, 1,
-        rows=[stored.rows] if len(stored.rows) else [],
-        snapshots=stored.snapshots,
-        recorded=stored.snapshots[-1].time,
-        status=int(state.clock["status"]),
-        time=state.clock["time"],
-        report=_report(state),
-        resumed=stored.resumed,
-        after=None if stored.after is None else After(stored.after),
-        cushion=_left(stored.state),
-    )  # fmt: skip
+def _arch() -> str:
+    """What is computed on."""
+    return str(runtime.settings()["arch"])
 
 
 def _batch_size(scenes: int, nodes: int) -> int:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_foam.backend import ti
+from taichi_foam import backend
 from taichi_foam.scene import Scene
 from taichi_foam.version import version
 
@@ -32,7 +32,7 @@ def provenance(scene: Scene) -> dict[str, str]:
     """
     return {
         "taichi_foam": version(),
-        "taichi": ".".join(map(str, ti.__version__)),
+        "taichi": backend.version(),
         "numpy": np.__version__,
         "python": platform.python_version(),
         "machine": platform.platform(),

@@ -110,16 +110,10 @@ def simulate_many(
     init(arch, threads)
     if checkpoint is None:
         _check_memory(scenes[:1])  # how many are held at a time is the caller's
-    wall = Wall()
-    finished = 0
     with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
-        for runs in batches.advance_all(scenes, wall, _numbered(claim, len(scenes), every)):
-            ended = [run for run in runs if run.ended]
-            finished += len(ended)
-            if on_progress is not None:
-                on_progress(_progress(runs, wall, finished, len(scenes)))
-            for run in ended:
-                yield run.index, batches.result_of(run, wall)
+        kept = _numbered(claim, len(scenes), every)
+        for _, ended in _advanced(scenes, Wall(), on_progress, kept):
+            yield from ended.items()
 
 
 def run(
@@ -351,13 +345,9 @@ def _run_all(
     begun: dict[int, Run] = {}
     results: dict[int, Result] = {}
     try:
-        for runs in batches.advance_all(scenes, wall, checkpoints, after):
+        for runs, ended in _advanced(scenes, wall, on_progress, checkpoints, after):
             begun.update((run.index, run) for run in runs)
-            for run in runs:
-                if run.ended:
-                    results[run.index] = batches.result_of(run, wall)
-            if on_progress is not None:
-                on_progress(_progress(runs, wall, len(results), len(scenes)))
+            results.update(ended)
     except KeyboardInterrupt:
         for index, run in begun.items():
             if index not in results and run.rows:
@@ -370,6 +360,26 @@ def _run_all(
         _warn(result)
     _raise_on_failure(list(begun.values()), ordered)
     return ordered
+
+
+def _advanced(
+    scenes: Sequence[Scene],
+    wall: Wall,
+    on_progress: ProgressCallback | None,
+    checkpoints: Checkpoints | None,
+    after: After | None = None,
+) -> Iterator[tuple[list[Run], dict[int, Result]]]:
+    """After each call of the engine the runs on the device, and results of those that ended.
+
+    Progress is told when both have been taken.
+    """
+    finished = 0
+    for runs in batches.advance_all(scenes, wall, checkpoints, after):
+        ended = {run.index: batches.result_of(run, wall) for run in runs if run.ended}
+        yield runs, ended
+        finished += len(ended)
+        if on_progress is not None:
+            on_progress(_progress(runs, wall, finished, len(scenes)))
 
 
 def _warn(result: Result) -> None:

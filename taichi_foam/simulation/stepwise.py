@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_foam.engine.features import features_of
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -47,13 +46,10 @@ class Drop:
         """
         self.scene = scene
         self._wall = Wall()
-        self._kept = None if checkpoint is None else Checkpoints([checkpoint], every)
+        kept = None if checkpoint is None else Checkpoints([checkpoint], every)
         with contextlib.ExitStack() as borrowed:
-            block = scene.block
-            features = features_of(scene)
-            slots = borrowed_slots(1, block.columns, block.rows, features, self._wall)
-            self._slots = borrowed.enter_context(slots)
-            self._slots.fill([(0, scene)], self._kept)
+            self._slots = borrowed.enter_context(borrowed_slots(1, scene, self._wall, kept))
+            self._slots.fill([(0, scene)])
             self._borrowed = borrowed.pop_all()
         self._run = self._slots.runs[0]
         self._is_open = True
@@ -81,15 +77,13 @@ class Drop:
         while spent < (1.0 - REST) * seconds and self.time < until and not self.ended:
             if self._slots.advance(min(seconds - spent, CALL_SECONDS), until):
                 raise KeyboardInterrupt
-            if self._kept is not None and self._kept.are_due():
-                self.save_checkpoint()
             spent = time.perf_counter() - start
 
     def save_checkpoint(self) -> None:
         """Write a checkpoint of this instant, if it has a folder for one and something to keep."""
         self._check_open()
-        if self._kept is not None and self._run.rows:
-            self._kept.save(self._slots.checkpoints())
+        if self._run.rows:
+            self._slots.save()
 
     def catch(self, seconds: float, until: float = math.inf) -> Snapshot | None:
         """As `advance`, but stop where a row of the history is due, and return that instant.

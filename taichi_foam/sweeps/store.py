@@ -350,11 +350,11 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
 
 def versions(arch: str) -> dict[str, str]:
     """What the numbers of a sweep hang on besides its plan."""
-    from taichi_foam.backend import ti  # takes long to load
+    from taichi_foam import backend  # takes long to load
 
     return {
         "taichi_foam": version(),
-        "taichi": ".".join(map(str, ti.__version__)),
+        "taichi": backend.version(),
         "arch": arch,
     }
 

@@ -9,7 +9,7 @@ import pytest
 
 import taichi_foam as tf
 from taichi_foam.analysis import soundness
-from taichi_foam.cli.outcome import say_warnings
+from taichi_foam.cli.outcome import Terminal
 from taichi_foam.scene import Block, FlatBlock, Model, Numerics, Scene
 from taichi_foam.shim2000.tests import paper_scene
 
@@ -151,7 +151,7 @@ def test_python_warns_once_where_it_was_called(steep: Scene, capsys) -> None:
     assert result.summary["warnings"] == result.warnings
     assert result.run["dt_stable_min_s"] < steep.numerics.dt
     assert "times the stable step" in result.warnings[0]
-    say_warnings(_console(), result)
+    Terminal(errors=_console()).warn(result.warnings)
     said = capsys.readouterr().out.splitlines()
     assert said == [f"warning: {text}" for text in result.warnings]
 

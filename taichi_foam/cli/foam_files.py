@@ -1,10 +1,10 @@
-"""A foam file made of a compression test, and a picture of both; what was read and what follows."""
+"""Foam files: what is known of a foam, as tables for the terminal, and a file made of its test."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,21 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.cli.foam_tables import percent, pressure
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import BondFoam
+from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.fit import CrushableFit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
+from taichi_foam.scene import Scene
+from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.csv_file import Column
-from taichi_foam.scene.library import FoamFile
+from taichi_foam.scene.keys import written
+from taichi_foam.scene.library import FoamFile, foam_of, packaged
 from taichi_foam.scene.measured import FINEST, CompressionTest
 from taichi_foam.scene.messages import explain, shown
-from taichi_foam.units import plain
+from taichi_foam.scene.paths import NOTHING, at
+from taichi_foam.units import plain, si_scale
 
 _HEADER = """\
 # A constant that you know better goes into the table [foam]; then take its [[assumed]] table out.
@@ -42,6 +46,127 @@ _BRANCHES = 5
 
 _NOISY = 1.3
 """So many times the modulus of the fit, that of the curve is one of its noise."""
+
+
+def library() -> Table:
+    """The foams that come with the package, by name."""
+    table = _table("name", ">kg/m3", ">plateau")
+    table.add_column("what it is")
+    for name in packaged():
+        file = foam_of(name)
+        plateau = f"{file.foam.landmarks.plateau_stress / 1e3:.3g} kPa"
+        table.add_row(Text(name), plain(file.density), plateau, Text(file.title))
+    return table
+
+
+def known(file: FoamFile) -> Iterator[RenderableType]:
+    """What a file says of a foam in words."""
+    rate = "not stated" if file.rate is None else f"{plain(file.rate)} 1/s"
+    facts = {
+        "source": file.source,
+        "licence": file.licence,
+        "density": f"{plain(file.density)} kg/m3",
+        "rate": rate,
+        "direction": file.direction or "not stated",
+        "measured": "\n".join(file.measured) or "not stated",
+    }
+    yield Text(file.title, style="bold")
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    for key, value in facts.items():
+        table.add_row(key, Text(value))
+    yield table
+    yield Text()
+
+
+def constants(file: FoamFile) -> Iterator[RenderableType]:
+    """The foam's constants with units, and whether they were given.
+
+    Meanings are cut to their first words; `taichi-foam keys foam` has all of them.
+    """
+    foam = file.foam
+    assumed = {each.key for each in file.assumed}
+    table = _table(f"law {foam.law}", ">", "unit", "")
+    table.add_column("meaning")
+    for key, field in type(foam).model_fields.items():
+        if key in ("law", "source"):
+            continue
+        value = getattr(foam, key)
+        if isinstance(value, Curve):
+            text = f"{len(value.strain):,} points"
+            about = f"stress over strain of its compression test, to {value.tested:.3g} of strain"
+        else:
+            text, about = written(value), (field.description or "").partition(";")[0]
+        if f"foam.{key}" in assumed:
+            origin = "assumed"
+        elif key in foam.model_fields_set and value is not None:
+            origin = "given"
+        else:
+            origin = "default"
+        table.add_row(key, text, unit_of(field), origin, Text(about))
+    yield table
+    yield Text()
+
+
+def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
+    """Strains and stresses that measures and pictures refer to."""
+    marks = foam.landmarks
+    rows = {
+        "plateau": _pressure(marks.plateau_stress),
+        "crush starts": _percent(marks.crush_start),
+        "densification": _percent(marks.crush_end),
+        "locking": _percent(marks.limit),
+        "breaks in tension": _percent(marks.tensile),
+        "breaks in tension, once crushed": _percent(marks.crushed_tensile),
+        "breaks in shear": _percent(marks.shear),
+    }
+    table = _table("landmarks", ">")
+    for row in rows.items():
+        table.add_row(*row)
+    yield table
+    yield Text()
+
+
+def assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
+    """What of a foam nobody has measured, each with what stands for it in `whole`."""
+    if not entries:
+        return
+    table = _table("assumed", ">", "unit")
+    table.add_column("why")
+    for each in entries:
+        value, unit = _value(whole, each.key)
+        table.add_row(Text(each.key), value, unit, Text(each.why))
+    yield table
+    yield Text()
+
+
+def _table(*heads: str) -> Table:
+    """A table of narrow columns with these heads; > before one puts its column to the right."""
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for head in heads:
+        right = head.startswith(">")
+        table.add_column(head.removeprefix(">"), justify="right" if right else "left", no_wrap=True)
+    return table
+
+
+def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
+    """Value and unit of what is assumed; nothing of what a foam file has no key for."""
+    value = at(whole, key)
+    if value is NOTHING:
+        return "", ""
+    part, _, last = key.rpartition(".")
+    return written(value), unit_of(type(at(whole, part)).model_fields[last])
+
+
+def _pressure(stress: float) -> str:
+    scale, prefix = si_scale(stress, digits=3)
+    return f"{stress / scale:.3g} {prefix}Pa"
+
+
+def _percent(strain: float) -> str:
+    """A strain as landmarks have it, negative in compression."""
+    return f"{100 * strain:.3g} %"
 
 
 def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
@@ -118,7 +243,7 @@ def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
     if curve.smoothing > 0.0:
         part = 100.0 * curve.smoothing / curve.plateau_stress
         measured.append(
-            f"smoothed by at most {pressure(curve.smoothing)}, {part:.2g} % of the plateau, so "
+            f"smoothed by at most {_pressure(curve.smoothing)}, {part:.2g} % of the plateau, so "
             "that no stress falls"
         )
     assumed = [
@@ -170,13 +295,13 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
         yield Text(f"{lines} of text above the header skipped")
     for key, column in zip(("strain", "stress"), read.columns, strict=True):
         yield Text(_column_in_words(key, column))
-    yield Text(f"largest stress {pressure(float(read.stress.max()))}")
+    yield Text(f"largest stress {_pressure(float(read.stress.max()))}")
     for text in _left_out(read):
         yield Text(text)
     if len(curve.strain) < read.loading.sum():
         yield Text(f"thinned to {len(curve.strain):,} points")
     if curve.smoothing > 0.0:
-        yield Text(f"smoothed by at most {pressure(curve.smoothing)}, so that no stress falls")
+        yield Text(f"smoothed by at most {_pressure(curve.smoothing)}, so that no stress falls")
     yield Text()
 
 
@@ -210,24 +335,21 @@ def derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
     """What follows from the curve, beside the constants of Eq. 26 fitted to it."""
     assert isinstance(foam, TabulatedFoam)
     fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("", no_wrap=True)
-    table.add_column("from the curve", justify="right", no_wrap=True)
-    table.add_column("Eq. 26 fitted", justify="right", no_wrap=True)
+    table = _table("", ">from the curve", ">Eq. 26 fitted")
     beyond = "not tested"
     rows = [
-        ("Young's modulus K", pressure(foam.youngs_modulus), pressure(fitted.youngs_modulus)),
-        ("shear modulus", pressure(foam.shear_modulus), pressure(fitted.shear_modulus)),
-        ("plateau", pressure(marks.plateau_stress), pressure(fitted.plateau_stress)),
-        ("crush starts", percent(marks.crush_start), percent(theirs.crush_start)),
+        ("Young's modulus K", _pressure(foam.youngs_modulus), _pressure(fitted.youngs_modulus)),
+        ("shear modulus", _pressure(foam.shear_modulus), _pressure(fitted.shear_modulus)),
+        ("plateau", _pressure(marks.plateau_stress), _pressure(fitted.plateau_stress)),
+        ("crush starts", _percent(marks.crush_start), _percent(theirs.crush_start)),
         (
             "densification" if fit.densifies else "densification, where the test ends",
-            percent(marks.crush_end),
-            percent(theirs.crush_end) if fit.densifies else beyond,
+            _percent(marks.crush_end),
+            _percent(theirs.crush_end) if fit.densifies else beyond,
         ),
-        ("locking", percent(marks.limit), percent(theirs.limit) if fit.densifies else beyond),
-        ("breaks in tension", percent(marks.tensile), percent(theirs.tensile)),
-        ("breaks in shear", percent(marks.shear), percent(theirs.shear)),
+        ("locking", _percent(marks.limit), _percent(theirs.limit) if fit.densifies else beyond),
+        ("breaks in tension", _percent(marks.tensile), _percent(theirs.tensile)),
+        ("breaks in shear", _percent(marks.shear), _percent(theirs.shear)),
         ("constant a", "", f"{fitted.densification_a:.4g}" if fit.densifies else beyond),
         ("constant b", "", f"{fitted.densification_b:.4g}" if fit.densifies else beyond),
         ("median error in stress", "", f"{100 * fit.error:.2g} %"),
