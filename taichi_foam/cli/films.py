@@ -18,15 +18,15 @@ def draw_films(
 
     Whatever it is, the run is not to be lost by it. `title` is by default that of the scene.
     """
+    from taichi_foam.catalogue import title as title_of
     from taichi_foam.picture import films
     from taichi_foam.results import manifest
-    from taichi_foam.shim2000 import tests
 
     if not (frames := films.frames_to_draw(result)):
         return None
     try:
         with bars.counting("films", "drawing pictures", frames, "frames") as on_frame:
-            words = tests.title(result.scene) if title is None else title
+            words = title_of(result.scene) if title is None else title
             drawn = films.write(result, folder, on_frame, title=words)
         manifest.add(folder, [path.name for path in drawn])
     except (Exception, KeyboardInterrupt) as error:

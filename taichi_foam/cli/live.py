@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from taichi_foam.catalogue import title
 from taichi_foam.cli import tables
 from taichi_foam.cli.outcome import say_assumed, say_warnings, say_where
 from taichi_foam.errors import RunError
@@ -20,7 +21,6 @@ from taichi_foam.results.files import next_numbered
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000 import tests
 from taichi_foam.simulation.progress import Bars
 
 
@@ -135,7 +135,7 @@ def _draw_films(folders: list[Path], bars: Bars) -> bool:
             frames = films.frames_to_draw(result)
             if frames:
                 with bars.counting("films", f"films of {folder}", frames, "frames") as on_frame:
-                    drawn = films.write(result, folder, on_frame, title=tests.title(result.scene))
+                    drawn = films.write(result, folder, on_frame, title=title(result.scene))
                 manifest.add(folder, [path.name for path in drawn])
     except KeyboardInterrupt:
         return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from taichi_foam import catalogue
 from taichi_foam.analysis import quantities as q
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import Controller, offered_shapes
@@ -14,7 +15,6 @@ from taichi_foam.picture.colours import THEMES
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.shim2000 import tests
 
 #: Frames per second that are asked for; a single step goes on by as much as one of them.
 FPS = 30
@@ -89,7 +89,7 @@ class Screen:
             if len(history["time_s"]):
                 curve = Curve.of(history, last=max(snapshot.time, SHORTEST_AXIS))
         image = raster.frame(
-            snapshot, scene, size, look=self.look, title=tests.title(scene), note=note,
+            snapshot, scene, size, look=self.look, title=catalogue.title(scene), note=note,
             curve=curve, threads=1,
         )  # fmt: skip
         if words := self.message or self.controller.waiting:

@@ -28,7 +28,7 @@ from taichi_foam.analysis.impact import Impact, impact
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Impactor, Scene
-from taichi_foam.shim2000.tests import TESTS, PaperTest, test_of
+from taichi_foam.shim2000.impacts import TESTS, PaperTest, test_of
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from taichi_foam.scene import (
 )
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.scene.pulse import Shape
-from taichi_foam.shim2000 import tests
+from taichi_foam.shim2000 import impacts
 
 # Taichi, once started, has its process flush subnormal numbers to zero.
 floats = partial(st.floats, allow_subnormal=False)
@@ -377,7 +377,7 @@ def test_calibrated_is_the_default_but_for_the_specimen_and_the_rig():
 
 def test_every_built_in_scene_loads_and_has_a_description():
     names = list_scenes()
-    assert list(names)[:9] == list(tests.NAMES)
+    assert list(names)[:9] == list(impacts.NAMES)
     for name, description in names.items():
         assert isinstance(load_scene(name), Scene)
         assert 20 < len(description) < 100

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taichi_foam.catalogue import reference_of
 from taichi_foam.errors import UserError
 from taichi_foam.live.controller import PACES, Controller, Outcome
 from taichi_foam.live.heading import heading
@@ -22,8 +23,6 @@ from taichi_foam.live.page.view_state import Tone, ViewState, as_json
 from taichi_foam.live.pictures import colour_key, field_png, field_size
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.shim2000 import tests
-from taichi_foam.shim2000.compare import measured_figures
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -212,7 +211,7 @@ class PageView:
 
     def _post_scene(self) -> None:
         scene, given = self.controller.scene, self.controls.given
-        test = tests.test_of(scene)
+        known = reference_of(scene)
         title, changes = heading(scene, given, self.controls.changes(scene))
         self.view_state.post(
             "scene",
@@ -222,7 +221,7 @@ class PageView:
                 "changes": changes,
                 "size": field_size(scene),
                 "key": colour_key(scene, self._look.mode),
-                "measured": {"test": test.name, **measured_figures(test)} if test else None,
+                "measured": {"test": known.name, **known.figures} if known else None,
                 "nodes": [scene.block.columns, scene.block.rows],
                 "falls": scene.impactor is not None,
             },

@@ -12,17 +12,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from taichi_foam.analysis.bands import band_of_curves
 from taichi_foam.analysis.impact import impact
 from taichi_foam.analysis.measures import NOSE_RISE_LIMIT_M, absorption_curve
+from taichi_foam.analysis.quantities import SLOPE
+from taichi_foam.catalogue import title
 from taichi_foam.picture import figures, films, style
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
-from taichi_foam.shim2000 import law_curve
-from taichi_foam.shim2000.bands import band_of_curves
-from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
-from taichi_foam.shim2000.error_figure import Whisker, errors
+from taichi_foam.shim2000.figures import Deceleration, Whisker, branches, decelerations, errors
+from taichi_foam.shim2000.impacts import TESTS
 from taichi_foam.shim2000.study import Case, from_contact
-from taichi_foam.shim2000.tests import TESTS, title
 
 #: Width of the report's GIFs [pixels]; they show every second frame.
 GIF_WIDTH, GIF_EVERY = 480, 2
@@ -232,7 +232,7 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Picture:
         absorptions[name] = [_absorption(case) for case in group]
         tests = [case.test for case in group if case.test]
         if tests:
-            slopes[name] = [test.measured.energy_per_volume_J_m3 for test in tests]
+            slopes[name] = [test.measured[SLOPE.key] for test in tests]
     return _saved(
         figures.energy_against_volume(absorptions, slopes),
         folder / "energy-volume.png",
@@ -244,7 +244,7 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Picture:
 
 def _law(folder: Path, case: Case) -> Picture:
     return _saved(
-        figures.stress_strain(law_curve.branches(case.scene)),
+        figures.stress_strain(branches(case.scene)),
         folder / "foam-law.png",
         "The foam's law, as in Fig. 19, evaluated by the functions that the runs call.",
         "Compressive stress over compressive strain: elastic to 5 %, a plateau to 80 %, then steep "
