@@ -254,8 +254,8 @@ def _files() -> dict[str, Path]:
     folder = next((f for f in (package / "gallery", package.parent / "scenes") if f.is_dir()), None)
     return {
         f"{kind}/{path.stem.replace('_', '-')}": path
-        for kind, under in (("gallery", "."), ("paper", "paper"))
-        for path in sorted((folder / under).iterdir() if folder else ())
+        for kind, files in (("gallery", "*.*"), ("paper", "paper/*.*"))
+        for path in sorted(folder.glob(files) if folder else ())
         if path.suffix in (".py", ".toml")
     }
 

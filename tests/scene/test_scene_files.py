@@ -372,7 +372,9 @@ def test_calibrated_is_the_default_but_for_the_specimen_and_the_rig():
     scene = Scene(impactor=FlatBlock())
     plain = ["base.stops_impactor=true"]
     plain += [f"foam.{key}={value}" for key, value in PAPER.items()]
-    assert scene == load_scene("paper/rectangular-3.03", "calibrated", ["name=scene", *plain])
+    assert scene == load_scene(
+        "paper/rectangular-3.03", "calibrated", ["name=scene", "reference=none", *plain]
+    )
 
 
 def test_every_built_in_scene_loads_and_has_a_description():
