@@ -117,7 +117,8 @@ def _is_own(foam: Any) -> bool:
 
 def list_scenes() -> dict[str, str]:
     """Return the built-in scenes: name and a one-line description."""
-    return {name: _first_line(path) for name, path in _built_in().items()}
+    files = _built_in()
+    return {name: _first_line(files[name]) for name in dict.fromkeys([*references(), *files])}
 
 
 def reference_of(scene: Scene) -> Reference | None:
@@ -162,15 +163,19 @@ def title(scene: Scene) -> str:
 
 @lru_cache(maxsize=1)
 def references() -> Mapping[str, Reference]:
-    """Those of the scenes that come with the package, by the scene's name."""
-    scenes = [Scene.checked(data, name) for name, data in _measured(_files()).items()]
-    return {scene.name: scene.reference for scene in scenes if scene.reference}
+    """Those of the scenes that come with the package, by the scene's name, in order of source."""
+    paths = {name: path for name, path in _built_in().items() if path.suffix == ".toml"}
+    data = {
+        name: table for name, path in paths.items() if "reference" in (table := read_toml(path))
+    }
+    found = {name: Scene.checked(table, name).reference for name, table in data.items()}
+    return dict(sorted(found.items(), key=lambda item: item[1].source))
 
 
 def _read(source: str | Path) -> Scene | dict[str, Any]:
     """Return the scene of a script, or the raw data of a TOML file."""
     name, path = str(source), Path(source)
-    path = _files().get(name, path)
+    path = _built_in().get(name, path)
     if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
         raise UserError(_missing(name, path))
     if path.suffix == ".toml":
@@ -194,7 +199,7 @@ def _missing(name: str, path: Path) -> str:
         )
     if os.path.isdir(path):
         return f"{name}: is a folder; a scene is a .toml or a .py file, or a built-in name"
-    near = difflib.get_close_matches(name, _files(), n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, _built_in(), n=1, cutoff=0.5)
     guess = f"did you mean {near[0]}? " if near else ""
     return (
         f"{name}: no such file and no built-in scene of that name; {guess}"
@@ -234,20 +239,6 @@ def _where(path: Path, error: BaseException) -> str:
 
 
 def _built_in() -> dict[str, Path]:
-    """Return the scene files that come with the package; those with a reference by its source."""
-    files = _files()
-    first = _measured(files)
-    return {name: files[name] for name in [*first, *(n for n in files if n not in first)]}
-
-
-def _measured(files: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
-    """Return the data of the scenes that have a reference, in the order of their sources."""
-    tables = {name: read_toml(path) for name, path in files.items() if path.suffix == ".toml"}
-    found = {name: data for name, data in tables.items() if "reference" in data}
-    return dict(sorted(found.items(), key=lambda item: item[1]["reference"]["source"]))
-
-
-def _files() -> dict[str, Path]:
     """Return the scene files that come with the package, by built-in name."""
     package = Path(__file__).parent
     # In the wheel they lie inside the package, in a source tree beside it.

@@ -106,11 +106,11 @@ impact_duration_s = 0.024
 
 It belongs to the impact, not to the name: where the scene is changed into another one (impactor,
 block, foam, what holds it, start; velocity by more than 0.5 %) nothing is compared. Mesh, steps,
-outputs and model choices do not count, nor what a test of a foam does not give. A resolved scene
-has `velocity` and a digest, `impact`, that tell. `title` is what a scene of this name is called in
-pictures; `readings` are values that a set of choices takes, under which the figures still hold. The
-nine scenes in `scenes/paper` show both. A scene without a reference that has the impact of one of them
-is compared with that.
+outputs and model choices do not count, nor what a test of a foam does not give. In a resolved scene
+`velocity` and a digest, `impact`, tell which impact it was. `title` is what a scene of this name is
+called in pictures; `readings` are values that a set of choices takes, under which the figures still
+hold. The nine scenes in `scenes/paper` show both. A scene without a reference is compared with that
+one of them which has its impact, if any.
 
 ## Choice sets
 
