@@ -164,11 +164,9 @@ def title(scene: Scene) -> str:
 @lru_cache(maxsize=1)
 def references() -> Mapping[str, Reference]:
     """Those of the scenes that come with the package, by the scene's name, in order of source."""
-    paths = {name: path for name, path in _built_in().items() if path.suffix == ".toml"}
-    data = {
-        name: table for name, path in paths.items() if "reference" in (table := read_toml(path))
-    }
-    found = {name: Scene.checked(table, name).reference for name, table in data.items()}
+    tables = {n: read_toml(path) for n, path in _built_in().items() if path.suffix == ".toml"}
+    scenes = [Scene.checked(data, name) for name, data in tables.items() if "reference" in data]
+    found = {scene.name: scene.reference for scene in scenes if scene.reference}
     return dict(sorted(found.items(), key=lambda item: item[1].source))
 
 
