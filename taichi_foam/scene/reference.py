@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pydantic import Field
+from pydantic_core import to_jsonable_python
 
 from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at
@@ -95,16 +96,15 @@ class Reference(Part):
 
 def _set_up(scene: Any) -> dict[str, Any]:
     """What counts of a scene and has not its default value, by dotted key."""
-    found = {"impactor.shape": getattr(scene.impactor, "shape", None)}
+    found: dict[str, Any] = {"impactor.shape": getattr(scene.impactor, "shape", None)}
     for name, left_open in _OPEN.items():
         part = getattr(scene, name)
         if part is None:
             continue
-        data = part.model_dump(mode="json")
         for key, field in type(part).model_fields.items():
-            default = _rounded(field.default)
-            if key not in left_open and _rounded(getattr(part, key)) != default:
-                found[f"{name}.{key}"] = _rounded(data[key])
+            value = _rounded(getattr(part, key))
+            if key not in left_open and value != _rounded(field.default):
+                found[f"{name}.{key}"] = to_jsonable_python(value)
     return found
 
 

@@ -65,6 +65,7 @@ def write(
     if panels:
         draw_errors = pictures.errors_at_a_glance
         jobs["errors"] = partial(draw_errors, figures, panels, content["tolerance"])
+    i, j = (cases[0].scene.block.columns, cases[0].scene.block.rows) if cases else (0, 0)
     with bars.counting("report", "writing the report", len(jobs), "figures") as on_picture:
         drawn = {}
         for name, draw in jobs.items():
@@ -73,7 +74,7 @@ def write(
             on_picture()
         page = _template().render(
             content=content,
-            tests=_tests(len(cases)),
+            tests=f"{_NUMBERS[len(cases)]} drop test{'' if len(cases) == 1 else 's'}",
             created=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
             judged=[_table(quantity, content) for quantity in JUDGED],
             slope=_table(q.SLOPE, content),
@@ -81,7 +82,7 @@ def write(
             tolerance=f"{100 * content['tolerance']:.0f} %",
             plateau_end=f"{100 * PLATEAU_END_FRACTION:.0f} %",
             hits=_headline_of_ensembles(content) if content["ensemble"] else _headline(content),
-            misses=_misses(content),
+            misses=sum(is_miss(case, each.key) for case in content["cases"] for each in COMPARED),
             changed=[short(case.name) for case in cases if case.test is None],
             groups=_groups(content) if content["ensemble"] else [],
             criteria=_criteria(content),
@@ -93,17 +94,13 @@ def write(
             batch=cases[0].result.run if cases else None,
             seconds={_STAGES.get(stage, stage): took for stage, took in bars.seconds.items()}
             | {"in all, up to this report": time.perf_counter() - begun},
-            bonds=_bonds(cases[0].scene) if cases else 0,
+            bonds=(2 * i - 1) * j - i,
             short=short,
             within=f"{100 * WITHIN:g} %",
             share=f"{100 * SHARE:.0f} %",
             scatters=any(case.scene.foam.strength_scatter > 0.0 for case in cases),
         )
         (folder / "report.html").write_text(page, encoding="utf-8")
-
-
-def _misses(content: Mapping[str, Any]) -> int:
-    return sum(is_miss(case, q.key) for case in content["cases"] for q in COMPARED)
 
 
 def _template() -> Any:
@@ -115,15 +112,6 @@ def _template() -> Any:
         lstrip_blocks=True,
     )
     return environment.get_template("report.html.j2")
-
-
-def _tests(count: int) -> str:
-    return f"{_NUMBERS[count]} drop test{'' if count == 1 else 's'}"
-
-
-def _bonds(scene: Scene) -> int:
-    columns, rows = scene.block.columns, scene.block.rows
-    return (columns - 1) * rows + columns * (rows - 1)
 
 
 # --- what the tables show: texts, row by row -----------------------------------------------------

@@ -178,11 +178,9 @@ def _warnings(case: Case) -> list[str]:
     if not doubtful:
         return []
     worst = max(doubtful, key=lambda member: len(member.figures["warnings"]))
-    assert worst.scene.impactor is not None  # every test has one
-    velocity = worst.scene.impactor.velocity
     return [
         f"{case_folder(case.name)}: {len(doubtful)} of {len(case.members)} runs are doubtful, "
-        f"such as that at {velocity:.4g} m/s: {text}"
+        f"such as that at {worst.velocity:.4g} m/s: {text}"
         for text in worst.figures["warnings"]
     ]
 

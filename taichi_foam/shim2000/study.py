@@ -271,8 +271,7 @@ def write_members(path: Path, cases: Sequence[Case]) -> None:
         writer.writerow(["case", "velocity_m_s", "strength_seed", *figures])
         for case in cases:
             for member in case.members:
-                assert member.scene.impactor is not None  # every test has one
-                varied = [repr(member.scene.impactor.velocity), member.scene.foam.strength_seed]
+                varied = [repr(member.velocity), member.scene.foam.strength_seed]
                 values = [member.figures[key] for key in figures]
                 writer.writerow([case.name, *varied, *map(_cell, values)])
 
