@@ -20,6 +20,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from taichi_foam.analysis.quantities import QUANTITIES
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.picture.naming import Caption
@@ -116,9 +117,10 @@ def _is_own(foam: Any) -> bool:
 
 
 def list_scenes() -> dict[str, str]:
-    """Return the built-in scenes: name and a one-line description."""
-    files = _built_in()
-    return {name: _first_line(files[name]) for name in dict.fromkeys([*references(), *files])}
+    """Return the built-in scenes: name and a one-line description; those first with a reference."""
+    files, first = _built_in(), list(references())
+    names = sorted(files, key=lambda name: first.index(name) if name in first else len(first))
+    return {name: _first_line(files[name]) for name in names}
 
 
 def reference_of(scene: Scene) -> Reference | None:
@@ -178,6 +180,7 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
         raise UserError(_missing(name, path))
     if path.suffix == ".toml":
         data = read_scene(path)
+        _check_figures(data, name)
         # a scene that a run wrote holds what was assumed as well
         return Scene.checked(data, name).given_data() if "assumed" in data else data
     if path.suffix == ".py":
@@ -186,6 +189,20 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
         f"{name}: a scene is a .toml or a .py file, or a built-in name ('taichi-foam scenes' "
         "lists them); rename the file"
     )
+
+
+def _check_figures(data: Mapping[str, Any], source: str) -> None:
+    """Refuse figures of a reference that no run has: they would be compared with nothing."""
+    figures = at(data, "reference.figures")
+    for key in figures if isinstance(figures, Mapping) else ():
+        if key not in QUANTITIES:
+            near = difflib.get_close_matches(key, QUANTITIES, n=1, cutoff=0.5)
+            guess = (
+                f"did you mean {near[0]}?" if near else "docs/results.md has those of summary.json"
+            )
+            raise UserError(
+                f"{source}: reference.figures.{shown(key)}: no figure of a run; {guess}"
+            )
 
 
 def _missing(name: str, path: Path) -> str:

@@ -80,6 +80,12 @@ def test_a_reference_has_a_source_and_figures() -> None:
     assert reference_by_name(scene) is None
 
 
+def test_a_figure_that_no_run_has_is_refused(file: Path) -> None:
+    file.write_text(OWN.replace("peak_deceleration_g", "peak_decelleration_g"))
+    with pytest.raises(UserError, match=r"figures.* did you mean peak_deceleration_g\?"):
+        load_scene(file)
+
+
 @pytest.mark.parametrize("choices", CHOICE_SETS)
 def test_a_scene_without_a_reference_is_known_by_its_impact(choices: str) -> None:
     """Those of results that an older version has saved."""
