@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.results.result import Result, load
     from taichi_foam.scene import Scene
+    from taichi_foam.shim2000.impacts import paper_scene
     from taichi_foam.shim2000.reproduce import reproduce
-    from taichi_foam.shim2000.tests import paper_scene
     from taichi_foam.simulation.simulate import (
         init,
         resume,
@@ -84,7 +84,7 @@ _HOMES = {
     "init": "simulation.simulate",
     "load": "results.result",
     "load_scene": "catalogue",
-    "paper_scene": "shim2000.tests",
+    "paper_scene": "shim2000.impacts",
     "reproduce": "shim2000.reproduce",
     "resume": "simulation.simulate",
     "run": "simulation.simulate",

@@ -1,4 +1,10 @@
-"""Scenes in and out: built-in names, TOML files, Python scripts; choice sets and overrides."""
+"""Scenes in and out: built-in names, TOML files, Python scripts; choice sets and overrides.
+
+And what is known of a scene: what was measured in its impact (`reference_of`), and what people are
+told it is called (`caption`). Both are asked of its own reference first, then of the scenes that
+come with the package: results of an older version have none of their own, nor has what somebody
+wrote by hand.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +14,23 @@ import os
 import runpy
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS
+from taichi_foam.picture.naming import Caption
 from taichi_foam.scene import CHOICE_SETS, Scene
 from taichi_foam.scene.files import read_scene
 from taichi_foam.scene.messages import explain, shown, titled
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
+from taichi_foam.scene.reference import Reference
+from taichi_foam.scene.toml import read_toml
 from taichi_foam.scene.values import changed, settings
-from taichi_foam.shim2000 import tests
 
 _LONGEST_NAME = 1_000
 
@@ -51,25 +61,27 @@ def load_scene(
     """
     if choices is not None and choices not in CHOICE_SETS:
         raise UserError(f"choices = {shown(choices)}: must be one of {', '.join(CHOICE_SETS)}")
-    data = source if isinstance(source, Scene) else _read(source, choices)
+    data = source if isinstance(source, Scene) else _read(source)
     values = settings(overrides)
     if isinstance(data, Scene):
         if choices is None and not values:
             return data
         data = data.given_data()
-    # The paper's own tests have taken the set in already, the cylinder's radius included.
-    if choices is not None and str(source) not in tests.NAMES:
-        data = changed(data, dict(_chosen(data, CHOICE_SETS[choices])))
     title = source.name if isinstance(source, Scene) else str(source)
+    if choices is not None:
+        data = changed(data, dict(_chosen(data, choices)))
+    if values and "reference" in data:  # which is of the impact as it was before
+        data = Scene.checked(data, title).given_data()
     return Scene.checked(changed(data, values), title)
 
 
-def _chosen(data: Mapping[str, Any], choices: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
     """Yield what a choice set says of a scene, of the foams of its layers too.
 
-    A block of one's own keeps its lattice, and a foam of one's own its constants.
+    A block of one's own keeps its lattice, and a foam of one's own its constants. What the scene's
+    reference can be read to give comes last.
     """
-    for key, value in choices.items():
+    for key, value in CHOICE_SETS[choices].items():
         field = key.partition(".")[2]
         if key.startswith("foam."):
             for head in heads_of_foams(data):
@@ -85,6 +97,9 @@ def _chosen(data: Mapping[str, Any], choices: Mapping[str, Any]) -> Iterator[tup
                 yield key, value
         elif data.get("impactor") is not None or not key.startswith("impactor."):
             yield key, value
+    readings = at(data, "reference.readings")
+    own = readings.get(choices) if isinstance(readings, Mapping) else None
+    yield from own.items() if isinstance(own, Mapping) else ()
 
 
 def _is_own(foam: Any) -> bool:
@@ -102,22 +117,70 @@ def _is_own(foam: Any) -> bool:
 
 
 def list_scenes() -> dict[str, str]:
-    """Return the built-in scenes: name and a one-line description."""
-    gallery = {name: _first_line(path) for name, path in _gallery().items()}
-    return {name: tests.describe(name) for name in tests.NAMES} | gallery
+    """Return the built-in scenes: name and a one-line description; those first with a reference."""
+    files, first = _built_in(), list(references())
+    names = sorted(files, key=lambda name: first.index(name) if name in first else len(first))
+    return {name: _first_line(files[name]) for name in names}
 
 
-def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
-    """Return the scene of a script or of the paper, or the raw data of a TOML file."""
+def reference_of(scene: Scene) -> Reference | None:
+    """What was measured in the impact that a scene describes, whatever it is called, if anything.
+
+    Its own reference does not count when it has been changed into another impact.
+    """
+    own = [] if scene.reference is None else [scene.reference]
+    return next((each for each in (*own, *references().values()) if each.fits(scene)), None)
+
+
+def reference_by_name(scene: Scene) -> Reference | None:
+    """The reference that belongs to a scene's name, whether it has still that impact or not."""
+    known = scene.reference or references().get(scene.name)
+    return known if known is not None and known.name == scene.name else None
+
+
+def caption(scene: Scene) -> Caption:
+    """What a scene is called in pictures: "wedge, 2.86 m/s" if its reference has that title.
+
+    One that has been changed into another impact is "paper/wedge-2.86, changed"; all others have
+    their name.
+    """
+    named = reference_by_name(scene)
+    if named is None:
+        return Caption(scene.name)
+    found = reference_of(scene)
+    title = (found or named).title or scene.name
+    told = (
+        scene.impactor is not None
+        and scene.impactor.label in title
+        and (found or named).has_velocity_of(scene)
+    )
+    says = frozenset({"impactor.shape", "impactor.velocity"} if told else ())
+    return Caption(title if found else f"{scene.name}, changed", says)
+
+
+def title(scene: Scene) -> str:
+    """The title of a scene's `caption`."""
+    return caption(scene).title
+
+
+@lru_cache(maxsize=1)
+def references() -> Mapping[str, Reference]:
+    """Those of the scenes that come with the package, by the scene's name, in order of source."""
+    tables = {n: read_toml(path) for n, path in _built_in().items() if path.suffix == ".toml"}
+    scenes = [Scene.checked(data, name) for name, data in tables.items() if "reference" in data]
+    found = {scene.name: scene.reference for scene in scenes if scene.reference}
+    return dict(sorted(found.items(), key=lambda item: item[1].source))
+
+
+def _read(source: str | Path) -> Scene | dict[str, Any]:
+    """Return the scene of a script, or the raw data of a TOML file."""
     name, path = str(source), Path(source)
-    if name in tests.NAMES:
-        return tests.paper_scene(name, choices or "calibrated")
-    gallery = _gallery()
-    path = gallery.get(name, path)
+    path = _built_in().get(name, path)
     if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
-        raise UserError(_missing(name, path, gallery))
+        raise UserError(_missing(name, path))
     if path.suffix == ".toml":
         data = read_scene(path)
+        _check_figures(data, name)
         # a scene that a run wrote holds what was assumed as well
         return Scene.checked(data, name).given_data() if "assumed" in data else data
     if path.suffix == ".py":
@@ -128,7 +191,21 @@ def _read(source: str | Path, choices: str | None) -> Scene | dict[str, Any]:
     )
 
 
-def _missing(name: str, path: Path, gallery: dict[str, Path]) -> str:
+def _check_figures(data: Mapping[str, Any], source: str) -> None:
+    """Refuse figures of a reference that no run has: they would be compared with nothing."""
+    figures = at(data, "reference.figures")
+    for key in figures if isinstance(figures, Mapping) else ():
+        if key not in MEASURES:
+            near = difflib.get_close_matches(key, MEASURES, n=1, cutoff=0.5)
+            guess = (
+                f"did you mean {near[0]}?" if near else "docs/results.md has those of summary.json"
+            )
+            raise UserError(
+                f"{source}: reference.figures.{shown(key)}: no figure of a run; {guess}"
+            )
+
+
+def _missing(name: str, path: Path) -> str:
     """Say what is wrong with a source that is no file, and which built-in name comes nearest."""
     if len(name) > _LONGEST_NAME or not name.isprintable():
         return (
@@ -137,7 +214,7 @@ def _missing(name: str, path: Path, gallery: dict[str, Path]) -> str:
         )
     if os.path.isdir(path):
         return f"{name}: is a folder; a scene is a .toml or a .py file, or a built-in name"
-    near = difflib.get_close_matches(name, [*tests.NAMES, *gallery], n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, _built_in(), n=1, cutoff=0.5)
     guess = f"did you mean {near[0]}? " if near else ""
     return (
         f"{name}: no such file and no built-in scene of that name; {guess}"
@@ -176,15 +253,15 @@ def _where(path: Path, error: BaseException) -> str:
     return f"{path}:{lines[-1]}" if lines else str(path)
 
 
-def _gallery() -> dict[str, Path]:
+def _built_in() -> dict[str, Path]:
     """Return the scene files that come with the package, by built-in name."""
     package = Path(__file__).parent
     # In the wheel they lie inside the package, in a source tree beside it.
     folder = next((f for f in (package / "gallery", package.parent / "scenes") if f.is_dir()), None)
-    files = sorted(folder.iterdir()) if folder else []
     return {
-        f"gallery/{path.stem.replace('_', '-')}": path
-        for path in files
+        f"{kind}/{path.stem.replace('_', '-')}": path
+        for kind, files in (("gallery", "*.*"), ("paper", "paper/*.*"))
+        for path in sorted(folder.glob(files) if folder else ())
         if path.suffix in (".py", ".toml")
     }
 

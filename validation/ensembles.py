@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from taichi_foam.analysis.bands import Band, band
 from taichi_foam.analysis.measures import (
     DISPLACEMENT,
     DURATION,
@@ -15,11 +16,9 @@ from taichi_foam.analysis.measures import (
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.bands import Band, band
 from taichi_foam.shim2000.compare import at_rest
-from taichi_foam.shim2000.ensemble import faster
-from taichi_foam.shim2000.reproduce import case_names
-from taichi_foam.shim2000.study import has_failed
+from taichi_foam.shim2000.impacts import case_names
+from taichi_foam.shim2000.study import faster, has_failed
 from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
 ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY_PER_VOLUME)

@@ -22,9 +22,8 @@ from fidelity_study import changes, grid, members, page
 from rich.console import Console
 from store import SMOKE_HELP, Store, chosen, computed, leave
 
-from taichi_foam.shim2000.compare import measured_figures
+from taichi_foam.shim2000.impacts import TESTS
 from taichi_foam.shim2000.scores import HELD_OUT
-from taichi_foam.shim2000.tests import TESTS
 from taichi_foam.simulation.progress import Bars
 
 HERE = Path(__file__).parent
@@ -91,7 +90,7 @@ def smoke() -> None:
         }
         for part, ensembles in asked.items():
             for each in ensembles:
-                known = measured_figures(TESTS[each.test])
+                known = TESTS[each.test].measured
                 made_up = {q.key: 1.05 * known[q.key] for q in members.JUDGED if q.key in known}
                 for name in each.members:
                     store.part(part)[name] = {"figures": made_up, "criteria": {"all": True}}

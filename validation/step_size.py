@@ -34,11 +34,12 @@ from store import SMOKE_HELP
 
 from taichi_foam.analysis.measures import Quantity
 from taichi_foam.results.result import Result
-from taichi_foam.shim2000.ensemble import WITHIN, factors
-from taichi_foam.shim2000.machine import machine, versions
-from taichi_foam.shim2000.tests import TESTS
+from taichi_foam.shim2000.impacts import TESTS
+from taichi_foam.shim2000.study import WITHIN
 from taichi_foam.simulation.progress import Bars
+from taichi_foam.simulation.provenance import machine, versions
 from taichi_foam.simulation.simulate import run
+from taichi_foam.sweeps.sampling import factors
 
 RESULTS = Path(__file__).parent / "results"
 FINE = 1e-7  # s, Table 6
@@ -73,7 +74,7 @@ class Test:
 def impacts(test: Test, counts: dict[str, int], bars: Bars) -> None:
     """Run the test itself and its ensembles with either step."""
     runs = [(step, None) for step in STEPS]
-    runs += [(step, factor) for step in STEPS for factor in factors(counts[step])]
+    runs += [(step, factor) for step in STEPS for factor in factors(counts[step], WITHIN)]
     steps = {"auto": "auto", "fine": repr(test.fine)}
     scenes = [
         scene_of(test.name, f or 1.0, [*test.settings, f"numerics.dt={steps[s]}"]) for s, f in runs
@@ -178,7 +179,7 @@ def _figures(tests: list[Test], quantity: Quantity) -> str:
         rows.append(
             [
                 short(test.name),
-                quantity.text(getattr(TESTS[test.name].measured, quantity.key)),
+                quantity.text(TESTS[test.name].measured[quantity.key]),
                 *(quantity.text(test.single[step][quantity.key]) for step in STEPS),
                 *(_spread_text(spread[step], quantity) for step in STEPS),
                 _chance(spread["auto"], spread["fine"]),

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from peers import CASE, Extent, batch_of, lattice_of, scene_with, updated
 
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import NAMES
+from taichi_foam.shim2000.impacts import NAMES
 
 SMALL = (40, 20)
 ROOM = "room and softening"

@@ -11,7 +11,7 @@ from pathlib import Path
 from peers.compile import compiler_version
 from rich.console import Console
 
-from taichi_foam.shim2000.machine import machine, versions
+from taichi_foam.simulation.provenance import machine, versions
 
 from .goals import costs_of_tests, figures, roofline
 from .rounds import Record, Spread, cpu_ns, wall_ns, wall_per_ms

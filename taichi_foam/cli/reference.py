@@ -96,6 +96,27 @@ which some constants were given, the others are derived or assumed, and a run sa
 (`[[block.layers]]`) with the keys below; [pads.md](pads.md) tells how pads are drawn. A value
 within a list is reached by its place, from 0: `--set block.layers[0].density=40`.
 
+## Reference
+
+What was measured in an impact stands in its scene, and is then shown beside what is computed:
+
+```toml
+[reference]
+source = "our laboratory, 12 March"
+
+[reference.figures] # by the keys of summary.json
+max_displacement_m = 0.031
+impact_duration_s = 0.024
+```
+
+It belongs to the impact, not to the name: where the scene is changed into another one (impactor,
+block, foam, what holds it, start; velocity by more than 0.5 %) nothing is compared. Mesh, steps,
+outputs and model choices do not count, nor what a test of a foam does not give. In a resolved scene
+`velocity` and a digest, `impact`, tell which impact it was. `title` is what a scene of this name is
+called in pictures; `readings` are values that a set of choices takes, under which the figures still
+hold. The nine scenes in `scenes/paper` show both. A scene without a reference is compared with that
+one of them which has its impact, if any.
+
 ## Choice sets
 
 The paper leaves some things open. Two named sets of model choices settle them: `--choices NAME`, or

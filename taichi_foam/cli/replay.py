@@ -84,10 +84,10 @@ def render_command(
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
         # names and values are right: now what loads Matplotlib
+        from taichi_foam.catalogue import title as title_of
         from taichi_foam.picture import films, montage, printed
-        from taichi_foam.shim2000 import tests
 
-        title = tests.title(result.scene)
+        title = title_of(result.scene)
         shown, jobs = result.scene.output.mode, []
         if film or frames:
             names = films.Names(
@@ -135,10 +135,10 @@ def compare_command(
             gif = mp4 = True
         _check_effect("--fps", fps, gif or mp4, "--gif or --mp4")
         results = [_loaded(runs[0], mode, theme, size, fps), *map(_loaded, runs[1:])]
+        from taichi_foam.catalogue import caption
         from taichi_foam.picture import comparison, films
-        from taichi_foam.shim2000 import tests
 
-        captions = [tests.caption(result.scene) for result in results]
+        captions = [caption(result.scene) for result in results]
         lineup = comparison.Lineup.of(results, _folder_names(runs), captions)
         name = f"comparison-{results[0].scene.output.mode}"
         jobs = []

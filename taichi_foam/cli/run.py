@@ -21,16 +21,15 @@ from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
-from taichi_foam.results.result import write_drops
 from taichi_foam.results.files import file_name, next_numbered
 from taichi_foam.results.folders import Claim, claimed, size_text
-from taichi_foam.results.result import Result, request_of, storage_bytes
+from taichi_foam.results.result import Result, request_of, storage_bytes, write_drops
 from taichi_foam.scene import Scene, block
 from taichi_foam.scene.values import settings
 
 if TYPE_CHECKING:
-    from taichi_foam.live.session import Outcome
     from taichi_foam.live.messages import Keeping
+    from taichi_foam.live.session import Outcome
     from taichi_foam.simulation.after import After
     from taichi_foam.simulation.progress import Bars
     from taichi_foam.simulation.simulate import ProgressCallback
@@ -239,15 +238,15 @@ def _draw_films(
 
     Whatever it is, the runs are not to be lost by it.
     """
+    from taichi_foam import catalogue
     from taichi_foam.picture import films
-    from taichi_foam.shim2000 import tests
 
     try:
         for folder, result in kept:
             if not (frames := films.frames_to_draw(result)):
                 continue
             what = f"films of {folder}" if names_folders else "drawing pictures"
-            title = tests.title(result.scene)
+            title = catalogue.title(result.scene)
             if is_series:
                 title = f"{result.scene.name}, drop {result.drop}"
             with bars.counting("films", what, frames, "frames") as on_frame:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.measures import Quantity, shown_in
+from taichi_foam.catalogue import reference_of, title
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
@@ -19,7 +20,6 @@ from taichi_foam.shim2000.compare import (
     is_miss,
     median_and_allowed,
 )
-from taichi_foam.shim2000.tests import test_of, title
 
 _OF_DROPS = {
     q.CREST_G: "peak in g\nCFC 180",
@@ -33,13 +33,13 @@ _OF_DROPS = {
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
-    """The main figures of one run, beside the measured ones where it is one of the tests.
+    """The main figures of one run, beside the measured ones where there are any.
 
     Below them stands in words how the impact ended.
     """
-    test = test_of(scene)
-    case = comparison(scene.name, test, summary)
-    known = test is not None
+    reference = reference_of(scene)
+    case = comparison(scene.name, reference, summary)
+    known = reference is not None
     table = _table(title(scene))
     table.add_column("", no_wrap=True)
     table.add_column("simulated", justify="right", no_wrap=True)

@@ -10,12 +10,12 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from taichi_foam import catalogue
 from taichi_foam.errors import UserError
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene import Block, Foam, Scene
 from taichi_foam.scene.options import Numerics
-from taichi_foam.shim2000 import tests
 
 Value = int | float | None
 
@@ -44,15 +44,15 @@ def heading(scene: Scene, given: Scene, changes: Mapping[str, str]) -> tuple[str
     One of the paper's tests that was changed into another impact does not keep the test's name: it
     is called after its impactor.
     """
-    test = tests.TESTS.get(given.name)
-    if test is None or scene.impactor is None:
+    known = catalogue.reference_by_name(given)
+    if known is None or scene.impactor is None:
         return given.name, list(changes.values())
-    if tests.test_of(scene) is test and "impactor.velocity" not in changes:
-        return test.title, list(changes.values())
+    if known.fits(scene) and "impactor.velocity" not in changes:
+        return known.title or given.name, list(changes.values())
     told = ("impactor.shape", "impactor.velocity")
     title = f"{scene.impactor.label}, {scene.impactor.velocity:.6g} m/s"
     if not changes:
-        title = tests.title(scene)  # changed already when it was given
+        title = catalogue.title(scene)  # changed already when it was given
     return title, [words for key, words in changes.items() if key not in told]
 
 

@@ -42,8 +42,8 @@ def install() -> None:
 
 def result_html(result: Result) -> str:
     """A run as HTML that needs nothing else: instants, key figures, and the film."""
+    from taichi_foam.catalogue import title
     from taichi_foam.picture.montage import montage
-    from taichi_foam.shim2000 import tests
 
     figures = _figures(result.scene, result.summary)
     if result.ending is Ending.INTERRUPTED:
@@ -51,20 +51,20 @@ def result_html(result: Result) -> str:
     if not result.snapshots:
         return figures
     picture = _picture(
-        montage(result.snapshots, result.scene, width=MONTAGE, title=tests.title(result.scene))
+        montage(result.snapshots, result.scene, width=MONTAGE, title=title(result.scene))
     )
     return picture + _side_by_side(f"<div>{figures}</div>", _film(result))
 
 
 def scene_html(scene: Scene) -> str:
     """A scene as HTML: how it starts, its impactor, and what differs from the defaults."""
+    from taichi_foam.catalogue import title
     from taichi_foam.engine.state import initial_state
     from taichi_foam.picture import raster
-    from taichi_foam.shim2000 import tests
 
     size = (FILM, FILM * 9 // 16)
     start = initial_state(scene).snapshot()
-    picture = raster.frame(start, scene, size, title=tests.title(scene))
+    picture = raster.frame(start, scene, size, title=title(scene))
     return _side_by_side(_picture(picture), _table(("", "value", ""), _given(scene)))
 
 
@@ -82,7 +82,8 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
     found = []
     for name in type(scene).model_fields:
         part, default = getattr(scene, name), getattr(plain, name)
-        for key, field in type(part).model_fields.items() if isinstance(part, Part) else ():
+        fields = type(part).model_fields if isinstance(part, Part) and name != "reference" else {}
+        for key, field in fields.items():
             value = getattr(part, key)
             # another law or shape has keys that the default's lacks
             if name == "impactor" or value != getattr(default, key, field.default):
@@ -94,10 +95,10 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     """The key figures, beside the measured ones where there are any, and what is to be said."""
     from taichi_foam.analysis.measures import shown_in
-    from taichi_foam.shim2000 import tests
-    from taichi_foam.shim2000.compare import measured_figures
+    from taichi_foam.catalogue import reference_of
 
-    known = measured_figures(tests.test_of(scene))
+    reference = reference_of(scene)
+    known = reference.figures if reference else {}
     rows = []
     for quantity in shown_in("cell"):
         value, measured = summary[quantity.key], known.get(quantity.key)
@@ -149,8 +150,8 @@ def _picture(image: NDArray) -> str:
 
 def _film(result: Result) -> str:
     """The run as a film that plays in the page; the last picture stays."""
+    from taichi_foam.catalogue import title
     from taichi_foam.picture import films
-    from taichi_foam.shim2000 import tests
 
     scene = result.scene
     every = -(-len(result.snapshots) // MOST_FRAMES)
@@ -162,9 +163,9 @@ def _film(result: Result) -> str:
         scene=scene.model_copy(update={"output": output}),
         snapshots=result.snapshots[::every],
     )
-    names, title = films.Names(mp4="film.mp4"), tests.title(scene)
+    names, words = films.Names(mp4="film.mp4"), title(scene)
     with tempfile.TemporaryDirectory() as folder:
-        (path,) = films.write(small, Path(folder), names=names, title=title)
+        (path,) = films.write(small, Path(folder), names=names, title=words)
         data = _data("video/mp4", path.read_bytes())
     return f'<video controls muted loop autoplay width="{width}" src="{data}"></video>'
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageFont
 
+from taichi_foam import catalogue
 from taichi_foam.analysis import measures as q
 from taichi_foam.errors import UserError
 from taichi_foam.live.controls import offered_shapes, renamed
@@ -19,7 +20,6 @@ from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import THEMES, Look, Theme
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.view import Box
-from taichi_foam.shim2000 import tests
 
 #: Frames per second that are asked for; a single step goes on by as much as one of them.
 FPS = 30
@@ -99,7 +99,7 @@ class Screen:
             if len(history["time_s"]):
                 curve = Curve.of(history, last=max(snapshot.time, SHORTEST_AXIS))
         image = raster.frame(
-            snapshot, scene, size, look=self.look, title=tests.title(scene), note=note,
+            snapshot, scene, size, look=self.look, title=catalogue.title(scene), note=note,
             curve=curve, threads=1,
         )  # fmt: skip
         if words := self.message or self.session.waiting:

@@ -84,7 +84,8 @@ def _differences(
     scenes: Sequence[Scene], said: frozenset[str] = frozenset()
 ) -> tuple[str, ...] | None:
     """All that differs but keys `said` otherwise, in words for each; None for more than a few."""
-    flat = [by_key(scene.model_dump(exclude={"name", "output", "assumed"})) for scene in scenes]
+    aside = {"name", "output", "assumed", "reference"}
+    flat = [by_key(scene.model_dump(exclude=aside)) for scene in scenes]
     every = dict.fromkeys(key for one in flat for key in one)
     keys = [key for key in every if any(one.get(key) != flat[0].get(key) for one in flat)]
     for kind, base in _KINDS.items():

@@ -21,6 +21,7 @@ from taichi_foam.scene.keys import all_parts
 from taichi_foam.scene.layers import foams_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Start
+from taichi_foam.scene.reference import Reference
 from taichi_foam.scene.support import Support
 from taichi_foam.scene.values import changed
 
@@ -69,6 +70,13 @@ class Scene(Part):
     numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
     start: Start = Field(default=Start(), description="deformation and motion at the start")
     output: Output = Field(default=Output(), description="what a run keeps")
+    reference: Reference | None = Field(
+        default=None,
+        description="what was measured in this impact, and in which words it is told of",
+        json_schema_extra={
+            "allowed": "none, or a table with source and figures; title, readings if there are any"
+        },
+    )
 
     assumed: tuple[Assumed, ...] | None = Field(
         default=None,
@@ -118,6 +126,13 @@ class Scene(Part):
             found["impactor"], found["numerics"] = motion.followed(self.impactor, self.numerics)
         for name, value in found.items():
             object.__setattr__(self, name, value)
+
+    @model_validator(mode="after")
+    def _tell_reference(self) -> Scene:
+        """A reference that is new is one of this impact, and stays so when the scene is changed."""
+        if self.reference is not None and self.reference.impact is None:
+            vars(self)["reference"] = self.reference.of(self)  # it is frozen
+        return self
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], source: str) -> Scene:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from taichi_foam.analysis import measures as q
-from taichi_foam.shim2000.bands import Band
-from taichi_foam.shim2000.tests import TESTS, PaperTest
+from taichi_foam.analysis.bands import Band
+from taichi_foam.scene.reference import Reference
+from taichi_foam.shim2000.impacts import TESTS
 
 TOLERANCE = 0.10
 """A simulated figure further than this from the measured one, relatively, is a miss."""
@@ -30,28 +30,20 @@ def at_rest(summary: Mapping[str, Any]) -> dict[str, Any]:
     return dict(summary)
 
 
-def measured_figures(test: PaperTest | None) -> dict[str, float]:
-    """What the paper measured in a test, by the keys of a run's summary; {} for other scenes."""
-    if test is None:
-        return {}
-    figures = dataclasses.asdict(test.measured)
-    figures[q.SLOPE.key] = test.measured.energy_per_volume_J_m3
-    return {key: value for key, value in figures.items() if value is not None}
-
-
-def comparison(name: str, test: PaperTest | None, summary: Mapping[str, Any]) -> dict[str, Any]:
+def comparison(
+    name: str, reference: Reference | None, summary: Mapping[str, Any]
+) -> dict[str, Any]:
     """One entry of `cases`: name, test, and measured, simulated and error with the same keys.
 
     error is simulated / measured - 1; measured and error are None where nothing was measured, test
-    (its name) for a scene that is none.
+    (the reference's name) where there is none.
     """
-    known = measured_figures(test)
-    measured = {key: known.get(key) for key in summary}
+    measured = {key: reference and reference.figures.get(key) for key in summary}
     judged = at_rest(summary)
     error = {key: relative_error(value, measured[key]) for key, value in judged.items()}
     return {
         "name": name,
-        "test": test and test.name,
+        "test": reference and reference.name,
         "measured": measured,
         "simulated": dict(summary),
         "error": error,
@@ -59,7 +51,7 @@ def comparison(name: str, test: PaperTest | None, summary: Mapping[str, Any]) ->
 
 
 def comparison_of_medians(
-    name: str, test: PaperTest | None, found: Mapping[str, Band], runs: int
+    name: str, reference: Reference | None, found: Mapping[str, Band], runs: int
 ) -> dict[str, Any]:
     """The same for an ensemble: simulated and error are those of the medians.
 
@@ -71,7 +63,7 @@ def comparison_of_medians(
         "low": {key: _known(one.low) for key, one in found.items()},
         "high": {key: _known(one.high) for key, one in found.items()},
     }
-    return {**comparison(name, test, medians), **ends, "runs": runs}
+    return {**comparison(name, reference, medians), **ends, "runs": runs}
 
 
 def relative_error(simulated: Any, measured: float | None) -> float | None:

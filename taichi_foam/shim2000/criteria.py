@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from taichi_foam.analysis.impact import Impact, impact
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Impactor, Scene
-from taichi_foam.shim2000.tests import TESTS, PaperTest, test_of
+from taichi_foam.shim2000.impacts import TESTS, PaperTest, test_of
 
 
 @dataclass(frozen=True)
@@ -128,18 +129,9 @@ class _Run:
         """The crack below the impactor, up to the stop."""
         return crack_over_time(self.until_stop, self.scene)
 
-    def judged(
-        self,
-        key: str,
-        text: str,
-        value: float | None,
-        *,
-        low: float = -math.inf,
-        high: float = math.inf,
-        unit: str = "-",
-    ) -> Criterion:
-        """The criterion of the picture that the value lies within limits."""
-        return _judged(key, text, f"Fig. {self.test.picture}", value, low=low, high=high, unit=unit)
+    def judged(self, key: str, text: str, value: float | None, **limits: Any) -> Criterion:
+        """The criterion of the picture that the value lies within limits, those of `_judged`."""
+        return _judged(key, text, f"Fig. {self.test.picture}", value, **limits)
 
 
 def _judged(

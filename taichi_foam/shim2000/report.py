@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -11,16 +12,28 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.loads import PLATEAU_END_FRACTION
-from taichi_foam.analysis.measures import PEAK, PEAK_TIME, SLOPE
-from taichi_foam.scene import Scene
-from taichi_foam.shim2000 import report_ensembles, report_pictures, report_tables
-from taichi_foam.shim2000.compare import COMPARED, JUDGED, is_miss
-from taichi_foam.shim2000.ensemble import WITHIN
-from taichi_foam.shim2000.report_pictures import short
-from taichi_foam.shim2000.scores import SHARE
-from taichi_foam.shim2000.study import Case
+from taichi_foam.analysis.measures import Quantity
+from taichi_foam.parts import described
+from taichi_foam.records.history import LEDGER
+from taichi_foam.scene import Cylinder, Scene
+from taichi_foam.shim2000 import pictures
+from taichi_foam.shim2000.compare import (
+    COMPARED,
+    JUDGED,
+    criteria_met,
+    is_miss,
+    median_and_allowed,
+    theirs,
+)
+from taichi_foam.shim2000.figures import Whisker
+from taichi_foam.shim2000.pictures import KINDS, short
+from taichi_foam.shim2000.scores import HELD_OUT, SCORED, SHARE
+from taichi_foam.shim2000.study import WITHIN, Case
 from taichi_foam.simulation.progress import Bars
+
+Row = dict[str, Any]
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _STAGES = {"computing": "compiling and computing", "films": "drawing and encoding films"}
@@ -45,13 +58,14 @@ def write(
     """
     figures = folder / "figures"
     figures.mkdir()
-    groups = report_pictures.grouped(cases)
+    groups = pictures.grouped(cases)
     left_out = () if with_films else [f"{key}-film" for key in groups]
-    jobs = report_pictures.jobs(figures, groups)
-    panels = report_ensembles.whiskers(content) if content["ensemble"] else {}
+    jobs = pictures.jobs(figures, groups)
+    panels = _whiskers(content) if content["ensemble"] else {}
     if panels:
-        draw_errors = report_pictures.errors_at_a_glance
+        draw_errors = pictures.errors_at_a_glance
         jobs["errors"] = partial(draw_errors, figures, panels, content["tolerance"])
+    i, j = (cases[0].scene.block.columns, cases[0].scene.block.rows) if cases else (0, 0)
     with bars.counting("report", "writing the report", len(jobs), "figures") as on_picture:
         drawn = {}
         for name, draw in jobs.items():
@@ -60,37 +74,33 @@ def write(
             on_picture()
         page = _template().render(
             content=content,
-            tests=_tests(len(cases)),
+            tests=f"{_NUMBERS[len(cases)]} drop test{'' if len(cases) == 1 else 's'}",
             created=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-            judged=[report_tables.table(quantity, content) for quantity in JUDGED],
-            slope=report_tables.table(SLOPE, content),
-            peaks=[report_tables.table(quantity, content) for quantity in (PEAK, PEAK_TIME)],
+            judged=[_table(quantity, content) for quantity in JUDGED],
+            slope=_table(q.SLOPE, content),
+            peaks=[_table(quantity, content) for quantity in (q.PEAK, q.PEAK_TIME)],
             tolerance=f"{100 * content['tolerance']:.0f} %",
             plateau_end=f"{100 * PLATEAU_END_FRACTION:.0f} %",
-            hits=(report_ensembles if content["ensemble"] else report_tables).headline(content),
-            misses=_misses(content),
+            hits=_headline_of_ensembles(content) if content["ensemble"] else _headline(content),
+            misses=sum(is_miss(case, each.key) for case in content["cases"] for each in COMPARED),
             changed=[short(case.name) for case in cases if case.test is None],
-            groups=report_ensembles.groups(content) if content["ensemble"] else [],
-            criteria=report_tables.criteria(content),
-            kinds=[report_tables.kind(key, group) for key, group in groups.items()],
+            groups=_groups(content) if content["ensemble"] else [],
+            criteria=_criteria(content),
+            kinds=[_kind(key, group) for key, group in groups.items()],
             pictures=drawn,
-            ledger=report_tables.ledger(cases),
-            choices=report_tables.choices(cases),
-            runs=[report_tables.run(case) for case in cases],
+            ledger=_ledger(cases),
+            choices=_choices(cases),
+            runs=[_run(case) for case in cases],
             batch=cases[0].result.run if cases else None,
             seconds={_STAGES.get(stage, stage): took for stage, took in bars.seconds.items()}
             | {"in all, up to this report": time.perf_counter() - begun},
-            bonds=_bonds(cases[0].scene) if cases else 0,
+            bonds=(2 * i - 1) * j - i,
             short=short,
             within=f"{100 * WITHIN:g} %",
             share=f"{100 * SHARE:.0f} %",
             scatters=any(case.scene.foam.strength_scatter > 0.0 for case in cases),
         )
         (folder / "report.html").write_text(page, encoding="utf-8")
-
-
-def _misses(content: Mapping[str, Any]) -> int:
-    return sum(is_miss(case, q.key) for case in content["cases"] for q in COMPARED)
 
 
 def _template() -> Any:
@@ -104,10 +114,241 @@ def _template() -> Any:
     return environment.get_template("report.html.j2")
 
 
-def _tests(count: int) -> str:
-    return f"{_NUMBERS[count]} drop test{'' if count == 1 else 's'}"
+# --- what the tables show: texts, row by row -----------------------------------------------------
+
+#: Error at the ends of the small error scale.
+_SCALE = 0.30
 
 
-def _bonds(scene: Scene) -> int:
-    columns, rows = scene.block.columns, scene.block.rows
-    return (columns - 1) * rows + columns * (rows - 1)
+def _table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
+    """One figure in all cases in which it was measured."""
+    entries = [case for case in content["cases"] if case["measured"][quantity.key] is not None]
+    return {
+        "label": quantity.label[0].upper() + quantity.label[1:],
+        "unit": quantity.unit,
+        "rows": [_compared(quantity, case) for case in entries],
+        "has_theirs": quantity is q.DURATION,
+        "has_band": content["ensemble"] is not None,
+    }
+
+
+def _compared(quantity: Quantity, case: Mapping[str, Any]) -> Row:
+    """One figure of one case beside the measured one; of an ensemble its median and band."""
+    measured, error = case["measured"][quantity.key], case["error"][quantity.key]
+    row = {
+        "case": short(case["name"]),
+        "measured": quantity.text(measured),
+        "theirs": quantity.text(theirs(quantity, case)),
+        "simulated": quantity.text(case["simulated"][quantity.key]),
+        "error": "no answer" if error is None else _percent(error),
+        "at": None if error is None else _place(error),
+        "miss": is_miss(case, quantity.key),
+        "band": None,
+    }
+    if "low" in case:
+        row["band"] = quantity.span(*(case[end][quantity.key] for end in ("low", "high")))
+    return row
+
+
+def _percent(error: float) -> str:
+    """An error with its sign: a true minus, as wide as the plus."""
+    return f"{100 * error:+.1f} %".replace("-", "−")
+
+
+def _place(error: float) -> float:
+    """Where an error lies on the small scale [% of its width]."""
+    return 50 + 50 * max(-1.0, min(1.0, error / _SCALE))
+
+
+def _headline(content: Mapping[str, Any]) -> list[Row]:
+    """The score of single runs: in how many tests each judged figure lies within the tolerance.
+
+    And how many criteria hold.
+    """
+    found = [(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
+    if content["criteria"]:
+        found.append(("criteria", criteria_met(content)))
+    return [_hit(label, count) for label, count in found if count["of"]]
+
+
+def _criteria(content: Mapping[str, Any]) -> list[Row]:
+    """What the paper says of the crushed foam: each criterion, and how many runs meet it."""
+    shown = [median_and_allowed(found) for found in content["criteria"]]
+    return [
+        {
+            "case": "several" if found["case"] is None else short(found["case"]),
+            "text": found["text"],
+            "source": found["source"],
+            "median": median,
+            "allowed": allowed,
+            "met": f"{found['met']} of {found['of']}",
+            "miss": not found["holds"],
+        }
+        for found, (median, allowed) in zip(content["criteria"], shown, strict=True)
+    ]
+
+
+def _hit(label: str, found: Mapping[str, Any]) -> Row:
+    """A count as a card: large number, small number, words."""
+    return {"large": found["within"], "small": f"of {found['of']}", "label": label}
+
+
+def _kind(key: str, group: Sequence[Case]) -> Row:
+    """What a section about one impactor shows."""
+    return {
+        "key": key,
+        "name": KINDS[key].name,
+        "rows": [_damage(case) for case in group],
+    }
+
+
+def _damage(case: Case) -> Row:
+    """How a block looks at the end of its run, in words for one row of a table."""
+    found = case.figures
+
+    def text(quantity: Quantity) -> str:
+        value = found[quantity.key]
+        return quantity.text(value) + (f" {quantity.unit}" if value is not None else "")
+
+    has_crack, width = found[q.CRACK.key] is not None, found[q.WIDTH.key]
+    return {
+        "case": short(case.name, case.test is not None),
+        "pieces": found["pieces"],
+        "room": text(q.NO_ROOM),
+        "region": "none" if width is None else f"{q.WIDTH.text(width)} × {text(q.HEIGHT)}",
+        "crack": f"at {text(q.CRACK_START)}, {text(q.CRACK_TIME)}" if has_crack else "none",
+        "depth": text(q.CRACK),
+        "broken": found["broken_bonds"],
+        "rebound": text(q.REBOUND),
+        "peak": f"{text(q.CREST)} ({text(q.CREST_G)}) at {text(q.CREST_TIME)}",
+        "raw_peak": f"{text(q.RAW_CREST)} ({text(q.RAW_CREST_G)})",
+        "statement": found["statement"] or "the impactor never touched the foam",
+    }
+
+
+def _ledger(cases: Sequence[Case]) -> Row:
+    """Energies at the end of each run [J], the parts named as in the figures."""
+    rows = []
+    for case in cases:
+        h = case.result.history
+        parts = [sum(float(h[name][-1]) for name in layer.columns) for layer in LEDGER]
+        rows.append(
+            {
+                "case": short(case.name, case.test is not None),
+                "impact": f"{h['impactor_kinetic_J'][0]:.2f}",
+                # Adding 0 turns -0.00 into 0.00.
+                "parts": [f"{round(part, 2) + 0.0:.2f}".replace("-", "−") for part in parts],
+                "residual": _scientific(case.figures["energy_residual"]),
+            }
+        )
+    return {"names": [layer.label for layer in LEDGER], "rows": rows}
+
+
+_BEYOND_THE_PAPER = (
+    "rate", "rate_exponent", "crush_band", "fracture_energy",
+    "shear_fracture_energy", "softening", "strength_scatter",
+)  # fmt: skip
+"""What the foam of a scene may do besides Table 1."""
+
+
+def _choices(cases: Sequence[Case]) -> list[Row]:
+    """Every choice of model and numerics, with its meaning from the scene's own description."""
+    if not cases:
+        return []
+    scene = cases[0].scene
+    rows = [_choice(scene, "impactor", "friction")]
+    rounds = [case.scene for case in cases if isinstance(case.scene.impactor, Cylinder)]
+    rows += [_choice(cylinder, "impactor", "radius") for cylinder in rounds[:1]]
+    rows += [_choice(scene, "foam", field) for field in _BEYOND_THE_PAPER]
+    for part in ("base", "model", "numerics"):
+        rows += [_choice(scene, part, field) for field in type(getattr(scene, part)).model_fields]
+    return rows
+
+
+def _choice(scene: Scene, part: str, field: str) -> Row:
+    owner = getattr(scene, part)
+    value = getattr(owner, field)
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    else:
+        text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    meaning = described(type(owner).model_fields[field])
+    return {"key": f"{part}.{field}", "value": text, "meaning": meaning}
+
+
+def _run(case: Case) -> Row:
+    """How one case was computed."""
+    run, block = case.result.run, case.scene.block
+    overlap = run["max_overlap_m"] / min(block.dx, block.dy)
+    low, high = 1e6 * run["dt_min_s"], 1e6 * run["dt_max_s"]
+    return {
+        "case": short(case.name, case.test is not None),
+        "steps": f"{run['steps']:,}",
+        "dt": f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}",
+        "overlap": f"{100 * overlap:.2f} %",
+        "ended_by": run["ended_by"],
+    }
+
+
+def _scientific(value: float | None) -> str:
+    if value is None:
+        return "–"
+    mantissa, _, power = f"{value:.1e}".partition("e")
+    superscript = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return f"{mantissa} · 10{str(int(power)).translate(superscript)}".replace("-", "−")
+
+
+# --- of ensembles only ----------------------------------------------------------------------------
+
+
+def _headline_of_ensembles(content: Mapping[str, Any]) -> list[Row]:
+    """The score of ensembles, as cards; none where settings have changed every test."""
+    ensemble = content["ensemble"]
+    if not ensemble["all"]["of"]:
+        return []
+    cards = [
+        _hit("figures: durations, displacements and plateaus", ensemble["all"]),
+        {
+            "large": _median_error(ensemble["all"]["median_absolute_error"]),
+            "small": "",
+            "label": f"median of these {ensemble['all']['of']} absolute errors",
+        },
+        _hit(q.ENERGY_PER_VOLUME.label, content["within_tolerance"][q.ENERGY_PER_VOLUME.key]),
+    ]
+    if content["criteria"]:
+        words = f"criteria met by at least {100 * SHARE:.0f} % of the runs"
+        cards.append(_hit(words, criteria_met(content)))
+    return cards
+
+
+def _groups(content: Mapping[str, Any]) -> list[Row]:
+    """Fitted and held-out tests beside each other; a group without a test is left out."""
+    titles = {"fitted": "fitted", "held_out": "held out"}
+    found = {title: content["ensemble"][key] for key, title in titles.items()}
+    return [
+        {
+            "title": title,
+            "tests": ", ".join(map(short, group["cases"])),
+            "within": f"{group['within']} of {group['of']}",
+            "error": _median_error(group["median_absolute_error"]),
+        }
+        for title, group in found.items()
+        if group["cases"]
+    ]
+
+
+def _whiskers(content: Mapping[str, Any]) -> dict[str, Sequence[Whisker]]:
+    """Errors of the medians and of the ends of their bands, by figure; {} without a test."""
+    tests = [case for case in content["cases"] if case["test"]]
+    return {q.label: [_whisker(q, case) for case in tests] for q in SCORED} if tests else {}
+
+
+def _whisker(quantity: Quantity, case: Mapping[str, Any]) -> Whisker:
+    measured = case["measured"][quantity.key]
+    found = [case[part][quantity.key] for part in ("low", "simulated", "high")]
+    errors = [math.inf if value is None else value / measured - 1.0 for value in found]
+    return Whisker(short(case["name"]), *errors, held_out=case["test"] in HELD_OUT)
+
+
+def _median_error(value: float | None) -> str:
+    return "no answer" if value is None else f"{100 * value:.1f} %"

@@ -11,58 +11,34 @@ the tables; members.csv then has every run's figures, and a case's folder the ru
 
 from __future__ import annotations
 
-import difflib
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from taichi_foam.analysis.bands import bands
+from taichi_foam.catalogue import title
 from taichi_foam.engine import runtime
-from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
+from taichi_foam.errors import RunError, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.picture import films as film_files
-from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
 from taichi_foam.results.files import write_json
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import storage_bytes
-from taichi_foam.scene import Scene
 from taichi_foam.scene.values import settings
-from taichi_foam.shim2000 import compare, report
-from taichi_foam.shim2000 import ensemble as ensembles
-from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.machine import machine, versions
+from taichi_foam.shim2000 import compare, report, study
+from taichi_foam.shim2000.impacts import case_folder, case_names, paper_scene
 from taichi_foam.shim2000.scores import judged, scores
-from taichi_foam.shim2000.study import Case, Computed, has_failed
-from taichi_foam.shim2000.tests import NAMES, paper_scene, title
-from taichi_foam.simulation import simulate
+from taichi_foam.shim2000.study import Case, Computed
 from taichi_foam.simulation.progress import Bars
+from taichi_foam.simulation.provenance import machine, versions
 
 DEFAULT_FOLDER = "reproduction"
 
 # Room for report, tables and figures [bytes].
 _REPORT_BYTES = 20_000_000
-
-
-def case_names(cases: Sequence[str] | None) -> list[str]:
-    """Full names of tests given with or without "paper/"; all nine for None.
-
-    Raises:
-        UserError: a name that no test has, or no name at all.
-    """
-    if cases is None:
-        return list(NAMES)
-    wanted = [case.strip() for case in cases if case.strip()]
-    if not wanted:
-        raise UserError(f"cases: none given; choose from {_listed()}")
-    full = [f"paper/{case.removeprefix('paper/')}" for case in wanted]
-    for given, name in zip(wanted, full, strict=True):
-        if name not in NAMES:
-            near = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.5)
-            guess = f"did you mean {near[0].removeprefix('paper/')}? " if near else ""
-            raise UserError(f"cases: {given!r} is not a test; {guess}Choose from {_listed()}")
-    return list(dict.fromkeys(full))
 
 
 def reproduce(
@@ -107,7 +83,7 @@ def reproduce(
     begun = time.perf_counter()
     bars = bars or Bars()
     if ensemble is not None:
-        ensembles.check(ensemble)
+        study.check(ensemble)
     values = settings(overrides)
     scenes = [paper_scene(name, choices).with_values(values) for name in case_names(cases)]
     if not films:
@@ -124,10 +100,7 @@ def reproduce(
     }
     with claimed(out, request, overwrite, needed) as claim:
         runtime.start(arch, threads)
-        if ensemble is None:
-            computed = _compute(scenes, bars, claim)
-        else:
-            computed = ensembles.compute(scenes, ensemble, bars, claim)
+        computed = study.compute(scenes, ensemble, bars, claim)
         content = _content(computed, ensemble) | {
             "choices": choices,
             "overrides": [f"{key}={value}" for key, value in values.items()],
@@ -135,22 +108,7 @@ def reproduce(
             "machine": machine(),
             "versions": versions(),
         }
-        # figures first: whatever happens to films and report, they are safe
-        with held_interrupts() as pressed, claim.publishing() as staging:
-            _write_runs(staging, computed)
-            compare.write_tables(staging / "tables.csv", content["cases"])
-            if ensemble is not None:
-                ensembles.write_members(staging / "members.csv", computed.cases)
-            write_json(staging / "summary.json", content)
-        no_films = None
-        if not (pressed.is_set() or computed.interrupted):
-            no_films = _draw_films(claim.folder, computed, bars)
-        cut = pressed.is_set() or isinstance(no_films, KeyboardInterrupt)
-        content["interrupted"] = content["interrupted"] or cut
-        with held_interrupts(), claim.publishing() as staging:
-            report.write(staging, computed.cases, content, bars, begun, with_films=not no_films)
-            content["seconds"] = {**bars.seconds, "total": time.perf_counter() - begun}
-            write_json(staging / "summary.json", content)
+        no_films = _written(claim, computed, content, bars, begun)
         if not content["interrupted"]:
             claim.finish()
     if ensemble is not None and content["warnings"]:  # of single runs simulate has warned
@@ -163,6 +121,29 @@ def reproduce(
     if isinstance(no_films, Exception):
         raise RunError(f"{no_films}; all but the films is in {out}")
     return content
+
+
+def _written(
+    claim: Claim, computed: Computed, content: dict[str, Any], bars: Bars, begun: float
+) -> BaseException | None:
+    """Write figures, films and report, and into `content` what came of it; what kept the films."""
+    # figures first: whatever happens to films and report, they are safe
+    with held_interrupts() as pressed, claim.publishing() as staging:
+        _write_runs(staging, computed)
+        compare.write_tables(staging / "tables.csv", content["cases"])
+        if content["ensemble"] is not None:
+            study.write_members(staging / "members.csv", computed.cases)
+        write_json(staging / "summary.json", content)
+    no_films = None
+    if not (pressed.is_set() or computed.interrupted):
+        no_films = _draw_films(claim.folder, computed, bars)
+    cut = pressed.is_set() or isinstance(no_films, KeyboardInterrupt)
+    content["interrupted"] = content["interrupted"] or cut
+    with held_interrupts(), claim.publishing() as staging:
+        report.write(staging, computed.cases, content, bars, begun, with_films=not no_films)
+        content["seconds"] = {**bars.seconds, "total": time.perf_counter() - begun}
+        write_json(staging / "summary.json", content)
+    return no_films
 
 
 def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
@@ -182,10 +163,11 @@ def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
 
 
 def _entry(case: Case) -> dict[str, Any]:
+    reference = case.test and case.test.reference
     if not case.members:
-        return compare.comparison(case.name, case.test, case.figures)
+        return compare.comparison(case.name, reference, case.figures)
     found = bands([compare.at_rest(member.figures) for member in case.members])
-    return compare.comparison_of_medians(case.name, case.test, found, len(case.members))
+    return compare.comparison_of_medians(case.name, reference, found, len(case.members))
 
 
 def _warnings(case: Case) -> list[str]:
@@ -196,43 +178,11 @@ def _warnings(case: Case) -> list[str]:
     if not doubtful:
         return []
     worst = max(doubtful, key=lambda member: len(member.figures["warnings"]))
-    assert worst.scene.impactor is not None  # every test has one
-    velocity = worst.scene.impactor.velocity
     return [
         f"{case_folder(case.name)}: {len(doubtful)} of {len(case.members)} runs are doubtful, "
-        f"such as that at {velocity:.4g} m/s: {text}"
+        f"such as that at {worst.velocity:.4g} m/s: {text}"
         for text in worst.figures["warnings"]
     ]
-
-
-def case_folder(name: str) -> str:
-    """Folder of a case within the study's: "paper/wedge-2.86" has its own in wedge-2.86/."""
-    return name.removeprefix("paper/")
-
-
-def _listed() -> str:
-    return ", ".join(case_folder(name) for name in NAMES)
-
-
-def _compute(scenes: Sequence[Scene], bars: Bars, claim: Claim) -> Computed:
-    """Run each test once, all as one batch, and sort what comes out."""
-    failure = None
-    what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
-    with bars.computing(what) as on_progress:
-        try:
-            results = simulate.run_many(scenes, on_progress, checkpoint=claim)
-        except RunError as error:
-            results, failure = error.results, str(error)
-        except Interrupted as error:
-            results = list(error.results.values())
-    ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
-    names = {r.scene.name for r in ended}
-    cut = [scene.name for scene in scenes if scene.name not in names]
-    failed = [r for r in ended if has_failed(r)]
-    cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
-    if not ended:
-        raise KeyboardInterrupt("no case had finished; the same command goes on from there")
-    return Computed(cases, cut, failed, failure, interrupted=bool(cut))
 
 
 def _write_runs(staging: Path, computed: Computed) -> None:

@@ -7,12 +7,11 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from taichi_foam.analysis.bands import ENDS, quantile
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU
-from taichi_foam.shim2000.bands import ENDS, quantile
 from taichi_foam.shim2000.compare import is_miss
 from taichi_foam.shim2000.criteria import Criterion, comparing, criteria
-from taichi_foam.shim2000.ensemble import WITHIN
-from taichi_foam.shim2000.study import Case
+from taichi_foam.shim2000.study import WITHIN, Case
 
 SCORED = (DURATION, DISPLACEMENT, PLATEAU)
 """The figures that the headline counts: 27 in the nine tests."""

@@ -1,24 +1,44 @@
-"""One of the tests as a study has computed it: a run, or an ensemble and its run to be shown."""
+"""The tests as a study computes them: a run of each, or an ensemble and its run to be shown.
+
+Broken foam is chaotic: a figure of a single run is partly chance. What the model says is the median
+over runs whose impact velocities differ by less than they were measured, and whose foam, where its
+strength scatters, is another piece each time: they are spread as the repeats of a sweep are.
+"""
 
 from __future__ import annotations
 
+import csv
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.bands import nearest
 from taichi_foam.analysis.impact import impact
+from taichi_foam.errors import Interrupted, RunError, UserError
+from taichi_foam.records.ending import Ending
+from taichi_foam.results.folders import Claim
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import PaperTest, test_of
-
-if TYPE_CHECKING:
-    from taichi_foam.shim2000.criteria import Criterion
+from taichi_foam.shim2000.compare import JUDGED, at_rest
+from taichi_foam.shim2000.criteria import Criterion, criteria
+from taichi_foam.shim2000.impacts import PaperTest, test_of
+from taichi_foam.simulation import simulate
+from taichi_foam.simulation.progress import Bars
+from taichi_foam.sweeps.sampling import factors, seed_of
 
 Array = NDArray[np.float64]
+
+WITHIN = 0.005
+"""Velocities of an ensemble differ from the test's own by at most this part."""
+
+FEWEST, MOST = 2, 100
+"""Members of an ensemble. Full runs are held until all of a test have ended, about 5 MB each."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +80,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Name of the test, as in `tests.NAMES`."""
+        """Name of the test, as in `impacts.NAMES`."""
         return self.scene.name
 
     @cached_property
@@ -114,3 +134,169 @@ def from_contact(result: Result) -> dict[str, Array]:
     shifted["time_s"] = shifted["time_s"] - found.contact
     shifted["displacement_m"] = shifted["displacement_m"] - found.depth_0
     return shifted
+
+
+def check(count: int) -> None:
+    """Refuse a number of members that makes no ensemble.
+
+    Raises:
+        UserError: fewer than `FEWEST` or more than `MOST`.
+    """
+    if not FEWEST <= count <= MOST:
+        fix = (
+            "16 are a good number; leave the option out for single runs"
+            if count < FEWEST
+            else "16 are a good number, and 100 tell the quantiles well"
+        )
+        raise UserError(
+            f"ensemble = {count}: must be at least {FEWEST} and at most {MOST} runs of each "
+            f"test; {fix}"
+        )
+
+
+def faster(scene: Scene, factor: float) -> Scene:
+    """The scene with another impact velocity, by a factor."""
+    assert scene.impactor is not None  # every test has one
+    return scene.with_values(impactor__velocity=factor * scene.impactor.velocity)
+
+
+def members_of(scene: Scene, count: int) -> list[Scene]:
+    """The scenes of an ensemble, by rising velocity.
+
+    Where the foam's strength scatters, each has a seed of its own: the scene's, and those after.
+    """
+    members = [faster(scene, factor) for factor in factors(count, WITHIN)]
+    if scene.foam.strength_scatter == 0.0:
+        return members
+    first = scene.foam.strength_seed
+    return [
+        member.with_values(foam__strength_seed=seed_of(first, place))
+        for place, member in enumerate(members)
+    ]
+
+
+@dataclass
+class _Ensemble:
+    """What one test's ensemble has given so far, by place in it.
+
+    Which run lies nearest to the medians is known when all have ended: until then all are held.
+    """
+
+    scene: Scene
+    of: int
+    members: dict[int, Member] = field(default_factory=dict)
+    held: dict[int, Result] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+
+    def take(self, place: int, result: Result) -> None:
+        if has_failed(result):
+            self.failures.append(_failure(result))
+        else:
+            member = _member(result)
+            self.held[place] = result
+            self.members[place] = member
+        if len(self.members) + len(self.failures) == self.of and self.members:
+            shown = self._nearest()
+            self.held = {shown: self.held[shown]}
+
+    def case(self) -> Case:
+        places = sorted(self.members)
+        members = [self.members[place] for place in places]
+        return Case(self.scene, self.held[self._nearest()], members)
+
+    def _nearest(self) -> int:
+        places = sorted(self.members)
+        figures = [at_rest(self.members[place].figures) for place in places]
+        return places[nearest(figures, [quantity.key for quantity in JUDGED])]
+
+
+def compute(
+    scenes: Sequence[Scene], count: int | None, bars: Bars, claim: Claim | None = None
+) -> Computed:
+    """Run every test once, or `count` times, all side by side. Ctrl-C keeps what has finished.
+
+    With a claim they leave checkpoints in its folder, and go on from those that are there.
+
+    What went wrong is told in `failure`; a run that fails is left out of its ensemble.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before any run had finished.
+    """
+    if count is None:
+        return _single(scenes, bars, claim)
+    tests = [_Ensemble(scene, count) for scene in scenes]
+    asked = [member for scene in scenes for member in members_of(scene, count)]
+    interrupted = False
+    with bars.computing(f"{len(asked)} impacts") as on_progress:
+        try:
+            for place, result in simulate.simulate_many(asked, on_progress, checkpoint=claim):
+                tests[place // count].take(place % count, result)
+        except KeyboardInterrupt:
+            interrupted = True
+    failures = [text for test in tests for text in test.failures]
+    cases = [test.case() for test in tests if test.members]
+    if interrupted and not cases:
+        raise KeyboardInterrupt("no run had finished; the same command goes on from there")
+    cut = [test.scene.name for test in tests if interrupted and not test.members]
+    return Computed(cases, cut, [], "\n".join(failures) or None, interrupted)
+
+
+def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Computed:
+    """Run each test once, all as one batch, and sort what comes out."""
+    failure = None
+    what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
+    with bars.computing(what) as on_progress:
+        try:
+            results = simulate.run_many(scenes, on_progress, checkpoint=claim)
+        except RunError as error:
+            results, failure = error.results, str(error)
+        except Interrupted as error:
+            results = list(error.results.values())
+    ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
+    if not ended:
+        raise KeyboardInterrupt("no case had finished; the same command goes on from there")
+    names = {r.scene.name for r in ended}
+    cut = [scene.name for scene in scenes if scene.name not in names]
+    failed = [r for r in ended if has_failed(r)]
+    cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
+    return Computed(cases, cut, failed, failure, interrupted=bool(cut))
+
+
+def write_members(path: Path, cases: Sequence[Case]) -> None:
+    """Write members.csv: what varied and every figure of every run, in SI units."""
+    figures = list(cases[0].members[0].figures) if cases else []
+    figures = [key for key in figures if key != "scene"]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["case", "velocity_m_s", "strength_seed", *figures])
+        for case in cases:
+            for member in case.members:
+                varied = [repr(member.velocity), member.scene.foam.strength_seed]
+                values = [member.figures[key] for key in figures]
+                writer.writerow([case.name, *varied, *map(_cell, values)])
+
+
+def _member(result: Result) -> Member:
+    history = from_contact(result)
+    time, smoothed = history["time_s"], history["deceleration_smoothed_m_s2"]
+    return Member(result.scene, result.summary, criteria(result), time, smoothed)
+
+
+def _failure(result: Result) -> str:
+    scene = result.scene
+    assert scene.impactor is not None  # every test has one
+    changed = [f"impactor.velocity={scene.impactor.velocity!r}"]
+    if scene.foam.strength_scatter > 0.0:
+        changed.append(f"foam.strength_seed={scene.foam.strength_seed}")
+    return (
+        f"{scene.name} at {scene.impactor.velocity:.4f} m/s: {result.ending} and left out; "
+        f"to look at it, run {scene.name} with {', '.join(changed)}"
+    )
+
+
+def _cell(value: float | bool | str | list[str] | None) -> str:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    if isinstance(value, (str, list)):
+        return value if isinstance(value, str) else " | ".join(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(int(value))

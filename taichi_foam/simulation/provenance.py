@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 import shlex
 import sys
 from datetime import datetime, timezone
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,8 @@ from taichi_foam.scene import Scene
 from taichi_foam.version import version
 
 _LONGEST_COMMAND = 2_000
+
+_LIBRARIES = ("taichi", "numpy", "scipy", "matplotlib", "imageio-ffmpeg", "pillow", "pydantic")
 
 
 def provenance(scene: Scene) -> dict[str, str]:
@@ -44,8 +48,12 @@ def provenance(scene: Scene) -> dict[str, str]:
 
 
 def content_hash(scene: Scene) -> str:
-    """SHA-256 of a scene's values, every default filled in: equal scenes have equal ones."""
-    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    """SHA-256 of a scene's values, every default filled in: equal scenes have equal ones.
+
+    What was measured in it is not among them.
+    """
+    data = scene.model_dump(mode="json", exclude={"reference"})
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -59,3 +67,23 @@ def processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
+
+
+def machine() -> dict[str, str | int]:
+    """Processor, cores and system, in words."""
+    return {
+        "processor": processor(),
+        "cores": os.cpu_count() or 1,
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries it stands on."""
+    found = {"taichi_foam": version(), "python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

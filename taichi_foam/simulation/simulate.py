@@ -1,7 +1,6 @@
 """Run scenes, one or many.
 
-    from taichi_foam import run
-    from taichi_foam.shim2000.tests import paper_scene
+    from taichi_foam import paper_scene, run
     result = run(paper_scene("paper/wedge-2.86"))
 
 `simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as

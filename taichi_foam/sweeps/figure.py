@@ -15,12 +15,12 @@ from matplotlib import ticker
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from taichi_foam.analysis.bands import band
 from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
 from taichi_foam.parts import unit_of
 from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, spread
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.bands import band
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.run import Sweep

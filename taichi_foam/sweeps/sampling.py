@@ -46,7 +46,7 @@ class Member:
     @property
     def hash(self) -> str:
         """Of the scene's content, all but its name; 16 hexadecimal digits."""
-        text = self.scene.model_dump_json(exclude={"name"})
+        text = self.scene.model_dump_json(exclude={"name", "reference"})
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -122,20 +122,33 @@ class Design:
     def _varied(self, data: dict[str, Any], repeat: int) -> tuple[str, float | int]:
         """The key that repeats vary, and its value in one of them.
 
-        Velocities are spread evenly from end to end, as those of an ensemble of `reproduce` are.
+        Velocities are spread as those of an ensemble of `reproduce` are (`factors`, `seed_of`).
         Where a fall gives the velocity, the height of it is varied so that the velocity is spread
         like that: the scene stays one of a fall.
         """
         repeats = self.plan.repeats
         if repeats.vary == "seed":
-            seed = data["foam"].get("strength_seed", 0)
-            return "foam.strength_seed", (seed + repeat) % _SEEDS
-        factor = 1.0 + repeats.within * (2.0 * repeat / (repeats.count - 1) - 1.0)
+            return "foam.strength_seed", seed_of(data["foam"].get("strength_seed", 0), repeat)
+        factor = factors(repeats.count, repeats.within)[repeat]
         impactor = data["impactor"]
         height, gap = impactor.get("drop_height"), impactor.get("gap", 0.0)
         if height is not None:
             return "impactor.drop_height", _rounded(gap + factor**2 * (height - gap))
         return "impactor.velocity", _rounded(factor * impactor["velocity"])
+
+
+def factors(count: int, within: float) -> list[float]:
+    """Velocities of repeats over the scene's own: evenly spread, from end to end.
+
+    A single one is the scene's own.
+    """
+    spread = np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1)
+    return (1.0 + within * spread).tolist()
+
+
+def seed_of(first: int, repeat: int) -> int:
+    """The seed of a repeat: the scene's `first`, and those after."""
+    return (first + repeat) % _SEEDS
 
 
 def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:

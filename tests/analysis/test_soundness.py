@@ -11,7 +11,7 @@ import taichi_foam as tf
 from taichi_foam.analysis import soundness
 from taichi_foam.cli.outcome import Terminal
 from taichi_foam.scene import Block, FlatBlock, Model, Numerics, Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 
 def with_residual(make_result, share: float, **parts):

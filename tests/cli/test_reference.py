@@ -72,7 +72,7 @@ def test_every_field_is_there_once_with_its_default(part: str, tag: str, kind: t
 
 def test_there_is_nothing_else() -> None:
     fields = {f"{part}.{name}" for part, _, kind in KINDS for name in kind.model_fields}
-    assert {key.key for key in KEYS} == fields | {"name", "assumed"}
+    assert {key.key for key in KEYS} == fields | {"name", "reference", "assumed"}
     # one of a name is for other shapes or laws than the next
     for key, count in Counter(key.key for key in KEYS).items():
         tags = [tag for each in KEYS if each.key == key for tag in each.only]
@@ -81,7 +81,10 @@ def test_there_is_nothing_else() -> None:
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.key)
 def test_a_number_has_a_unit_or_says_that_it_is_a_plain_one(key) -> None:
-    texts = {"name", "assumed", "foam.source", "foam.curve", "block.layers", "base.acceleration"}
+    texts = {
+        "name", "reference", "assumed", "foam.source", "foam.curve", "block.layers",
+        "base.acceleration",
+    }  # fmt: skip
     words = key.key in texts or key.key.endswith(".foam") or key.default in ("true", "false")
     choice = re.fullmatch(r"[\w-]+(, [\w-]+)*", key.allowed) is not None
     assert (key.unit == "") == (words or choice)

@@ -16,7 +16,7 @@ from command_line import COARSE, COARSE_OPTIONS, ENVIRONMENT, call, tree
 
 from taichi_foam import Result, Scene, load_scene
 from taichi_foam.errors import RunError
-from taichi_foam.shim2000 import tests
+from taichi_foam.shim2000 import impacts
 from taichi_foam.simulation import simulate
 from taichi_foam.version import version
 
@@ -70,7 +70,7 @@ def completed(words: str, cwd: Path) -> list[str]:
 def test_the_shell_completes_commands_scenes_and_foams(invoke: Callable, tmp_path: Path) -> None:
     assert "--install-completion" in invoke("--help").stdout
     assert completed("taichi-foam re", tmp_path) == ["resume", "render", "reproduce"]
-    wedges = [name for name in tests.NAMES if name.startswith("paper/wedge")]
+    wedges = [name for name in impacts.NAMES if name.startswith("paper/wedge")]
     assert completed("taichi-foam run paper/w", tmp_path) == wedges
     assert completed("taichi-foam serve gallery/own", tmp_path) == ["gallery/own-foam"]
     assert completed("taichi-foam foam show shim", tmp_path) == ["shim2000-pu"]
@@ -79,7 +79,7 @@ def test_the_shell_completes_commands_scenes_and_foams(invoke: Callable, tmp_pat
 def test_scenes_lists_every_built_in_scene_on_a_line(invoke: Callable) -> None:
     lines = invoke("scenes").stdout.splitlines()
     names = [line.split()[0] for line in lines]
-    assert set(tests.NAMES) < set(names)
+    assert set(impacts.NAMES) < set(names)
     for name in names:
         assert isinstance(load_scene(name), Scene)
 

@@ -21,7 +21,7 @@ from taichi_foam.scene import (
     TabulatedFoam,
     Wedge,
 )
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run, simulate_many
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.distance import pdist
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Wedge
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 RUNS = {

@@ -7,7 +7,7 @@ from reference_lattice import reference_positions
 
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run, simulate
 
 FREE = Base(kind="floor")

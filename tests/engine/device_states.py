@@ -35,7 +35,7 @@ from taichi_foam.scene import (
     TabulatedFoam,
     Wedge,
 )
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run_many
 
 # More nodes than a block has threads; and more than one block steps by itself.

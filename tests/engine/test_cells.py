@@ -10,7 +10,7 @@ from reference_lattice import ReferenceLattice, reference_positions
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import ROOM
 from taichi_foam.scene import Base, Foam, Model, Numerics, Output, Scene, Start
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 FREE = Base(kind="floor")

@@ -15,7 +15,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
 from taichi_foam.scene.files import scene_to_toml
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run, run_many
 
 STEPS = 1500

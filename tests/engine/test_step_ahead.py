@@ -11,7 +11,7 @@ import pytest
 
 from taichi_foam.engine.model import MOST_WAY
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run_many
 
 SMALL = {

@@ -14,7 +14,7 @@ from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine.model import RK4_DECAY, RK4_RADIUS
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 K, G, RHO, CELL, THICKNESS = 2.78e6, 0.84e6, 25.6, 0.005, 0.057

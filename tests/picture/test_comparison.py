@@ -12,7 +12,7 @@ from picture_states import dented, intact, scene_of, split
 from picture_words import check_words, meet
 from PIL import Image
 
-from taichi_foam import load_scene
+from taichi_foam import catalogue, load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, comparison, films, raster
 from taichi_foam.picture.comparison import Lineup
@@ -23,7 +23,6 @@ from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Output, Scene, Wedge
-from taichi_foam.shim2000 import tests
 
 SIZE = (1280, 720)
 
@@ -293,7 +292,7 @@ def test_the_titles_of_the_papers_tests_are_whole_at_the_usual_size(written: lis
     for count in (2, 3, 4):
         written.clear()
         runs = [of_paper(name) for name in names[:count]]
-        lineup = Lineup.of(runs, captions=[tests.caption(run.scene) for run in runs])
+        lineup = Lineup.of(runs, captions=[catalogue.caption(run.scene) for run in runs])
         assert lineup.names[0] == "wedge, 2.86 m/s"
         comparison.frame(lineup, 0.0, SIZE)
         assert set(lineup.names) <= {text for _, text, _ in written}

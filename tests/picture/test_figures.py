@@ -21,9 +21,8 @@ from PIL import Image
 from taichi_foam.errors import UserError
 from taichi_foam.picture import figures, style
 from taichi_foam.picture.style import spread
-from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
-from taichi_foam.shim2000.error_figure import Whisker, errors
-from taichi_foam.shim2000.tests import TESTS
+from taichi_foam.shim2000.figures import Deceleration, Whisker, decelerations, errors
+from taichi_foam.shim2000.impacts import TESTS
 
 VELOCITIES = (2.46, 3.03, 3.60)
 

@@ -6,11 +6,10 @@ from typing import Literal
 
 import pytest
 
-from taichi_foam import load_scene
+from taichi_foam import catalogue, load_scene
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.picture.naming import names, told_apart
 from taichi_foam.scene import Foam, Scene
-from taichi_foam.shim2000 import tests
 
 FOLDERS = ("a", "b", "c", "d")
 
@@ -21,7 +20,7 @@ def paper(name: str, *settings: str) -> Scene:
 
 
 def called(*scenes: Scene) -> list[tuple[str, str]]:
-    return names(scenes, FOLDERS[: len(scenes)], [tests.caption(scene) for scene in scenes])
+    return names(scenes, FOLDERS[: len(scenes)], [catalogue.caption(scene) for scene in scenes])
 
 
 def renamed(name: str, *settings: str) -> Scene:

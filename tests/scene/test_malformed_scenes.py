@@ -22,7 +22,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, MOST_BYTES
 from taichi_foam.scene.values import by_key
-from taichi_foam.shim2000 import tests as paper
+from taichi_foam.shim2000 import impacts as paper
 
 EXAMPLES = int(os.environ.get("FUZZ", "40"))
 LONGEST_MESSAGE = 10_000

@@ -11,14 +11,13 @@ import pytest
 from lattices import TINY
 from rich.console import Console
 
-from taichi_foam import Result, Scene, load_scene
+from taichi_foam import Result, Scene, catalogue, load_scene
 from taichi_foam.cli import tables
 from taichi_foam.live.notebook import result_html
 from taichi_foam.picture import annotate
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.scene import Base, Wedge
-from taichi_foam.shim2000 import tests
-from taichi_foam.shim2000.compare import measured_figures
+from taichi_foam.shim2000 import impacts
 from taichi_foam.shim2000.reproduce import reproduce
 from taichi_foam.shim2000.study import Case
 
@@ -57,8 +56,8 @@ def words(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_measured_figures_are_those_of_a_test() -> None:
-    assert measured_figures(tests.test_of(changed())) == {}
-    found = measured_figures(tests.test_of(written_by_hand()))
+    assert catalogue.reference_of(changed()) is None
+    found = catalogue.reference_of(written_by_hand()).figures
     assert found["max_displacement_m"] == 0.075
     assert "initial_peak_m_s2" not in found
 
@@ -67,7 +66,7 @@ def test_a_case_knows_whether_it_is_still_the_test(make_result) -> None:
     case = Case(changed(), make_result(scene=changed()))
     assert (case.name, case.test) == (WEDGE, None)
     case = Case(written_by_hand(), make_result(scene=written_by_hand()))
-    assert case.test is tests.TESTS[WEDGE]
+    assert case.test is impacts.TESTS[WEDGE]
 
 
 def test_the_table_in_the_terminal(make_result, study) -> None:
@@ -90,7 +89,7 @@ def test_a_notebook(make_result, make_snapshot) -> None:
 def test_names_of_runs_side_by_side(make_result, make_snapshot) -> None:
     scenes = [load_scene(WEDGE), changed()]
     runs = [make_result(scene=s, snapshots=[make_snapshot(s.block)]) for s in scenes]
-    captions = [tests.caption(scene) for scene in scenes]
+    captions = [catalogue.caption(scene) for scene in scenes]
     lineup = Lineup.of(runs, captions=captions)
     assert lineup.names == (TITLE, f"{WEDGE}, changed")
     assert lineup.asides == ("mass = 6 kg", "mass = 5 kg")

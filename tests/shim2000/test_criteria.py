@@ -16,7 +16,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Scene
 from taichi_foam.shim2000.criteria import Criterion, comparing, criteria
-from taichi_foam.shim2000.tests import NAMES, TESTS, paper_scene
+from taichi_foam.shim2000.impacts import NAMES, TESTS, paper_scene
 
 FLAT, CYLINDER, WEDGE = "paper/rectangular-3.03", "paper/cylinder-3.32", "paper/wedge-2.86"
 BLOCK = Block(mass_points="cells")  # 40 x 20 cells of 5 mm

@@ -17,17 +17,18 @@ from page import Page
 from taichi_foam import Result, Scene, load_scene
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.records.ending import Ending
-from taichi_foam.shim2000.ensemble import check, compute, factors, members_of
 from taichi_foam.shim2000.reproduce import reproduce
 from taichi_foam.shim2000.scores import HELD_OUT, score
+from taichi_foam.shim2000.study import WITHIN, check, compute, members_of
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
+from taichi_foam.sweeps.sampling import factors
 
 FLAT, WEDGE = "paper/rectangular-3.03", "paper/wedge-2.86"
 
 
 def test_velocities_are_spread_evenly_within_half_a_per_cent() -> None:
-    assert factors(5) == pytest.approx([0.995, 0.9975, 1.0, 1.0025, 1.005])
+    assert factors(5, WITHIN) == pytest.approx([0.995, 0.9975, 1.0, 1.0025, 1.005])
     members = members_of(load_scene(WEDGE), 3)
     velocities = [m.impactor.velocity for m in members]
     assert velocities == pytest.approx([2.8457, 2.86, 2.8743])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_foam import paper_scene
-from taichi_foam.shim2000.law_curve import branches
+from taichi_foam.shim2000.figures import branches
 
 K = 2.78e6
 YIELD = -0.042  # of a plateau of 0.117 MPa

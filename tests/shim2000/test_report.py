@@ -11,7 +11,7 @@ from PIL import Image
 
 from taichi_foam.analysis.measures import CREST_G
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, hits, is_miss
-from taichi_foam.shim2000.tests import TESTS
+from taichi_foam.shim2000.impacts import TESTS
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +90,9 @@ def summary_with(**figures: float | None) -> dict[str, float | None]:
 def test_hits_count_what_lies_within_ten_per_cent() -> None:
     """Measured in wedge 2.86: 7.5 cm. 8.25 cm is 10 % more; no answer is a miss."""
     name, key = "paper/wedge-2.86", "max_displacement_m"
-    within = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0824))
-    beyond = comparison(name, TESTS[name], summary_with(max_displacement_m=0.0826))
-    without = comparison(name, TESTS[name], summary_with())
+    within = comparison(name, TESTS[name].reference, summary_with(max_displacement_m=0.0824))
+    beyond = comparison(name, TESTS[name].reference, summary_with(max_displacement_m=0.0826))
+    without = comparison(name, TESTS[name].reference, summary_with())
     assert within["error"][key] == pytest.approx(0.0824 / 0.075 - 1)
     assert [is_miss(case, key) for case in (within, beyond, without)] == [False, True, True]
     assert not is_miss(without, "initial_peak_m_s2")  # a wedge has none to miss
@@ -117,8 +117,8 @@ def test_peaks_and_how_the_impact_ended_stand_in_the_text(text: str, study) -> N
 def test_a_displacement_is_judged_only_at_rest() -> None:
     """The paper measured it at zero velocity; what passes through has only a largest one."""
     name, depth = "paper/wedge-2.86", {"max_displacement_m": 0.0751}
-    at_rest = comparison(name, TESTS[name], summary_with(came_to_rest=True, **depth))
-    passing = comparison(name, TESTS[name], summary_with(came_to_rest=False, **depth))
+    at_rest = comparison(name, TESTS[name].reference, summary_with(came_to_rest=True, **depth))
+    passing = comparison(name, TESTS[name].reference, summary_with(came_to_rest=False, **depth))
     assert abs(at_rest["error"]["max_displacement_m"]) < 0.10
     assert not is_miss(at_rest, "max_displacement_m")
     assert passing["error"]["max_displacement_m"] is None

@@ -20,8 +20,8 @@ from taichi_foam.picture import films, raster
 from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
 from taichi_foam.results.folders import UNFINISHED
-from taichi_foam.shim2000.reproduce import case_names, reproduce
-from taichi_foam.shim2000.tests import NAMES
+from taichi_foam.shim2000.impacts import NAMES, case_names
+from taichi_foam.shim2000.reproduce import reproduce
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.progress import Bars
 

@@ -11,10 +11,9 @@ from rich.console import Console
 
 from taichi_foam.cli import tables
 from taichi_foam.shim2000.criteria import Criterion
-from taichi_foam.shim2000.ensemble import faster
+from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.shim2000.scores import judged
-from taichi_foam.shim2000.study import Case, Member
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.study import Case, Member, faster
 
 FLATS = ("2.46", "3.03", "3.60")
 EMPTY = np.zeros(0)

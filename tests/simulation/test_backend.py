@@ -13,7 +13,7 @@ import pytest
 
 import taichi_foam
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 SHORT = {"block.columns": 20, "block.rows": 10, "numerics.end": 1e-3}
 

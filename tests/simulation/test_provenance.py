@@ -13,8 +13,7 @@ import pytest
 from taichi_foam import load_scene
 from taichi_foam import version as package
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
-from taichi_foam.shim2000.machine import machine, versions
-from taichi_foam.simulation.provenance import content_hash, processor, provenance
+from taichi_foam.simulation.provenance import content_hash, machine, processor, provenance, versions
 
 WEDGE = load_scene("paper/wedge-2.86")
 

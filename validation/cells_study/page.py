@@ -12,8 +12,8 @@ from store import Store
 from verification.pages import MARKS, cell_axis, key, panels
 
 from cells_study.runs import AS_IT_IS, CELLS, REFERENCE, TESTS, Variant, variants
+from taichi_foam.analysis.bands import Band
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU, Quantity
-from taichi_foam.shim2000.bands import Band
 
 JUDGED = (DURATION, DISPLACEMENT, PLATEAU)
 NAMES = ("duration", "displacement", "plateau")

@@ -10,8 +10,8 @@ from fidelity_study.members import Ensemble, Entry, Kept, entry, shares
 from taichi_foam.analysis.measures import ENERGY_PER_VOLUME
 from taichi_foam.catalogue import load_scene
 from taichi_foam.shim2000.compare import hits
+from taichi_foam.shim2000.impacts import NAMES
 from taichi_foam.shim2000.scores import SHARE, score
-from taichi_foam.shim2000.tests import NAMES
 
 VELOCITIES = 3
 

@@ -9,8 +9,8 @@ from ensembles import ORDER, percent, short, table
 from fidelity_study.changes import Outcome, outcomes
 from fidelity_study.members import Entry, Kept
 from taichi_foam.shim2000.compare import TOLERANCE
+from taichi_foam.shim2000.impacts import NAMES
 from taichi_foam.shim2000.scores import SHARE
-from taichi_foam.shim2000.tests import NAMES
 
 WITHIN = f"within {100 * TOLERANCE:.0f} %"
 

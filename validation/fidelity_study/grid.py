@@ -9,8 +9,8 @@ from statistics import fmean
 
 from fidelity_study.members import JUDGED, Ensemble, Entry, Kept, entry
 from taichi_foam.analysis.measures import Quantity
+from taichi_foam.shim2000.impacts import NAMES
 from taichi_foam.shim2000.scores import HELD_OUT
-from taichi_foam.shim2000.tests import NAMES
 
 GRID: Mapping[str, Sequence[object]] = {
     "impactor.friction": (0.22, 0.25),

@@ -16,8 +16,8 @@ from fidelity_study.grid import (
     winner,
 )
 from fidelity_study.members import JUDGED, TITLES, Entry, Kept
+from taichi_foam.shim2000.impacts import NAMES
 from taichi_foam.shim2000.scores import HELD_OUT
-from taichi_foam.shim2000.tests import NAMES
 
 
 def section(velocities: int, kept: Kept) -> list[str]:

@@ -11,17 +11,16 @@ from typing import Any
 from ensembles import ORDER, short
 from store import Store
 
+from taichi_foam.analysis.bands import bands
 from taichi_foam.analysis.measures import PEAK, summary
 from taichi_foam.catalogue import load_scene
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
-from taichi_foam.shim2000.bands import bands
-from taichi_foam.shim2000.compare import at_rest, comparison_of_medians, measured_figures
+from taichi_foam.shim2000.compare import at_rest, comparison_of_medians
 from taichi_foam.shim2000.criteria import criteria
-from taichi_foam.shim2000.ensemble import members_of
-from taichi_foam.shim2000.study import has_failed
-from taichi_foam.shim2000.tests import TESTS, PaperTest
+from taichi_foam.shim2000.impacts import TESTS, PaperTest
+from taichi_foam.shim2000.study import has_failed, members_of
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
 
@@ -77,7 +76,7 @@ def entry(ensemble: Ensemble, kept: Kept) -> Entry | None:
         return None
     return comparison_of_medians(
         ensemble.test,
-        TESTS[ensemble.test],
+        TESTS[ensemble.test].reference,
         bands([run["figures"] for run in runs]),
         runs=len(runs),
     )
@@ -93,7 +92,8 @@ def shares(ensemble: Ensemble, kept: Kept) -> dict[str, float]:
 def _run_name(scene: Scene) -> str:
     """The test, and a digest of every setting: another calibration does not take old runs."""
     assert scene.impactor is not None  # every test has one
-    digest = sha256(scene_to_toml(scene).encode()).hexdigest()[:12]
+    bare = scene.model_copy(update={"reference": None})
+    digest = sha256(scene_to_toml(bare).encode()).hexdigest()[:12]
     return f"{short(scene.name)} at {scene.impactor.velocity:.4f} m/s, {digest}"
 
 
@@ -103,7 +103,7 @@ def figures_of(result: Result, test: PaperTest) -> dict[str, Any]:
     It is judged as `test` even if its settings make it another impact: that is what a study of
     readings such as another yield strain is for.
     """
-    measured = measured_figures(test)
+    measured = test.measured
     keys = [quantity.key for quantity in JUDGED if quantity.key in measured]
     if has_failed(result):
         return {"figures": dict.fromkeys(keys), "criteria": {}, "failed": result.run["ended_by"]}

@@ -11,7 +11,7 @@ from store import Store
 from fidelity_study import changes_page, grid_page
 from fidelity_study.changes import outcomes
 from fidelity_study.changes_picture import draw
-from taichi_foam.shim2000.machine import machine, versions
+from taichi_foam.simulation.provenance import machine, versions
 
 
 def write(store: Store, velocities: Mapping[str, int], out: Path, figures: Path) -> str:

@@ -19,7 +19,7 @@ from taichi_foam.errors import RunError
 from taichi_foam.laws.bond.base import OPENING, SLIDING
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Foam, Model, Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 from verification.runs import whole
 
 CASES = ("rectangular-3.03", "cylinder-2.94", "wedge-2.86")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from store import Store
 
-from taichi_foam.shim2000.machine import machine, versions
+from taichi_foam.simulation.provenance import machine, versions
 from verification import cantilever_page, convergence_page, findings, shock_page, waves_page
 from verification.convergence import CASES
 

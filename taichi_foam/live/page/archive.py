@@ -286,15 +286,15 @@ async def _drawn_apart(path: Path) -> None:
 
 def main(path: Path) -> None:
     """Draw the film of this name into the folder of the run that it lies in."""
+    from taichi_foam import catalogue
     from taichi_foam.picture import films
-    from taichi_foam.shim2000 import tests
 
     if hasattr(os, "nice"):
         os.nice(10)
     ending = path.suffix[1:]
     try:
         result, names = Result.load(path.parent), films.Names(**{ending: path.name})
-        films.write(result, path.parent, names=names, title=tests.title(result.scene))
+        films.write(result, path.parent, names=names, title=catalogue.title(result.scene))
     except UserError as error:
         sys.exit(str(error))
 

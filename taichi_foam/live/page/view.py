@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
+from taichi_foam.catalogue import reference_of
 from taichi_foam.errors import UserError
 from taichi_foam.live.controls import Controls, Value, heading
 from taichi_foam.live.messages import Frame, Pace, Pause, Step
@@ -27,8 +28,6 @@ from taichi_foam.picture.look import Look, shades
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.view import window
 from taichi_foam.results.files import plain
-from taichi_foam.shim2000 import tests
-from taichi_foam.shim2000.compare import measured_figures
 
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
@@ -269,7 +268,7 @@ class PageView:
 
     def _post_scene(self) -> None:
         scene, given = self.session.scene, self.controls.given
-        test = tests.test_of(scene)
+        known = reference_of(scene)
         title, changes = heading(scene, given, self.controls.changes(scene))
         told = {
             "drop": self.session.number,
@@ -277,7 +276,7 @@ class PageView:
             "changes": changes,
             "size": _size(scene),
             "key": _colour_key(scene, self._look.mode),
-            "measured": {"test": test.name, **measured_figures(test)} if test else None,
+            "measured": {"test": known.name, **known.figures} if known else None,
             "nodes": [scene.block.columns, scene.block.rows],
             "falls": scene.impactor is not None,
         }

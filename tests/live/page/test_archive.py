@@ -25,7 +25,7 @@ from taichi_foam.live.page.view import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 SCENE = paper_scene("paper/wedge-2.86")
 

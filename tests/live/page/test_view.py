@@ -26,7 +26,7 @@ from taichi_foam.live.page.view import LENGTH, PageView
 from taichi_foam.live.session import MOST_SIZES, WAITING
 from taichi_foam.picture.look import THEMES
 from taichi_foam.records.history import ROW_COLUMNS
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 
 class _Worker:
@@ -108,7 +108,7 @@ _FIRST_PICTURE = """
 import sys
 from pathlib import Path
 from taichi_foam.live.page.view import PageView
-from taichi_foam.shim2000.tests import paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 view = PageView(paper_scene("paper/wedge-2.86"), Path())
 view._draw()

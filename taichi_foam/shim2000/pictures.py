@@ -12,17 +12,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from taichi_foam.analysis.bands import band_of_curves
 from taichi_foam.analysis.impact import impact
 from taichi_foam.analysis.loads import NOSE_RISE_LIMIT_M, absorption_curve
+from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, SLOPE
+from taichi_foam.catalogue import title
 from taichi_foam.picture import figures, films, style
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
-from taichi_foam.shim2000 import law_curve
-from taichi_foam.shim2000.bands import band_of_curves
-from taichi_foam.shim2000.deceleration_figure import Deceleration, decelerations
-from taichi_foam.shim2000.error_figure import Whisker, errors
+from taichi_foam.shim2000.figures import Deceleration, Whisker, branches, decelerations, errors
+from taichi_foam.shim2000.impacts import TESTS, PaperTest
 from taichi_foam.shim2000.study import Case, from_contact
-from taichi_foam.shim2000.tests import TESTS, title
 
 #: Width of the report's GIFs [pixels]; they show every second frame.
 GIF_WIDTH, GIF_EVERY = 480, 2
@@ -31,49 +31,34 @@ _MONTAGE_COLOURS = 192
 
 @dataclass(frozen=True)
 class Kind:
-    """An impactor's shape: its name, and the paper's figures of its curves and of one of its tests.
+    """An impactor's shape: its name, the paper's figures of its curves and of one of its tests.
 
-    `reported` is what the paper reports of the end of that test, in lines for below the pictures.
+    `specimens` is what the paper reports of the foam after that test, for below the pictures.
     """
 
     name: str
     curves_figure: int
     montage_figure: int
-    reported: tuple[str, ...]
+    specimens: str
 
 
 KINDS: Mapping[str, Kind] = {
     "rectangular": Kind(
-        "Flat block",
-        21,
-        22,
-        (
-            "Measured: at rest after 42 ms, 6.5 cm deep (the paper's own simulation: 40.2 ms).",
-            "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a "
-            "sharp boundary; height one third of the displacement; no split.",
-        ),
+        "Flat block", 21, 22,
+        "Specimens (section 3.2): crushed only beneath the impactor, in a rectangle with a "
+        "sharp boundary; height one third of the displacement; no split.",
     ),
     "cylinder": Kind(
-        "Cylinder",
-        23,
-        24,
-        (
-            "Measured: at rest after 53 ms, 9.0 cm deep.",
-            "Specimens (section 3.3): crushed in a thin layer around the path, most of it beneath; "
-            "most were split by a vertical crack down from the tip.",
-        ),
+        "Cylinder", 23, 24,
+        "Specimens (section 3.3): crushed in a thin layer around the path, most of it beneath; "
+        "most were split by a vertical crack down from the tip.",
     ),
     "wedge": Kind(
-        "Wedge",
-        25,
-        26,
-        (
-            "Measured: at rest after 49 ms, 7.5 cm deep (the paper's own simulation: 48.3 ms).",
-            "Specimens (section 3.4): crushed along the sides of the cavity, hardly ahead of the "
-            "tip; a crack runs from the tip; small tensile cracks on top.",
-        ),
+        "Wedge", 25, 26,
+        "Specimens (section 3.4): crushed along the sides of the cavity, hardly ahead of the "
+        "tip; a crack runs from the tip; small tensile cracks on top.",
     ),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -172,7 +157,7 @@ def _montage(folder: Path, key: str, case: Case) -> Picture:
     kind, head = KINDS[key], _title(case)
     path = folder / f"montage-{key}.png"
     scene, snapshots = case.result.scene, case.result.snapshots
-    note = kind.reported if case.test and case.test.picture else ()
+    note = (_measured(case.test), kind.specimens) if case.test and case.test.picture else ()
     picture = Image.fromarray(montage(snapshots, scene, title=head, note=note))
     # Flat colours: a palette takes a third of the bytes and no eye sees it.
     picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
@@ -184,6 +169,14 @@ def _montage(folder: Path, key: str, case: Case) -> Picture:
         f"Eight instants of the {kind.name.lower()} sinking into the foam at "
         f"{case.velocity:.2f} m/s.",
     )
+
+
+def _measured(test: PaperTest) -> str:
+    """How a test ended, in a sentence."""
+    duration, depth = test.measured[DURATION.key], test.measured[DISPLACEMENT.key]
+    own = test.simulated_duration
+    words = f" (the paper's own simulation: {1e3 * own:.1f} ms)" if own else ""
+    return f"Measured: at rest after {1e3 * duration:.0f} ms, {1e2 * depth:.1f} cm deep{words}."
 
 
 def _film(folder: Path, key: str, case: Case) -> Picture:
@@ -232,7 +225,7 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Picture:
         absorptions[name] = [_absorption(case) for case in group]
         tests = [case.test for case in group if case.test]
         if tests:
-            slopes[name] = [test.measured.energy_per_volume_J_m3 for test in tests]
+            slopes[name] = [test.measured[SLOPE.key] for test in tests]
     return _saved(
         figures.energy_against_volume(absorptions, slopes),
         folder / "energy-volume.png",
@@ -244,7 +237,7 @@ def _energy(folder: Path, groups: Mapping[str, Sequence[Case]]) -> Picture:
 
 def _law(folder: Path, case: Case) -> Picture:
     return _saved(
-        figures.stress_strain(law_curve.branches(case.scene)),
+        figures.stress_strain(branches(case.scene)),
         folder / "foam-law.png",
         "The foam's law, as in Fig. 19, evaluated by the functions that the runs call.",
         "Compressive stress over compressive strain: elastic to 5 %, a plateau to 80 %, then steep "

@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from taichi_foam.shim2000.bands import band, band_of_curves, bands, nearest, quantile
+from taichi_foam.analysis.bands import band, band_of_curves, bands, nearest, quantile
 
 
 @pytest.mark.parametrize(
