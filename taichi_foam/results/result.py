@@ -1,33 +1,6 @@
 """What a run leaves: its scene, histories, snapshots and run figures, in memory and on disk.
 
-A result folder holds
-
-    scene.toml     the resolved scene; it runs again by itself
-    history.csv    one row per history interval, one column per entry of COLUMNS; every
-                   number written so that it reads back exactly
-    snapshots.npz  the lattice at N instants (NumPy's open zip format); block of I x J mass points
-        format        ()            2
-        time          (N,)          s
-        impactor_y    (N,)          m     height of the impactor's lowest point, NaN without one
-        impactor_shift  (N,)        m     how far it has moved sideways since the start
-        impactor_angle  (N,)        rad   how far it has turned, counter-clockwise
-        position      (N,I,J,2)     m     x, y of mass point (i, j)
-        velocity      (N,I,J,2)     m/s
-        e_min_a       (N,I-1,J)     -     worst compressive strain so far of A(i,j), <= 0
-        e_min_b       (N,I,J-1)     -     the same of B(i,j)
-        break_time_a  (N,I-1,J)     s     when A(i,j) broke, NaN while intact
-        break_time_b  (N,I,J-1)     s     the same of B(i,j)
-        stress        (N,I,J,3)     Pa    xx, yy, xy about mass point (i, j), with output.stress
-    cracks.json    the crack path at the last snapshot: broken bonds as polylines, points
-                   (x, y) in m in the reference configuration, the longest first
-    compression.csv  of a crosshead: nominal strain and stress (Pa), compression positive
-    state.npz      the block as the run has left it, for the next impact on it: what
-                   `records.cushion.Cushion` holds; not of a run that was interrupted or failed
-    summary.json   the measures (`analysis.measures.summary`), and `run`: how it was computed
-    manifest.json  sizes and checksums of all files, see `results.manifest`
-
-The arrays of snapshots.npz but time and those of the impactor have 32 bits where
-output.snapshot_precision is "single".
+`OUTPUTS` has what a result's folder holds; docs/architecture.md (Files) says what is in each file.
 """
 
 from __future__ import annotations
@@ -38,6 +11,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -59,8 +33,6 @@ from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
 
 _FORMAT = 2
-# without these there is no result
-_FILES = ("scene.toml", "history.csv", "snapshots.npz", "cracks.json", "summary.json")
 _STATE = "state.npz"
 # What the readers of csv, npz and json raise on a file that is missing, cut or something else.
 _DAMAGE = (
@@ -107,8 +79,8 @@ class Result(Record):
 
     def write(self, folder: Path) -> None:
         """Write `OUTPUTS` into an existing, empty folder (one yielded by `output_folder`)."""
-        for name, write in OUTPUTS.items():
-            write(self, folder / name)
+        for name, output in OUTPUTS.items():
+            output.write(self, folder / name)
         Manifest.of(folder).write(folder)
 
     @classmethod
@@ -171,11 +143,12 @@ def _check_whole(root: Path) -> None:
         if request_in(root) is None:
             reason = "is not a complete result of this version. Fix: run its scene again"
         raise UserError(f"result folder {root}: what is in it {reason}.")
-    changed = [name for name in (*_FILES, _STATE) if name in manifest.files]
+    needed = [name for name, output in OUTPUTS.items() if output.needed]
+    changed = [name for name in (*needed, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
     if not changed and (root / "drop-1").is_dir():
         raise UserError(f"{root}: holds a series of drops; name one of them, such as {root}/drop-1")
-    if changed or not {*_FILES} <= {*manifest.files}:
+    if changed or not {*needed} <= {*manifest.files}:
         raise UserError(
             f"result folder {root}: not as it was written: {', '.join(changed) or 'files missing'}."
             " Fix: run its scene again."
@@ -354,14 +327,32 @@ def write_drops(path: Path, summaries: Sequence[Mapping[str, Any]]) -> None:
     )
 
 
+@dataclass(frozen=True)
+class RunFile:
+    """One file of a run's folder.
+
+    write   writes it, or nothing where there is nothing to say
+    needed  whether there is no result without it
+    link    its link where results are downloaded; empty: there is none
+    about   what it holds, for people who see the link
+    """
+
+    write: Callable[[Result, Path], None]
+    needed: bool = False
+    link: str = ""
+    about: str = ""
+
+
 # What measures brings SciPy along, which takes half a second to load: these import it themselves.
-OUTPUTS: dict[str, Callable[[Result, Path], None]] = {
-    "scene.toml": _write_scene,
-    "history.csv": _write_history,
-    "snapshots.npz": _write_snapshots,
-    "compression.csv": _write_curve,
-    _STATE: _write_state,
-    "cracks.json": _write_cracks,
-    "summary.json": _write_summary,
+OUTPUTS: dict[str, RunFile] = {
+    "history.csv": RunFile(_write_history, True, "CSV", "histories"),
+    "scene.toml": RunFile(_write_scene, True, "TOML", "the scene; it runs again by itself"),
+    "snapshots.npz": RunFile(
+        _write_snapshots, True, "NPZ", "the lattice at each interval, for NumPy"
+    ),
+    "compression.csv": RunFile(_write_curve),
+    _STATE: RunFile(_write_state),
+    "cracks.json": RunFile(_write_cracks, True),
+    "summary.json": RunFile(_write_summary, True, "JSON", "all measures"),
 }
-"""What writes each file of a run's folder, in order; what has nothing to write makes no file."""
+"""What a run's folder holds beside its manifest, by file name, in order."""

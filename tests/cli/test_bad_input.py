@@ -170,7 +170,7 @@ def test_disk_that_fills_up_at_the_end(
 
     command = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=1e-3", "--no-film"]
     with monkeypatch.context() as patched:
-        patched.setitem(result_module.OUTPUTS, "snapshots.npz", full)
+        patched.setitem(result_module.OUTPUTS, "snapshots.npz", result_module.RunFile(full))
         result = invoke(*command, "--out", "old", "--overwrite")
     assert result.exit_code == 2
     assert "the disk is full" in result.stderr

@@ -20,7 +20,7 @@ from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.results.result import OUTPUTS, Result, storage_bytes
 from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
 
 READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
@@ -189,6 +189,11 @@ def test_a_result_of_version_0_2_loads() -> None:
     assert result.summary["max_displacement_m"] == told["max_displacement_m"]
     assert result.snapshots[-1].time == result.history.time_s[-1] >= result.scene.numerics.end
     assert result.cushion is not None
+
+
+def test_the_docs_have_every_file() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert all(f"| `{name}` |" in text for name in OUTPUTS)
 
 
 def test_a_missing_folder_is_told(tmp_path: Path) -> None:

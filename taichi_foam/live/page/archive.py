@@ -20,7 +20,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.live.page.numbers import thinned
 from taichi_foam.results.files import file_name, next_numbered
 from taichi_foam.results.folders import check_output_folder
-from taichi_foam.results.result import Result, storage_bytes
+from taichi_foam.results.result import OUTPUTS, Result, storage_bytes
 
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
@@ -36,13 +36,7 @@ TRY_AGAIN = 10.0
 MOST_FILMS = 6
 
 #: What can be downloaded of a drop: what its link is called, if there is one, and says.
-FILES = {
-    "history.csv": ("CSV", "histories"),
-    "scene.toml": ("TOML", "the scene; it runs again by itself"),
-    "summary.json": ("JSON", "all measures"),
-    "snapshots.npz": ("NPZ", "the lattice at each interval, for NumPy"),
-    "cracks.json": ("", ""),
-}
+FILES = {name: (file.link, file.about) for name, file in OUTPUTS.items()}
 #: The same of what has to be drawn first.
 FILMS = {
     "film.mp4": ("MP4", "film; drawn when first asked for"),
