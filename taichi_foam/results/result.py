@@ -221,10 +221,16 @@ def _read_run(path: Path) -> dict[str, Any]:
 
 
 def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
-    """The block as the run has left it; None where there is none."""
+    """The block as the run has left it; None where there is none.
+
+    Nor is there one where another version remembered less of it: the rest of its result loads.
+    """
     if not path.is_file():
         return None
-    return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene.block)))
+    try:
+        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene.block)))
+    except KeyError:
+        return None
 
 
 def _words(error: BaseException) -> str:

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import os
+import shutil
 import zipfile
 from itertools import product
 from pathlib import Path
@@ -22,6 +23,7 @@ from taichi_foam.results.files import write_json
 from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.result import OUTPUTS, Result, storage_bytes
 from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
+from taichi_foam.simulation.after import After
 
 READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
 FILES = sorted(["cracks.json", "manifest.json", *READ_BACK])
@@ -189,6 +191,20 @@ def test_a_result_of_version_0_2_loads() -> None:
     assert result.summary["max_displacement_m"] == told["max_displacement_m"]
     assert result.snapshots[-1].time == result.history.time_s[-1] >= result.scene.numerics.end
     assert result.cushion is not None
+
+
+def test_a_result_whose_block_remembers_less_loads_without_it(tmp_path: Path) -> None:
+    """As when a later version remembers more of a block; only an impact on it is refused."""
+    run = shutil.copytree(Path(__file__).parent / "kept", tmp_path / "run")
+    with np.load(run / "state.npz") as archive:
+        arrays = {name: array for name, array in archive.items() if name != "hold"}
+    np.savez(run / "state.npz", **arrays)
+    Manifest.of(run).write(run)
+    result = Result.load(run)
+    assert result.cushion is None
+    assert result.snapshots[-1].time == result.history.time_s[-1]
+    with pytest.raises(UserError, match=r"leaves no block to go on with.*with this version"):
+        After.of(result.scene, run)
 
 
 def test_the_docs_have_every_file() -> None:
