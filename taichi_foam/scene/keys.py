@@ -58,12 +58,16 @@ class Key:
 
 @lru_cache
 def parts(scene: type[Part]) -> dict[str, type[Part]]:
-    """Classes of a scene's parts but those that are chosen, by the key that they stand under."""
+    """Classes of a scene's parts but those that are chosen, by the key that they stand under.
+
+    A field that says what is allowed for it is told as one, whatever class it holds.
+    """
     return {
         name: kind
         for name, field in scene.model_fields.items()
         for kind in (field.annotation, *get_args(field.annotation))
         if name not in CHOSEN
+        and "allowed" not in hints_of(field)
         and get_origin(kind) is None
         and isinstance(kind, type)
         and issubclass(kind, Part)
