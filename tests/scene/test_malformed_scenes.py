@@ -26,7 +26,7 @@ from taichi_foam.shim2000 import impacts as paper
 
 EXAMPLES = int(os.environ.get("FUZZ", "40"))
 LONGEST_MESSAGE = 10_000
-LONGEST_WAIT = 5.0  # s, on a machine that does other things too
+LONGEST_WAIT = 5.0  # s of processor time, so that what else a machine does counts for little
 
 PAD = {
     "outline": [[-0.1, 0.0], [0.1, 0.0], [0.05, 0.1], [-0.1, 0.1]],
@@ -77,7 +77,7 @@ pieces = st.one_of(
 
 
 def check(load: Callable[[], Scene]) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         scene = load()
     except UserError as error:
@@ -87,7 +87,7 @@ def check(load: Callable[[], Scene]) -> None:
         assert all(line.isprintable() for line in message.splitlines())
     else:
         assert isinstance(scene, Scene)
-    assert time.perf_counter() - start < LONGEST_WAIT
+    assert time.process_time() - start < LONGEST_WAIT
 
 
 @pytest.fixture(scope="module")
@@ -179,10 +179,10 @@ def test_attacks(case: str, tmp_path: Path) -> None:
     text, fragment = ATTACKS[case]
     file = tmp_path / "attack.toml"
     file.write_text(text)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UserError) as refusal:
         load_scene(file)
-    assert time.perf_counter() - start < LONGEST_WAIT
+    assert time.process_time() - start < LONGEST_WAIT
     assert fragment in str(refusal.value)
     assert len(str(refusal.value)) < LONGEST_MESSAGE
 
@@ -198,18 +198,18 @@ def test_the_worst_that_the_bounds_let_through(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("key", ["a." * DEEPEST + "a.a", "a." * 20_000 + "a", "b" * 100_000])
 def test_long_keys_from_python(key: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UserError) as refusal:
         SCENES[0].with_values({key: 1})
     assert len(str(refusal.value)) < 1_000
-    assert time.perf_counter() - start < LONGEST_WAIT
+    assert time.process_time() - start < LONGEST_WAIT
 
 
 def test_a_hundred_thousand_unknown_keys() -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UserError, match="100,000 problems in all"):
         SCENES[0].with_values({f"key{n}": 1 for n in range(100_000)})
-    assert time.perf_counter() - start < LONGEST_WAIT
+    assert time.process_time() - start < LONGEST_WAIT
 
 
 def test_a_byte_order_mark_is_no_statement(tmp_path: Path) -> None:
