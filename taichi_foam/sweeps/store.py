@@ -21,7 +21,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -73,8 +73,8 @@ class Sweep:
     """A sweep on disk, whole or not: its folder, its plan, and what it was begun with."""
 
     folder: Path
-    plan: Plan
-    points: str
+    plan: Plan = field(repr=False)
+    points: str = field(repr=False)
     made_with: dict[str, str]
 
     @classmethod
