@@ -106,7 +106,7 @@ class Screen:
             strip(image, words, self.look.theme)
         return image
 
-    # what keys do
+    # keys
 
     def toggle_pause(self) -> None:
         """Pause, or continue."""

@@ -57,7 +57,7 @@ PACE = 1e-2
 PATIENCE = 30.0
 #: How many lattice sizes one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
-#: What a drop that is being prepared waits for.
+#: Text shown while a drop is being prepared.
 WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once where they have to be compiled"
 # A worker that has not exited this long after it was asked to is terminated [s].
 GRACE = 2.0
@@ -163,7 +163,7 @@ class Session:
         self._worker, self._sizes = None, set()
         self._is_computed = False
 
-    # what goes on
+    # state
 
     def poll(self, timeout: float) -> list[Event]:
         """Process pending events, waiting up to `timeout` [s] for one, and return them.
@@ -297,7 +297,7 @@ class Session:
         if pressed.is_set():
             raise KeyboardInterrupt
 
-    # what can be done
+    # commands
 
     def drop(self, scene: Scene, finish_current: bool = False) -> None:
         """Drop a scene; the current drop is abandoned, or finished and kept.

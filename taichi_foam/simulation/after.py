@@ -25,7 +25,7 @@ The pulse of the base may differ.
 
 @dataclass(frozen=True)
 class After:
-    """What came before a run.
+    """The earlier run on the block of a run.
 
     told     `run["after"]` of its result: the initial state, in a few figures
     cushion  the block; None for a run that has begun already and continues from its checkpoint

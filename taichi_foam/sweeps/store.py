@@ -101,7 +101,7 @@ class Sweep:
         return Design(self.plan)
 
     def check_versions(self) -> None:
-        """Raise UserError if the versions differ from those that the sweep was begun with."""
+        """Raise UserError if the versions differ from those that the sweep began with."""
         for name, here in versions(self.made_with["arch"]).items():
             was = self.made_with.get(name)
             if was != here:
