@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from taichi_foam.sweeps.run import sweep
 
-# Taichi prints a banner when it is first imported, and in a notebook another line.
+# Taichi prints a banner when it is first imported, and another line in a notebook.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_LOG_LEVEL", "error")
 
@@ -111,5 +111,5 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-if "IPython" in sys.modules:  # in a notebook scenes and results show themselves
+if "IPython" in sys.modules:  # rich display of scenes and results in a notebook
     import_module("taichi_foam.live.notebook").install()

@@ -1,11 +1,12 @@
 """Taichi, as the package imports it: `from taichi_foam.backend import ti`.
 
-It is Taichi itself, with less ado about source code. What it does with that, for error messages for
-the most part, takes a third of the time that a process needs until it computes.
+It is Taichi itself with faster handling of source code. Taichi's own handling, mostly for error
+messages, takes a third of the time that a process needs before it computes.
 
-TAICHI_FOAM_BACKEND=quadrants takes Quadrants instead, Taichi's living fork, on trial: install
-`quadrants`. Numbers may differ in their last digits, and kernels that come with the package are
-Taichi's. Whatever reaches beyond what both of them document stands here, and says what is other.
+TAICHI_FOAM_BACKEND=quadrants uses Quadrants instead, a maintained fork of Taichi, as an experiment:
+install `quadrants`. Numbers may differ in their last digits, and the kernels that come with the
+package work with Taichi only. All use of undocumented features of either is in this module, with
+notes on how the two differ.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 __all__ = ["compiling", "has_fields_elsewhere", "is_present", "keeps_ticache", "ti", "version"]
 
 NAME = os.environ.get("TAICHI_FOAM_BACKEND") or "taichi"
-"""What computes: taichi or quadrants."""
+"""The backend in use: taichi or quadrants."""
 
 if NAME not in ("taichi", "quadrants"):
     raise ImportError(
@@ -48,36 +49,36 @@ else:
 
 
 def version() -> str:
-    """Which version computes: 1.7.4 of Taichi, or quadrants-1.3.3."""
+    """Version of the backend: 1.7.4 for Taichi, quadrants-1.3.3 for Quadrants."""
     number = ".".join(map(str, ti.__version__))
     return number if NAME == "taichi" else f"{NAME}-{number}"
 
 
 def keeps_ticache() -> bool:
-    """Whether kernels lie on disk in the files that `engine.kernel_cache` knows and mends.
+    """Whether kernels are cached on disk in the files that `engine.kernel_cache` can repair.
 
-    Quadrants has other ones, in a folder within the same, which it looks after by itself.
+    Quadrants uses other files, in a subfolder, which it manages itself.
     """
     return NAME == "taichi"
 
 
 def is_present(arch: str) -> bool:
-    """Whether this machine offers `arch`, a GPU's; `ti.init` would take the CPU with a warning."""
+    """Whether the GPU `arch` is available here; `ti.init` alone would fall back to the CPU."""
     core = import_module(f"{NAME}._lib").core
     return bool(getattr(core, f"with_{arch}")())
 
 
 def compiling() -> Any:
-    """How kernels are compiled from now on, once `ti.init` was called: its members may be set."""
+    """Compiler settings for all later kernels, to be modified in place; requires `ti.init`."""
     program = import_module(f"{NAME}.lang.impl").get_runtime().prog
     assert program is not None
     return program.config()
 
 
 def has_fields_elsewhere(trees: int) -> bool:
-    """Whether there are more than so many trees of fields, or other fields or arrays on the device.
+    """Whether the device holds fields or arrays beyond `trees` trees of fields.
 
-    The tree that is made by itself is empty unless a program has fields in it.
+    The default tree is empty unless a program places fields in it.
     """
     made = sum(root.ptr.get_num_ch() > 0 for root in ti.FieldsBuilder._finalized_roots())
     begun = import_module(f"{NAME}.lang.impl").get_runtime().unfinalized_fields_builder
@@ -90,16 +91,16 @@ def has_fields_elsewhere(trees: int) -> bool:
 
 
 def _inside_class(level_of_class_stackframe: int) -> bool:
-    """Whether a function is decorated in a class; by its frame, not by how the line is written."""
+    """Whether a function is decorated in a class; found from its frame, not from the source."""
     return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
 
 
 @cache
 def _getsourcelines(function: Any) -> tuple[list[str], int]:
-    """The lines of a function, and the number of the first; Taichi looks through all modules."""
+    """The lines of a function, and the number of the first; Taichi's own searches all modules."""
     code = inspect.unwrap(function).__code__
     lines = linecache.getlines(code.co_filename)[code.co_firstlineno - 1 :]
-    if not lines:  # typed in, or of a notebook's cell
+    if not lines:  # typed interactively, or in a notebook cell
         return _taichis_sourcelines(function)
     return inspect.getblock(lines), code.co_firstlineno
 
@@ -109,14 +110,14 @@ def _getsourcefile(function: Any) -> str:
 
 
 def _position(self: Any, node: ast.AST) -> str:
-    """Where a statement stands, for messages; Taichi adds its text, whether there is any or not."""
+    """Position of a statement, for messages; unlike Taichi's, without the source text."""
     line = node.lineno + self.lineno_offset  # type: ignore[attr-defined]
     assert self.func is not None
     return f'File "{self.file}", line {line}, in {self.func.func.__name__}:\n'
 
 
 if NAME == "taichi":
-    # Quadrants reads the source once and keeps positions: it has no use for these
+    # Quadrants reads the source once and keeps positions: it does not need these
     from taichi.lang import kernel_impl
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 

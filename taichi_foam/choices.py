@@ -1,6 +1,6 @@
-"""What scenes and the command line choose by a word: sets of model choices, looks of pictures.
+"""Named options of scenes and the command line: sets of model choices, picture modes and themes.
 
-Words and values only: the command line shows them before anything else of the package loads.
+Words and values only: the command line shows them before it loads the rest of the package.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from types import MappingProxyType
 from typing import Literal
 
 Mode = Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"]
-"""What the colours of a picture show."""
+"""The quantity that the colours of a picture show."""
 
 Theme = Literal["light", "dark"]
-"""Tones of a picture."""
+"""Colour theme of a picture."""
 
 PAPERS_FOAM: Mapping[str, float] = MappingProxyType(
     {
-        "yield_strain": -0.042,  # of a plateau of 0.117 MPa; 0.12 MPa was measured
+        "yield_strain": -0.042,  # for a plateau of 0.117 MPa; 0.12 MPa was measured
         "fracture_energy": 70.0,
         "shear_fracture_energy": 100.0,
         "crush_band": 0.005,
     }
 )
-"""What was measured or calibrated of the paper's foam, where it is not what Table 1 gives."""
+"""Measured or calibrated constants of the paper's foam, where they differ from Table 1."""
 
 CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
@@ -65,5 +65,5 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
 )
 """Named sets of model choices, for what the paper leaves open: dotted keys and their values.
 
-Those of `block`, and of `foam` but for softening, are the paper's own specimens.
+The values of `block`, and of `foam` except softening, describe the paper's specimens.
 """

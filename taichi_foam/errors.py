@@ -1,4 +1,4 @@
-"""How a request can end badly, what a run may warn of, and what to say of a missing package."""
+"""Exceptions and warnings of the package, and the message for a missing dependency."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 _INSIDE = ("taichi_foam.", "pydantic.")
-"""Modules whose lines are not those that asked for something."""
+"""Modules that are skipped when a warning is attributed to the calling line."""
 
 
 class UserError(Exception):
-    """The request cannot be met: the message says why, and how to mend it (exit code 2).
+    """The request cannot be met: the message says why, and how to fix it (exit code 2).
 
-    `argument` is the one that the message proposes, such as "overwrite=True", as it stands there:
-    the command line puts its own option in its place.
+    `argument` is the Python argument that the message proposes, such as "overwrite=True", as
+    written there: the command line replaces it with its own option.
     """
 
     def __init__(self, message: str, argument: str | None = None) -> None:
@@ -25,9 +25,9 @@ class UserError(Exception):
 
 
 class RunError(Exception):
-    """A run that started well cannot go on: the message says when and where (exit code 1).
+    """A run that started well cannot continue: the message says when and where (exit code 1).
 
-    `results` holds what it gave until then, as `results.result.Result`.
+    `results` holds the results so far, as `results.result.Result`.
     """
 
     def __init__(self, message: str, results: Sequence[Any] = ()) -> None:
@@ -36,24 +36,24 @@ class RunError(Exception):
 
 
 class RunWarning(UserWarning):
-    """There is something to say against a run's figures (`Result.warnings`), or of its length."""
+    """A run's figures are doubtful (`Result.warnings`), or it will take very long."""
 
 
 class LongRunWarning(RunWarning):
-    """A run that has begun will take a very great number of steps."""
+    """A run that has begun will take a very large number of steps."""
 
 
 class SceneNote(FutureWarning):
-    """A scene says something in an old way, which is still understood."""
+    """A scene uses an old notation, which still works."""
 
 
 def note(text: str) -> None:
-    """Give a note on a scene at the line, outside the package, that has it."""
+    """Issue a `SceneNote`, attributed to the calling line outside the package."""
     warn_of_run(text, SceneNote)
 
 
 def warn_of_run(text: str, category: type[Warning] = RunWarning) -> None:
-    """Give a warning at the line, outside the package, that asked for the run."""
+    """Issue a warning, attributed to the line outside the package that started the run."""
     depth, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals["__name__"].startswith(_INSIDE):
         depth, frame = depth + 1, frame.f_back
@@ -63,8 +63,8 @@ def warn_of_run(text: str, category: type[Warning] = RunWarning) -> None:
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C while several scenes ran.
 
-    `results` holds what they gave until then, as `results.result.Result`, by place in what was
-    asked for; scenes that had not begun are not among them.
+    `results` holds the results so far, as `results.result.Result`, by index of the scene; scenes
+    that had not begun are missing.
     """
 
     def __init__(self, results: Mapping[int, Any]) -> None:
@@ -74,7 +74,7 @@ class Interrupted(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def installed(purpose: str, package: str) -> Iterator[None]:
-    """Import what comes with `package` in this block; UserError says what to install if it fails.
+    """Import modules of `package` in this block; if that fails, UserError says what to install.
 
     `package` may be one of the extras, such as "taichi-foam[live]".
     """
@@ -82,7 +82,7 @@ def installed(purpose: str, package: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("taichi_foam"):
-            raise  # a fault of ours
+            raise  # an error in this package
         raise UserError(
             f"{purpose}: needs {error.name}, which is not installed. "
             f"Fix: python -m pip install '{package}'"

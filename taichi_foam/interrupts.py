@@ -1,7 +1,7 @@
-"""Ctrl-C and its like at a bad moment: heard once, and held while giving up would lose something.
+"""Handling of Ctrl-C and similar signals: taken once, and deferred while data would be lost.
 
-SIGTERM, which batch systems send before they kill, and SIGHUP, which a terminal sends when it is
-closed, are taken as Ctrl-C by commands: what there is is kept.
+Commands treat SIGTERM, which batch systems send before they kill a process, and SIGHUP, which a
+terminal sends when it is closed, like Ctrl-C: the data so far is saved.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ SIGNALS = [
 
 @dataclass
 class Heard:
-    """The first signal that came, None so far."""
+    """The first signal received; None so far."""
 
     number: int | None = None
 
     @property
     def exit_code(self) -> int:
-        """What a process that it has ended leaves with: 130 for Ctrl-C."""
+        """Exit code of a process that the signal has ended: 130 for Ctrl-C."""
         return 128 + (signal.SIGINT if self.number is None else self.number)
 
 
-# of the command that runs, if one does
+# of the running command, if there is one
 _heard: Heard | None = None
-# whether signals are held
+# whether signals are deferred
 _holds = False
 
 
 @contextlib.contextmanager
 def heard_once(on_more: Callable[[], object] = lambda: None) -> Iterator[Heard]:
-    """Take the first of `SIGNALS` as Ctrl-C; all that come later until the block ends are ignored.
+    """Treat the first of `SIGNALS` as Ctrl-C, and ignore later ones until the block ends.
 
-    What follows the first is saving, which a second Ctrl-C must not spoil; `on_more` is called for
-    each. A signal that the process ignores, as under nohup, it goes on ignoring. Outside the main
-    thread nothing changes.
+    Data is saved after the first signal, and a second Ctrl-C must not disturb that; `on_more` is
+    called for each later signal. Signals that the process ignores already, as under nohup, stay
+    ignored. Outside the main thread nothing changes.
     """
     global _heard
     if threading.current_thread() is not threading.main_thread():
@@ -67,20 +67,20 @@ def heard_once(on_more: Callable[[], object] = lambda: None) -> Iterator[Heard]:
 
 
 def end_undisturbed() -> None:
-    """Have a process that ends ignore `SIGNALS`: its exit code is settled.
+    """Ignore `SIGNALS` from now on, since the process ends and its exit code is settled.
 
-    While Python takes itself down a signal would end the process as if nobody had heard it.
+    A signal during Python's shutdown would otherwise kill the process and change its exit code.
     """
     atexit.register(lambda: [signal.signal(number, signal.SIG_IGN) for number in SIGNALS])
 
 
 @contextlib.contextmanager
 def held_interrupts() -> Iterator[threading.Event]:
-    """Let the block end although a signal comes; the event then tells that one did.
+    """Defer signals until the block ends; the yielded event is set if one came.
 
-    Held are Ctrl-C and what `heard_once` takes for it. Where they never arrive, outside the main
-    thread or in a process that ignores them, nothing changes. Within another hold it is that one
-    that tells.
+    This applies to Ctrl-C and to the signals that `heard_once` treats like it. Outside the main
+    thread, or in a process that ignores them, nothing changes. If blocks are nested, only the
+    outer one sets its event.
     """
     global _holds
     pressed = threading.Event()
@@ -106,7 +106,7 @@ def held_interrupts() -> Iterator[threading.Event]:
 
 @contextlib.contextmanager
 def _handled(numbers: Sequence[int], handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Have signals handled in another way for as long as the block lasts."""
+    """Install a handler for signals while the block runs."""
     before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield

@@ -1,4 +1,4 @@
-"""What all parts of a scene share: a frozen base, fields that know their range, registries."""
+"""Common base of all parts of a scene: a frozen model, fields with ranges, registries."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ FIX_BY_UNIT = {
     "-": "it is a plain number",
     "px": "sizes are in pixels",
 }
-"""What to say about a value out of range, by the field's unit."""
+"""Advice for a value out of range, by the field's unit."""
 
 # The two strain entries differ in sign convention only.
 _WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 
 
 MOST_SHOWN = 12
-"""A list of more values is told by their number and range."""
+"""A longer list is represented by the number of its values and their range."""
 
 Coordinate = Annotated[float, Field(ge=-5, le=5)]
-# Lists are as good as tuples here: TOML and most scripts write lists.
+# Lists are accepted as tuples here, since TOML and most scripts use lists.
 Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 """A point [x, y] [m]."""
 
@@ -55,25 +55,25 @@ class Part(BaseModel):
     """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
 
     places: ClassVar[tuple[str, ...]] = ()
-    """The keys under which a scene has parts of this kind; that of a scene itself is empty."""
+    """The keys under which a scene has parts of this kind; empty string for the scene itself."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
 
     def with_computed(self: Kind, **values: Any) -> Kind:
-        """A copy with values that follow from others: `model_fields_set` has what was given."""
+        """A copy with computed values; `model_fields_set` still lists only the given ones."""
         return _given_only(self.model_copy(update=values), self.model_fields_set)
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What was given and differs from the defaults, which is what one would write."""
+        """The given values that differ from the defaults, as a user would write them."""
         for name, value in super().__repr_args__():
             field = type(self).model_fields.get(name or "")
             if field is None or (name in self.model_fields_set and value != field.default):
                 yield name, _Told(value) if _is_long(value) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse to change a value, and say how one gets another scene."""
+        """Refuse to change a value, and say how to make a changed scene."""
         if not self.places or name.startswith("_"):
             super().__setattr__(name, value)
             return
@@ -95,9 +95,9 @@ class Part(BaseModel):
 
 
 def completed(given: Mapping[str, Any], computed: Mapping[str, Any], handler: Any) -> Any:
-    """For a "wrap" validator: the part of what was given, and of what follows from it for the rest.
+    """For a "wrap" validator: the part made of given values, and computed ones for the rest.
 
-    `model_fields_set` has what was given.
+    `model_fields_set` lists only the given values.
     """
     return _given_only(handler({**computed, **given}), given)
 
@@ -108,7 +108,7 @@ def _given_only(part: Kind, given: Iterable[str]) -> Kind:
 
 
 class _Told:
-    """What stands for a long list in a representation."""
+    """Stands for a long list in a representation."""
 
     def __init__(self, values: tuple[Any, ...]) -> None:
         self._values = values
@@ -141,13 +141,13 @@ def quantity(
     """Return a pydantic field for a number with its unit and its range.
 
     Args:
-        default: value when the scene does not give one; `...`: it has to.
+        default: value if the scene does not give one; `...`: required.
         unit: key of `FIX_BY_UNIT`.
         meaning: what the number is; becomes the field's description.
         above, at_least, below, at_most: the range, enforced and described.
         allowed: the range in words, for a field whose type enforces it.
         fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
-        unless: what stands for the default where it follows from other values.
+        unless: shown instead of the default if that follows from other values.
         more: passed on to `pydantic.Field`.
     """
     shown = "" if unit in _WITHOUT_UNIT else unit
@@ -186,29 +186,29 @@ def is_number(value: Any) -> bool:
 
 
 def hints_of(field: FieldInfo) -> Mapping[str, Any]:
-    """What `quantity` says of a field: `allowed`, `fix`, `unit`, `unless`; nothing of others."""
+    """Hints that `quantity` stored: `allowed`, `fix`, `unit`, `unless`; empty for other fields."""
     extra = field.json_schema_extra
     return extra if isinstance(extra, dict) else {}
 
 
 def unit_of(field: FieldInfo) -> str:
-    """Unit of a field [SI, degrees or pixels]; empty for a plain number and all else."""
+    """Unit of a field (SI, degrees or pixels); empty for plain numbers and other fields."""
     return str(hints_of(field).get("unit", ""))
 
 
 def described(field: FieldInfo) -> str:
-    """What a field is, and its unit in brackets where it has one."""
+    """A field's description, with its unit in brackets if it has one."""
     unit = unit_of(field)
     return f"{field.description or ''}{f' [{unit}]' if unit else ''}"
 
 
 class Registry(Mapping[str, type[Kind]], Generic[Kind]):
-    """What a scene may choose from by the word that it writes: classes of one kind, by their tag.
+    """Classes of one kind by their tag, the word by which a scene selects one.
 
-    tag       field that tells them apart, a Literal in each class
-    meaning   what that field says
-    default   tag of what a table without one is; None: a table must have one
-    watchers  called when a class is registered
+    tag       name of the field with the tag, a Literal in each class
+    meaning   description of that field
+    default   tag of a table that gives none; None: a table must give one
+    watchers  functions called when a class is registered
     """
 
     def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
@@ -217,19 +217,19 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         self._kinds: dict[str, type[Kind]] = {}
 
     def register(self, kind: type[Kind]) -> type[Kind]:
-        """Add a class, or replace the one of its tag; returns it, for use as a decorator."""
+        """Add a class, or replace the one with its tag; returns it, for use as a decorator."""
         self._kinds[kind.model_fields[self.tag].default] = kind
         for watcher in self.watchers:
             watcher()
         return kind
 
     def remove(self, tag: str) -> None:
-        """Take a class out again."""
+        """Remove a class."""
         del self._kinds[tag]
         for watcher in self.watchers:
             watcher()
 
-    __hash__ = object.__hash__  # type: ignore[assignment]  # there is one of each kind
+    __hash__ = object.__hash__  # type: ignore[assignment]  # one registry per kind
 
     def __getitem__(self, tag: str) -> type[Kind]:
         return self._kinds[tag]
@@ -243,7 +243,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """As metadata of a field: a union of all classes, told apart by their tag."""
+        """As metadata of a field: a union of all classes, discriminated by their tag."""
         return core_schema.tagged_union_schema(
             {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
             discriminator=self.tag_of,
@@ -251,20 +251,20 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
 
     @staticmethod
     def _implies(kind: type[Part], value: Mapping[str, Any]) -> bool:
-        """Whether a table has the key that only this class has."""
+        """Whether a table has the key that implies this class."""
         return getattr(kind, "implied_by", None) in value
 
     def kind_of(self, value: Any) -> type[Kind] | None:
-        """The class of a table, or of an instance; None if it has none."""
+        """The class of a table or an instance; None if it has none."""
         tag = self.tag_of(value)
         return self.get(tag) if isinstance(tag, str) else None
 
     def tag_of(self, value: Any) -> Any:
-        """The tag of a table, or of an instance; a table without one has that of its keys."""
+        """The tag of a table or an instance; if a table gives none, its keys may imply one."""
         if not isinstance(value, Mapping):
             return getattr(value, self.tag, None)
         tag = value.get(self.tag)
         if tag is None:
             implied = (name for name, kind in self._kinds.items() if self._implies(kind, value))
             tag = next(implied, self.default)
-        return tag if tag is None or isinstance(tag, str) else ""  # which no class has
+        return tag if tag is None or isinstance(tag, str) else ""  # a tag that no class has

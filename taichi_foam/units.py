@@ -1,11 +1,11 @@
-"""Units of files, SI prefixes, numbers as one would write them, and what 1 g is."""
+"""Units in files, SI prefixes, compact numbers, and standard gravity."""
 
 from __future__ import annotations
 
 import math
 
 STANDARD_GRAVITY = 9.80665
-"""What an acceleration of 1 g is [m/s2]."""
+"""An acceleration of 1 g [m/s2]."""
 
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
 STRAIN_UNITS = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01, "percent": 0.01}
@@ -16,21 +16,21 @@ STRESS_UNITS = {
 FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 ACCELERATION_UNITS = {"m/s2": 1.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
-"""What a number is multiplied by to be in m, a fraction, in Pa, N, s, or in m/s2."""
+"""Factors that convert numbers to m, a fraction, Pa, N, s, or m/s2."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 def plain(value: float) -> str:
-    """A number as one would write it: 0.005, 2.78e6, 1e-7; five digits."""
+    """A number in compact form, with five digits: 0.005, 2.78e6, 1e-7."""
     return f"{value:.5g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
 def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str]:
-    """The power of a thousand that suits a value, and its prefix: 2.78e6 has (1e6, "M").
+    """The power of 1000 that suits a value, and its prefix: 2.78e6 gives (1e6, "M").
 
-    `least` is the lowest power of ten; `digits` those to which the value will be rounded, so that
-    999.9 of three digits is 1 k.
+    `least` is the lowest power of ten. `digits` is the number of digits to which the value will be
+    rounded: 999.9 with three digits is 1 k.
     """
     rounded = abs(float(f"{value:.{digits}g}"))
     if rounded == 0.0 or not math.isfinite(rounded):
@@ -41,7 +41,7 @@ def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str
 
 
 def duration_text(seconds: float) -> str:
-    """A time for people: 40 s, 12 min, 3.5 h, 2.1 days."""
+    """A duration in a convenient unit: 40 s, 12 min, 3.5 h, 2.1 days."""
     for limit, unit, per in ((90, "s", 1), (5400, "min", 60), (172_800, "h", 3600)):
         if seconds < limit:
             return f"{seconds / per:.2g} {unit}"

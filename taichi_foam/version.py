@@ -1,4 +1,4 @@
-"""The version of this package, and the commit that a development version stands for."""
+"""The version of this package, and the commit of a development version."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __version__ = "0.2.0.dev0"
 
 @cache
 def version() -> str:
-    """The version; of a development version with its commit, as 0.2.0.dev0+g1a2b3c4d5.
+    """The version; for a development version with its commit, as 0.2.0.dev0+g1a2b3c4d5.
 
-    The commit is known of a checkout, and of what pip has installed from a repository. A checkout
-    with changes that are not committed says so: 0.2.0.dev0+g1a2b3c4d5.changed.
+    The commit is known for a checkout, and for a package that pip installed from a repository. A
+    checkout with uncommitted changes is marked: 0.2.0.dev0+g1a2b3c4d5.changed.
     """
     if "dev" not in __version__:
         return __version__
@@ -22,8 +22,8 @@ def version() -> str:
 
 
 def _of_checkout(root: Path) -> str | None:
-    """The commit of the checkout in which the package lies, if it lies in one."""
-    import subprocess  # here, since it takes longer to load than all else that the package loads
+    """The commit of the checkout that contains the package, if there is one."""
+    import subprocess  # here, since it takes longer to load than the rest of the package
 
     if not (root / ".git").exists():
         return None

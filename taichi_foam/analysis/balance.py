@@ -1,9 +1,9 @@
-"""The energy balance of a drop on a level cushion: computed by hand, beside a run's figures.
+"""The energy balance of a drop on a level cushion: a hand calculation to compare with a run.
 
-A mass that comes to the cushion with the velocity v and crushes its height T to the strain e has
-lost m v^2 / 2 + m g T e, and the foam under the area A has taken A T times the area under its
-curve up to e. Both are equal at the stop; the stress there, over the mass, is the deceleration.
-Waves, the foam's own mass and its dashpots are left out.
+A mass m that hits the cushion at the velocity v and crushes its thickness T to the strain e loses
+the energy m v^2 / 2 + m g T e. The foam under the area A absorbs A T times the area under its
+stress-strain curve up to e. At the stop the two are equal; the deceleration follows from the stress
+there and the mass. Waves, the foam's own mass and its dashpots are neglected.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from taichi_foam.scene import Scene
 from taichi_foam.units import STANDARD_GRAVITY
 
 POINTS = 20_001
-"""Strains at which a balance is sought, from 0 to 1."""
+"""Number of strains, from 0 to 1, at which the balance is evaluated."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """What a drop on a cushion comes to by hand.
+    """The energy balance of a drop on a cushion.
 
     static_stress  Pa, weight over area
-    strain         at the stop; None: the foam cannot take that much
+    strain         strain at the stop; None: the foam cannot absorb the energy
     peak           m/s2, the largest deceleration until then; None likewise
     """
 
@@ -36,17 +36,17 @@ class Balance:
 
 
 def of_run(record: Record) -> Balance | None:
-    """That of a drop on a fresh cushion; None after other drops, and where `balance` is None."""
+    """The balance of a drop on a fresh cushion; None after other drops, or if `balance` is None."""
     lifted = abs(record.contact_height - record.scene.contact_height)
     return balance(record.scene) if lifted <= 1e-9 * record.scene.block.height else None
 
 
 def balance(scene: Scene) -> Balance | None:
-    """The energy balance of a scene; None where there is none by hand.
+    """The energy balance of a scene; None if the scene is not suitable.
 
-    There is one for a level face on rails over the whole width of a rectangle of one foam, whose
-    law says its stress, on a level floor. Its thickness is that from the first to the last row of
-    mass points, as the run has it.
+    It requires a level face on rails over the whole width of a rectangle of one foam on a level
+    floor, and a foam law that gives its stress. The thickness is measured from the first to the
+    last row of mass points, as in the run.
     """
     impactor, block = scene.impactor, scene.block
     if impactor is None or scene.is_driven or not impactor.guided or not is_flat(impactor):
@@ -69,7 +69,7 @@ def balance(scene: Scene) -> Balance | None:
     fall = 0.5 * impactor.velocity**2 + gravity * (impactor.gap + thickness * strain)
     enough = area * thickness * taken >= impactor.mass * fall
     static = impactor.mass * STANDARD_GRAVITY / area
-    enough[0] = False  # what is put down at rest has not stopped where it starts
+    enough[0] = False  # a mass released at rest has not stopped at its start
     stop = int(np.argmax(enough))
     if not enough[stop] or -strain[stop] <= scene.foam.landmarks.limit:
         return Balance(static, None, None)
@@ -78,7 +78,7 @@ def balance(scene: Scene) -> Balance | None:
 
 
 def doubt(scene: Scene) -> str | None:
-    """What to ask before a drop is computed that uses up the cushion; None: nothing."""
+    """A question to ask before computing a drop that uses up the cushion; None otherwise."""
     found, impactor = balance(scene), scene.impactor
     if found is None or impactor is None:
         return None
@@ -92,9 +92,9 @@ def doubt(scene: Scene) -> str | None:
 
 
 def words(scene: Scene, found: Balance, peak: float | None, strain: float | None) -> str:
-    """A cushion, its load and its balance in a sentence, beside a run's raw peak [m/s2] and strain.
+    """A sentence on a cushion, its load and its balance, with a run's raw peak [m/s2] and strain.
 
-    Lengths are in mm, as people give them.
+    Lengths are in mm.
     """
     block = scene.block
     size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))

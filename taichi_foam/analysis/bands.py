@@ -1,4 +1,4 @@
-"""What many runs of one test say together: medians and bands of figures and of curves."""
+"""Statistics over many runs of one test: medians and bands of figures and of curves."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ENDS = (0.05, 0.95)
-"""The quantiles that a band reaches from and to."""
+"""The quantiles at the ends of a band."""
 
-# Distance of points on the time axis of a band of curves [s]: that of a history's rows.
+# Spacing of points on the time axis of a band of curves [s], equal to that of a history's rows.
 _INTERVAL = 1e-4
 
 
 class Band(NamedTuple):
-    """The median of a figure over many runs, and the ends of its band; inf for no answer."""
+    """The median of a figure over many runs, and the ends of its band; inf if undefined."""
 
     low: float
     median: float
@@ -37,35 +37,35 @@ class Curves(NamedTuple):
 
 
 def quantile(values: Sequence[float | None], share: float) -> float:
-    """The value that `share` (0 to 1) of the runs do not exceed, between ranks on a straight line.
+    """The value that `share` (0 to 1) of the runs do not exceed, interpolated between ranks.
 
-    A run that has no answer, None, counts as +inf: the impactor never stopped, so duration and
-    displacement are larger than any that was found. So the median is inf, no answer, as soon as
-    half of the runs have none, and does not get better by leaving out what went wrong.
+    An undefined value, None, counts as +inf: the impactor never stopped, so duration and
+    displacement exceed all others. The median is therefore inf as soon as half of the runs are
+    undefined, and failed runs cannot improve it.
     """
     ranked = sorted(math.inf if value is None else float(value) for value in values)
-    # Rounded, or a rank that is whole but for its last bit would let inf in from next door.
+    # Rounded: a rank that is an integer except for its last bit must not mix in a neighbouring inf.
     rank = round(share * (len(ranked) - 1), 9)
     below, above = ranked[math.floor(rank)], ranked[math.ceil(rank)]
     return below if below == above else below + (rank - math.floor(rank)) * (above - below)
 
 
 def band(values: Sequence[float | None], ends: tuple[float, float] = ENDS) -> Band:
-    """Median and band of one figure; `ends` (0, 1) gives the least and the largest."""
+    """Median and band of one figure; `ends` (0, 1) gives the minimum and the maximum."""
     low, high = ends
     return Band(quantile(values, low), quantile(values, 0.5), quantile(values, high))
 
 
 def bands(runs: Sequence[Mapping[str, Any]]) -> dict[str, Band]:
-    """The band of every figure in the runs' summaries, by its key; names and flags have none."""
+    """The band of every figure in the runs' summaries, by key; not of names and flags."""
     keys = [key for key in runs[0] if all(_is_figure(run[key]) for run in runs)]
     return {key: band([run[key] for run in runs]) for key in keys}
 
 
 def nearest(runs: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> int:
-    """Place of the run whose figures `keys` lie nearest to their medians over all runs.
+    """Index of the run whose figures `keys` are nearest to their medians over all runs.
 
-    It is the one whose worst figure is the least far off, relatively.
+    It minimises the largest relative deviation of these figures.
     """
     medians = {key: band([run[key] for run in runs]).median for key in keys}
 
@@ -76,10 +76,10 @@ def nearest(runs: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> int:
 
 
 def band_of_curves(curves: Sequence[tuple[Array, Array]]) -> Curves:
-    """Median and band, instant by instant, of curves (time [s], values) with their own times each.
+    """Median and band, instant by instant, of curves (time [s], values), each with its own times.
 
-    The common time axis ends when half of the curves have ended; one that has ended before keeps
-    its last value, which after a rebound is next to none.
+    The common time axis ends when half of the curves have ended; a curve that has ended earlier
+    keeps its last value, which is near zero after a rebound.
     """
     end = float(np.median([time[-1] for time, _ in curves]))
     axis = np.arange(0.0, end + 0.5 * _INTERVAL, _INTERVAL)
@@ -93,7 +93,7 @@ def _is_figure(value: Any) -> bool:
 
 
 def _apart(value: float | None, median: float) -> float:
-    """Relative distance of a figure from the median; no answer is next to no answer only."""
+    """Relative deviation of a figure from the median; 0 if both are undefined, inf if one is."""
     value = math.inf if value is None else value
     if value == median:
         return 0.0

@@ -1,8 +1,8 @@
 """The shape of every node's cell, from the node positions and the state of the bonds.
 
-Along the outline of a block the corners of its cells are put on it.
+Along the outline of a block, the corners of its cells are moved onto the outline.
 
-Points are complex numbers here (x + iy): turning a vector by a right angle is then a product
+Points are complex numbers here (x + iy): rotating a vector by a right angle is then a product
 with i, and one array holds both coordinates.
 """
 
@@ -26,24 +26,24 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
 Points = NDArray[np.complex128]
 
-#: Half lengths are kept below this share of the cell: bonds break at 5 % of tension.
+#: Upper limit of half lengths, as a share of the cell: bonds break at 5 % tensile strain.
 LONGEST_HALF = 0.53
 #: A crushed face is never drawn thinner than this share of the cell.
 THINNEST = 0.05
 
-#: Only torn cells that were compressed further than this are suspected to have folded.
+#: Only torn cells that were compressed further than this may have folded.
 FOLDING_STRAIN = -0.3
 #: A side longer than this share of the reference cell belongs to a cell torn out of shape.
 LONGEST_SIDE = 1.2
 
 AT_CORNER = 0.75
-"""A corner of cells so near to one of the outline [cells] is put there, otherwise on its side.
+"""A corner of cells this near to a corner of the outline [cells] is moved to it, others to a side.
 
-Where the outline's corner is the nearest point of any, only these are put there: another one beside
-them would leave a cell without a side."""
+If an outline corner is the nearest outline point of some cell corners, only these are moved to it:
+another one beside them would leave a cell without a side."""
 
 FURTHEST = 1.0
-"""Corners further from the outline than this [cells] stay: what is there is too thin to show."""
+"""Corners further from the outline than this [cells] stay: the foam there is too thin to show."""
 
 #: Bits of `open_sides`.
 LEFT, RIGHT, BOTTOM, TOP = 1, 2, 4, 8
@@ -53,7 +53,7 @@ ALL_SIDES = LEFT | RIGHT | BOTTOM | TOP
 def shapes_of(snapshot: Snapshot, block: Block) -> tuple[Floats, NDArray[np.int32]]:
     """Corners (columns, rows, 4, 2) [m] of all cells as `corners`, and their `open_sides`.
 
-    Along an outline cells end there. Where there is no mass point they stand for no foam.
+    Cells along an outline end on it. Cells without a mass point represent no foam.
     """
     bonded_a, bonded_b = bonded(block)
     apart_a, apart_b = apart(snapshot, block)
@@ -70,7 +70,7 @@ def shapes_of(snapshot: Snapshot, block: Block) -> tuple[Floats, NDArray[np.int3
 
 
 def layer_faces(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
-    """Sides of cells between layers that no crack has taken, (columns, rows): TOP or 0."""
+    """Sides of cells at uncracked interfaces between layers, (columns, rows): TOP or 0."""
     layer, (_, apart_b) = layer_of_rows(block), apart(snapshot, block)
     faces = np.zeros((block.columns, block.rows), dtype=np.int32)
     faces[:, :-1][~apart_b & (layer[:-1] != layer[1:])] = TOP
@@ -88,11 +88,10 @@ def corners(
 ) -> Floats:
     """Corner points of all cells as deformed quadrilaterals.
 
-    Around each lattice corner the cells that hang together through unbroken bonds share
-    one point, the mean of what each of them takes its corner to be; cells on the two sides of
-    a crack have a point each, so the crack opens as a gap. A free edge is carried on by half
-    a cell. Crushed rubble that has tumbled about would fold or stretch its cells; each of those
-    is drawn as a rectangle of its own.
+    Around each lattice corner, cells connected by unbroken bonds share one point, the mean of
+    their own estimates of the corner. Cells on the two sides of a crack have separate points,
+    so the crack opens as a gap. A free edge is extended by half a cell. Cells of tumbled rubble
+    would be folded or stretched; each of these is drawn as a separate rectangle.
 
     Args:
         position: node positions (columns, rows, 2) [m].
@@ -107,7 +106,7 @@ def corners(
     columns, rows = position.shape[:2]
     z: Points = np.ascontiguousarray(position, dtype=np.float64).view(np.complex128)[..., 0]
     shared = np.zeros((columns + 1, rows + 1), dtype=np.complex128)
-    # Between four cells that hang together the half vectors cancel: the corner is the mean node.
+    # Between four connected cells the half vectors cancel: the corner is the mean of the nodes.
     shared[1:-1, 1:-1] = 0.25 * ((z[:-1, :-1] + z[1:, :-1]) + (z[:-1, 1:] + z[1:, 1:]))
     points = np.empty((columns, rows, 4), dtype=np.complex128)
     points[..., 0] = shared[:-1, :-1]
@@ -140,7 +139,7 @@ def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
 
 
 class _Lattice:
-    """Nodes z (columns, rows) [m] and bonds, with a rim of absent ones: every cell has four.
+    """Nodes z (columns, rows) [m] and bonds, padded with absent bonds so that every cell has four.
 
     Bond A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
     """
@@ -172,8 +171,8 @@ class _Lattice:
     def half_vectors(self, i: Ints, j: Ints) -> tuple[Points, Points, Points, Points]:
         """Vectors from the nodes (i, j) to their left, right, lower and upper faces [m].
 
-        An unbroken bond gives half of itself. Beyond a broken one the cell goes on in the
-        direction of the opposite bond, with the length that its worst strain has left of it.
+        For an unbroken bond it is half the bond. For a broken one it continues the direction of
+        the opposite bond, with the length that remains after the bond's worst strain.
         """
         z, dx, dy = self.z, self.dx, self.dy
         columns, rows = z.shape
@@ -187,7 +186,7 @@ class _Lattice:
 
         along, upward = _unit(right - left), _unit(up - down)
         along = np.where(along == 0, -1j * upward, along)
-        along = np.where(along == 0, 1, along)  # a loose node: its rotation is not known
+        along = np.where(along == 0, 1, along)  # a loose node: its rotation is unknown
         upward = np.where(upward == 0, 1j * along, upward)
 
         strain_l, strain_r = self.strain_a[i, j + 1], self.strain_a[i + 1, j + 1]
@@ -201,11 +200,11 @@ class _Lattice:
 
 
 def _mend(points: Points, lattice: _Lattice) -> None:
-    """Replace the corners that lie on a crack or on the block's edge."""
+    """Replace the corners on cracks and on the block's edge, in place."""
     z = lattice.z
     columns, rows = z.shape
     p, q = lattice.frayed_corners()
-    # Counter-clockwise around the corner, from its lower left; each sees it as this own corner.
+    # Counter-clockwise around the corner, from its lower left: cell, and which of its corners.
     cells = ((p - 1, q - 1, 2), (p, q - 1, 3), (p, q, 0), (p - 1, q, 1))
     there = [(i >= 0) & (i < columns) & (j >= 0) & (j < rows) for i, j, _ in cells]
     near = np.zeros((columns, rows), dtype=bool)
@@ -237,7 +236,7 @@ def _mend(points: Points, lattice: _Lattice) -> None:
 
 
 def _unfold(points: Points, suspect: Bools, lattice: _Lattice) -> None:
-    """Replace those of the suspect cells that are folded or torn out of shape by rectangles."""
+    """Replace suspect cells that are folded or torn out of shape by rectangles, in place."""
     i, j = np.nonzero(suspect)
     quad = points[i, j]
     side = np.roll(quad, -1, axis=1) - quad
@@ -247,7 +246,7 @@ def _unfold(points: Points, suspect: Bools, lattice: _Lattice) -> None:
     i, j = i[bad], j[bad]
     left, right, down, up = lattice.half_vectors(i, j)
     wide, high = np.abs(left) + np.abs(right), np.abs(down) + np.abs(up)
-    # The longer axis tells the direction; the shorter one may point anywhere.
+    # The longer axis gives the direction; the shorter one may point anywhere.
     along = np.where(wide >= high, _unit(right - left), -1j * _unit(up - down))
     middle = lattice.z[i, j] + ((left + right) + (down + up)) / 2
     across, upward = along * wide / 2, 1j * along * high / 2
@@ -265,7 +264,7 @@ def _unfold(points: Points, suspect: Bools, lattice: _Lattice) -> None:
 def _reach(strain: Floats, opposite: Points, opposite_strain: Floats, size: float) -> Floats:
     """Half length of a side without a bond [m].
 
-    From its own worst strain; where it never had a bond, like the opposite half.
+    From the bond's worst strain; equal to the opposite half if there never was a bond.
     """
     own = np.where(np.isnan(strain), opposite_strain, strain)
     length = 0.5 * size * np.clip(1 + np.nan_to_num(own), THINNEST, None)
@@ -279,7 +278,7 @@ def _unit(vector: Points) -> Points:
 
 
 def _bounded(vector: Points, size: float) -> Points:
-    """The vectors, shortened to LONGEST_HALF of `size` where they are longer."""
+    """The vectors, shortened to at most LONGEST_HALF of `size`."""
     length = np.abs(vector)
     return vector * np.minimum(1, LONGEST_HALF * size / np.where(length > 0, length, 1))
 
@@ -291,8 +290,8 @@ def _bounded(vector: Points, size: float) -> Points:
 class Rim:
     """The cells along an outline.
 
-    i, j   (n,) numbers of the cells
-    shift  (n, 4, 2) of their corners, lower left first, against the clock [cells]
+    i, j   (n,) indices of the cells
+    shift  (n, 4, 2) shifts of their corners, counter-clockwise from the lower left [cells]
     """
 
     i: Ints
@@ -301,7 +300,7 @@ class Rim:
 
 
 def on_outline(quads: Floats, block: Block) -> Floats:
-    """Corners (columns, rows, 4, 2) of deformed cells, those along the outline put on it."""
+    """Corners (columns, rows, 4, 2) of deformed cells, those along the outline moved onto it."""
     if block.is_rectangle:
         return quads
     rim = _rim(block)
@@ -315,7 +314,7 @@ def on_outline(quads: Floats, block: Block) -> Floats:
 
 
 def along_outline(block: Block) -> Bools:
-    """(columns, rows) which cells have corners that were put on the outline."""
+    """(columns, rows) which cells have corners that were moved onto the outline."""
     found = np.zeros((block.columns, block.rows), dtype=bool)
     if not block.is_rectangle:
         rim = _rim(block)
@@ -324,7 +323,7 @@ def along_outline(block: Block) -> Bools:
 
 
 def _rim(block: Block) -> Rim:
-    return _kept(block)  # type: ignore[arg-type]  # pydantic's frozen classes do have a hash
+    return _kept(block)  # type: ignore[arg-type]  # pydantic's frozen classes are hashable
 
 
 @lru_cache(maxsize=16)
@@ -352,7 +351,7 @@ def _kept(block: Block) -> Rim:
     whole = np.zeros((*count.shape, 2))
     whole[p, q] = shift
     if block.lattice_angle_deg == 0 and is_mirrored(foam, block.columns):
-        whole = 0.5 * (whole + whole[::-1] * [-1.0, 1.0])  # what lies between two sides, too
+        whole = 0.5 * (whole + whole[::-1] * [-1.0, 1.0])  # symmetric, even midway between sides
     of_cells = np.stack([whole[:-1, :-1], whole[1:, :-1], whole[1:, 1:], whole[:-1, 1:]], axis=2)
     i, j = np.nonzero(there & (of_cells != 0.0).any(axis=(2, 3)))
     return Rim(i, j, of_cells[i, j])

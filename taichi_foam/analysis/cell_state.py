@@ -1,7 +1,7 @@
-"""The state of cells: where there is foam, what holds it together, and how far it is crushed.
+"""The state of cells: where there is foam, which bonds are whole, and how far it is crushed.
 
-In a snapshot of a block with an outline all places of the lattice have numbers, those without a
-mass point too, and bonds that never were are not broken.
+In a snapshot of a block with an outline, all lattice sites have values, even those without a mass
+point, and bonds that never existed do not count as broken.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 CRUSHED_FRACTION = 0.5
-"""A cell counts as crushed this share of the way from yield to densification (here: halfway)."""
+"""A cell counts as crushed from this share of the way from yield to densification (halfway)."""
 
 
 def there(block: Block) -> Flags:
-    """(columns, rows) where there are mass points."""
+    """(columns, rows) whether there is a mass point."""
     return filling(block).there
 
 
@@ -37,19 +37,19 @@ def bonded(block: Block) -> tuple[Flags, Flags]:
 
 
 def apart(snapshot: Snapshot, block: Block) -> tuple[Flags, Flags]:
-    """Where no bonds A and B join mass points: they are broken, or never were."""
+    """Where bonds A and B do not join mass points: they are broken, or never existed."""
     a, b = bonded(block)
     return snapshot.broken_a | ~a, snapshot.broken_b | ~b
 
 
 def hangs_on(snapshot: Snapshot, block: Block) -> Flags:
-    """(columns, rows) which mass points hang on a whole bond."""
+    """(columns, rows) whether a mass point has an unbroken bond."""
     apart_a, apart_b = apart(snapshot, block)
     return over_bonds(np.maximum, ~apart_a, ~apart_b) > 0.0
 
 
 def over_bonds(join: np.ufunc, a: NDArray[Any], b: NDArray[Any]) -> Array:
-    """What `join` makes of zero and the values of each node's bonds A and B, (columns, rows)."""
+    """`join` applied to zero and the values of each node's bonds A and B, (columns, rows)."""
     found = np.zeros((b.shape[0], a.shape[1]))
     for part, values in ((found[:-1], a), (found[1:], a), (found[:, :-1], b), (found[:, 1:], b)):
         join(part, values, out=part)
@@ -64,9 +64,9 @@ def worst_strain(e_min_a: Array, e_min_b: Array) -> Array:
 def by_foam(
     snapshot: Snapshot, scene: Scene, what: Callable[[BondFoam, Array], NDArray[Any]]
 ) -> tuple[Array, Array]:
-    """What a foam gives of the worst strains of its bonds, for all bonds A and B, each by its own.
+    """A function of the worst strain, evaluated for all bonds A and B with their own foams.
 
-    `what` gets a foam and an array of strains; it gives an array of the same shape.
+    `what` takes a foam and an array of strains, and returns an array of the same shape.
     """
     foams, rows_a, rows_b = foams_of_bonds(scene)
     a, b = snapshot.e_min_a, snapshot.e_min_b
@@ -80,7 +80,7 @@ def by_foam(
 
 
 def crushed_parts(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
-    """How far bonds A and B are through the crushing, each by its own foam: 0 to 1.
+    """The crushed part of bonds A and B, each from its own foam: 0 to 1.
 
     On its plateau foam is a mixture: this part of it is crushed, the rest has only yielded.
     """
@@ -97,7 +97,7 @@ def crushed_parts(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
 def crushed_cells(snapshot: Snapshot, scene: Scene) -> Flags:
     """Whether each cell is crushed, (columns, rows).
 
-    It is when the worst compressive strain of one of its two to four bonds, so far, lies beyond
-    CRUSHED_FRACTION of the way through the crushing.
+    A cell is crushed if the crushed part of at least one of its two to four bonds, at the worst
+    compressive strain so far, exceeds CRUSHED_FRACTION.
     """
     return over_bonds(np.maximum, *crushed_parts(snapshot, scene)) > CRUSHED_FRACTION

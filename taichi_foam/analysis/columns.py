@@ -1,4 +1,4 @@
-"""The columns of a history from the rows of the engine: signs, sums and the filter of SAE J211."""
+"""The columns of a history, computed from the engine's rows: signs, sums, and SAE J211 filter."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ CHANNEL_CLASS = 180
 """Channel frequency class (Hz): the signal passes unchanged, within 0.5 dB, up to here."""
 
 PASS_CUTOFF_HZ = 2.0775 * CHANNEL_CLASS
-"""Cut-off of each pass (Hz). Two passes together are 3 dB down at 300 Hz = CFC / 0.6."""
+"""Cut-off frequency of each pass (Hz). Two passes together are 3 dB down at 300 Hz = CFC / 0.6."""
 
-_SAMPLE_INTERVAL = 1e-4  # s; J211 asks for 10 CFC = 1800 samples/s at least
-_PAD = 0.02  # s before and after; one pass has died to 1e-14 of itself by then
+_SAMPLE_INTERVAL = 1e-4  # s; J211 requires at least 10 CFC = 1800 samples/s
+_PAD = 0.02  # s before and after; the response of a pass has decayed to 1e-14 by then
 
 
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     """The history of `scene` from rows (n, k) of the engine, see `row_columns`.
 
-    They go from the first row of the run on; n may be 0.
+    The rows start with the first row of the run; n may be 0.
 
-    Works count from the first row. What a mechanism has lost is the work that it took, less what it
-    stores more than at the first row, and less the stored energy that is booked as fracture. The
-    residual is the energy that no column accounts for. What is not said here is the sum of its
-    column's `source`.
+    Work counts from the first row. The dissipation of a mechanism is the work done on it, minus the
+    increase of its stored energy since the first row, and minus the stored energy that is counted
+    as fracture energy. The residual is the energy that no column accounts for. Columns not computed
+    here are the sums of their `source`.
     """
     of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
@@ -40,13 +40,13 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     t, y, v = of["time"], of["y"], of["v"]
     interval = np.diff(t, prepend=t[:1])
     pulse = scene.base.shaking
-    upwards = v if pulse is None else v + pulse.velocity(t)  # the engine's v is that on the base
+    upwards = v if pulse is None else v + pulse.velocity(t)  # the engine's v is relative
     deceleration = np.divide(
         np.diff(upwards, prepend=upwards[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
     normal = of["bonds"] - of["shear"] - of["room"]
     if scene.model.damping != "absolute":
-        normal = normal - of["dashpots"]  # which drag acts beside: it is on the mass points
+        normal = normal - of["dashpots"]  # "absolute" dashpots act on mass points, not in bonds
 
     def lost(work: Array, *stored: str, fracture: str | None = None) -> Array:
         held = reduce(add, (of[member] for member in stored))
@@ -78,15 +78,15 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
 
 
 def smooth_deceleration(time: ArrayLike, deceleration: ArrayLike) -> NDArray[np.float64]:
-    """Four-pole phaseless Butterworth filter, CFC 180 (SAE J211): two poles forth, two back.
+    """Four-pole zero-phase Butterworth filter, CFC 180 (SAE J211): two poles forward, two backward.
 
-    time          (n,) s, increasing, not necessarily evenly
+    time          (n,) s, increasing, not necessarily evenly spaced
     deceleration  (n,) m/s2; row k is the mean over time[k-1] .. time[k]. Row 0 has no interval and
-                  is not used: before time[0] there is no contact and no deceleration. (Without this
+                  is not used: before time[0] there is no contact and no deceleration. (Otherwise
                   the filter would reflect the sudden start of a flat impactor at the edge.)
     Returns (n,) m/s2, the smoothed deceleration at the instants `time`; after the last row the
-    raw series is taken to keep its last value. Raises ValueError for shapes or times that do not
-    fit. A series with a non-finite value comes back as all NaN.
+    raw series is assumed to keep its last value. Raises ValueError for invalid shapes or times. A
+    series with a non-finite value gives all NaN.
     """
     t = np.asarray(time, dtype=np.float64)
     raw = np.asarray(deceleration, dtype=np.float64)
@@ -99,7 +99,7 @@ def smooth_deceleration(time: ArrayLike, deceleration: ArrayLike) -> NDArray[np.
     widths = np.diff(t)
     if not (widths > 0).all():
         raise ValueError("time must increase from row to row")
-    # Even resampling that keeps the area (the velocity change) of every row.
+    # Even resampling that preserves the integral (the velocity change) of every row.
     step = min(float(np.median(widths)), _SAMPLE_INTERVAL)
     pad = int(np.ceil(_PAD / step))
     count = int(np.ceil((t[-1] - t[0]) / step))
@@ -116,15 +116,15 @@ def smooth_deceleration(time: ArrayLike, deceleration: ArrayLike) -> NDArray[np.
 def _low_pass(samples: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
     """One pass of a two-pole Butterworth low-pass (SAE J211-1, appendix C).
 
-    `cutoff` is in cycles a sample; the first sample is taken to have been there for ever. What
-    SciPy has for this is a loop, too, and takes half a second to load: a fifth of a short run.
+    `cutoff` is in cycles per sample; the signal before the first sample is assumed constant. SciPy
+    also uses a loop for this, and takes half a second to load: a fifth of a short run.
     """
     w = math.tan(math.pi * cutoff)
     whole = 1.0 + math.sqrt(2.0) * w + w * w
     b = w * w / whole
     a1, a2 = 2.0 * (w * w - 1.0) / whole, (1.0 - math.sqrt(2.0) * w + w * w) / whole
     first = float(samples[0])
-    passed, one, two = np.empty_like(samples), 0.0, 0.0  # what the last two samples have left
+    passed, one, two = np.empty_like(samples), 0.0, 0.0  # filter state from the last two samples
     for k, sample in enumerate((samples - first).tolist()):
         now = b * sample + one
         one = 2.0 * b * sample - a1 * now + two

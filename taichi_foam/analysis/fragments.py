@@ -1,8 +1,8 @@
-"""How a block has broken: its pieces and its cracks.
+"""Fracture of a block: its pieces and its cracks.
 
-Cracks live on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the reference
-configuration at x = (p - I/2) dX, y = `Block.row_edges`[q]. A broken bond is the cell edge that it
-crosses:
+Cracks are defined on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the
+reference configuration at x = (p - I/2) dX, y = `Block.row_edges`[q]. A broken bond is represented
+by the cell edge that it crosses:
 
     A(i,j), sideways    the vertical edge from corner (i+1, j) to corner (i+1, j+1)
     B(i,j), upwards     the horizontal edge from corner (i, j+1) to corner (i+1, j+1)
@@ -27,16 +27,16 @@ PIECE_FRACTION = 0.05
 """A connected part counts as a piece from this share of the mass points."""
 
 CRACK_CELLS = 3
-"""A crack below the impactor is at least so many cells long ..."""
+"""A crack below the impactor is at least this many cells long ..."""
 
 CRACK_HEIGHT_FRACTION = 0.15
 """... and at least this share of the block's height (as much, on the paper's 20 cells)."""
 
 CRACK_EDGES_PER_ROW = 2
-"""Below the impactor, a row of cells with more broken edges of one line is shattered."""
+"""A row of cells below the impactor with more broken edges in one line counts as shattered."""
 
 _NEXT_ROW = [[1, 0, 1], [1, 1, 1], [1, 0, 1]]
-"""Vertical edges that follow one another: in the next row, at most one column of edges away."""
+"""Connectivity of vertical edges: in the next row, at most one column of edges away."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,12 @@ class Crack:
 
     lowest_height  m, height of the lowest end of its vertical edges; 0 is the block's bottom. With
                    a gripped base the bottom row cannot open: a through crack ends above its cells.
-    start_x        m, where its first bond broke
-    start_height   m, of that bond; of the top row's, with mass points on the faces, the block's
-    start_time     s, when
-    path           m, where its bonds cross its vertical edges (x, y), downwards: from the start, in
-                   each lower row the one that is nearest sideways to the one before
+    start_x        m, position of the bond that broke first
+    start_height   m, height of that bond; for bonds of the top row, with mass points on the faces,
+                   the block's height
+    start_time     s, when it broke
+    path           m, points (x, y) where its bonds cross its vertical edges, downwards from the
+                   start: in each lower row the edge laterally nearest to the previous one
     """
 
     lowest_height: float
@@ -60,9 +61,10 @@ class Crack:
 
     @property
     def direction_deg(self) -> float:
-        """Lean of the straight line that fits the path best [deg].
+        """Inclination of the straight line fitted to the path [deg].
 
-        0 is vertical; above 0 the crack runs to the right on its way down, below 0 to the left.
+        0 is vertical; positive if the crack runs to the right on its way down, negative to the
+        left.
         """
         x, y = np.transpose(self.path)
         from_mean = y - y.mean()
@@ -72,8 +74,8 @@ class Crack:
 def parts(snapshot: Snapshot, block: Block, bottom_rows: int = 0) -> NDArray[np.int32]:
     """Number, from 0, of the part that each mass point belongs to: (columns, rows - bottom_rows).
 
-    A part is joined by unbroken bonds; -1 where there is no mass point. The lowest `bottom_rows`
-    rows are left out, with what joins them to the others.
+    A part is connected by unbroken bonds; -1 where there is no mass point. The lowest `bottom_rows`
+    rows and their bonds to the others are left out.
     """
     columns, rows = snapshot.position.shape[:2]
     node = np.arange(columns * (rows - bottom_rows)).reshape(columns, -1)
@@ -86,20 +88,20 @@ def parts(snapshot: Snapshot, block: Block, bottom_rows: int = 0) -> NDArray[np.
 
 
 def sizes_of(labels: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Mass points of each part, by its number."""
+    """Number of mass points in each part, by part number."""
     return np.bincount(labels[labels >= 0])
 
 
 def piece_sizes(snapshot: Snapshot, block: Block) -> NDArray[np.float64]:
-    """Shares of the mass points that the parts have, crumbs too, the largest first."""
+    """Share of the mass points in each part, including crumbs, the largest first."""
     sizes = sizes_of(parts(snapshot, block))
     return np.sort(sizes)[::-1] / sizes.sum()
 
 
 def pieces(snapshot: Snapshot, block: Block) -> int:
-    """Number of parts, joined by unbroken bonds, with at least PIECE_FRACTION of the nodes.
+    """Number of parts, connected by unbroken bonds, with at least PIECE_FRACTION of the nodes.
 
-    Smaller parts are crumbs. The answer is 0 for a block that is all crumbs.
+    Smaller parts are crumbs. It is 0 for a block that is all crumbs.
     """
     return int(np.count_nonzero(piece_sizes(snapshot, block) >= PIECE_FRACTION))
 
@@ -108,12 +110,12 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
     """Broken bonds chained into polylines, the longest first.
 
     Returns arrays (n, 2) of corner positions x, y in metres, reference configuration. A polyline
-    runs between corners at which it ends or meets others; a closed loop repeats its first corner.
+    runs between corners where it ends or meets others; a closed loop repeats its first corner.
     Every broken bond belongs to exactly one polyline.
     """
     columns, rows = snapshot.position.shape[:2]
     first, second = _broken_edges(snapshot)
-    at: dict[int, list[int]] = defaultdict(list)  # corner -> neighbours not yet walked to
+    at: dict[int, list[int]] = defaultdict(list)  # corner -> neighbours not yet visited
     for p, q in zip(first.tolist(), second.tolist(), strict=True):
         at[p].append(q)
         at[q].append(p)
@@ -121,7 +123,7 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
     is_end = set(ends)
 
     lines = []
-    for corner in (*ends, *at):  # what is left once all ends are served are closed loops
+    for corner in (*ends, *at):  # closed loops remain once all ends are done
         while at[corner]:
             line = [corner]
             while True:
@@ -140,24 +142,24 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
 
 
 def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
-    """The crack that runs down ahead of the impactor; None where there is none.
+    """The crack that runs down ahead of the impactor; None if there is none.
 
-    Vertical edges of one row of cells and the next, in the same column of edges or one beside it,
-    form a line. Below the impactor means within the width of its outline, less one cell on each
-    side: along its flanks a punch tears the foam, which is no splitting (the axis and one cell
-    beside it always belong). A line is such a crack if
+    Vertical edges in successive rows of cells, in the same column of edges or an adjacent one, form
+    a line. "Below the impactor" means within the width of its outline, minus one cell on each side:
+    a punch tears the foam along its flanks, which is not splitting (the axis and one cell beside it
+    are always included). A line is such a crack if
 
-    1. through L or more successive rows below the impactor's lowest level it has at least one and
-       at most CRACK_EDGES_PER_ROW edges below the impactor (crushed foam that shatters has many,
-       and flanks are torn beside a punch, hardly ahead of it);
-    2. it runs down: from the row of its first broken edge below the impactor to its lowest edge are
-       L or more rows (so cracks that rise from the base do not count).
+    1. in L or more successive rows below the impactor's lowest point it has at least one and at
+       most CRACK_EDGES_PER_ROW edges below the impactor (crushed foam that shatters has many, and
+       flanks are torn beside a punch, hardly ahead of it);
+    2. it runs down: there are L or more rows from that of its first broken edge below the impactor
+       to its lowest edge (so cracks that rise from the base do not count).
 
-    Edges between crushed cells do not count: broken foam that is crushed is powder, not a crack.
-    L is CRACK_CELLS or CRACK_HEIGHT_FRACTION of the cells in the height, whichever is more. Of
-    several such lines the one that reaches deepest counts, then the one that starts nearest to the
-    axis. It starts at the edge of its path that broke first (of equals the highest). On a turned
-    lattice no line of edges is upright: None.
+    Edges between crushed cells do not count: broken crushed foam is powder, not a crack. L is
+    CRACK_CELLS or CRACK_HEIGHT_FRACTION of the cells in the height, whichever is larger. Of several
+    such lines, the deepest is taken, then the one that starts nearest to the axis. A crack starts
+    at the edge of its path that broke first (the highest of several). None on a rotated lattice,
+    where no line of edges is vertical.
     """
     from scipy import ndimage
 
@@ -171,7 +173,7 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
 
     x = (np.arange(1, columns) - columns / 2) * dx
     now = impactor_now(snapshot, scene)
-    assert now is not None  # there is one
+    assert now is not None  # there is an impactor
     axis = scene.impactor.x + snapshot.impactor_shift
     outline, level = now[:, 0] - axis, now[:, 1].min()
     from_axis = x - axis
@@ -201,9 +203,9 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
 
 
 def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None:
-    """The crack below the impactor over a run, when it had come deepest; None without any.
+    """The crack below the impactor at the time in a run when it is deepest; None if there is none.
 
-    Later crushing and shattering hide a crack from the last snapshot, so all of them are asked.
+    All snapshots are examined, since later crushing and shattering can hide a crack.
     """
     seen = [crack for crack in (crack_below_impactor(s, scene) for s in snapshots) if crack]
     return min(seen, key=lambda crack: crack.lowest_height, default=None)
@@ -212,10 +214,10 @@ def crack_over_time(snapshots: Sequence[Snapshot], scene: Scene) -> Crack | None
 def _path(
     line: NDArray[np.bool_], broken: NDArray[np.bool_], below: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
-    """A line's edges (i, j) downwards, one in each row: the nearest sideways to the one before.
+    """A line's edges (i, j) downwards, one in each row: the one laterally nearest to the previous.
 
-    It begins above the line, where powder hides it: in each higher row at the nearest broken edge
-    that follows, below the impactor.
+    The path is extended above the line, where powder hides it: in each higher row by the nearest
+    connected broken edge below the impactor.
     """
     rows = np.flatnonzero(line[below].any(axis=0))
     top = int(rows[-1])
@@ -260,6 +262,6 @@ def _components(
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:
-    """Length of the longest run of successive true flags."""
+    """Length of the longest run of consecutive true flags."""
     stops = np.flatnonzero(~np.concatenate([[False], flags, [False]]))
     return int(np.diff(stops).max()) - 1

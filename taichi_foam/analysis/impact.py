@@ -1,4 +1,4 @@
-"""Where the impactor is, when it touched, when it came to rest, and where else it went.
+"""Position and contact of the impactor: when it touched, stopped, bottomed out or passed through.
 
 SI units; displacements and velocities are the impactor's, positive downwards.
 """
@@ -21,17 +21,17 @@ from taichi_foam.scene.motion import width_under
 Array = NDArray[np.float64]
 
 PLATEAUS = 2.0
-"""Foam has bottomed out when it pressed on the impactor with so many times what its plateau holds:
-twice, since rate and friction raise a plateau that goes on by less."""
+"""Foam has bottomed out when it pressed on the impactor with this many times its plateau stress:
+twice, since rate effects and friction raise an ongoing plateau by less."""
 
 CLEAR_CELLS = 2.0
-"""An impactor has left the foam when it has gone so many cells down without a touch: in between
-touches of mass points, which bounce off it, it goes less."""
+"""An impactor has left the foam when it has moved this many cells down without contact: between
+contacts with mass points that bounce off it, it moves less."""
 
 LIFTED = 1e-3
-"""An impactor that starts further than this above a fresh block, in cells, is over thrown foam."""
+"""An impactor that starts more than this above a fresh block, in cells, is over thrown-up foam."""
 
-# What a free impactor's velocity may change by from row to row without a touch: rounding.
+# Velocity change of a free impactor from row to row that is rounding, not contact.
 _TOUCH = 1e-9
 
 
@@ -47,7 +47,7 @@ def impactor_now(snapshot: Snapshot, scene: Scene) -> Array | None:
 def way_down(record: Record) -> Array:
     """How far the impactor's lowest point has come down since the start, at each row (n,) [m].
 
-    It is another point whenever the impactor has turned.
+    The lowest point is a different one when the impactor has rotated.
     """
     history, impactor = record.history, record.scene.impactor
     way = history["displacement_m"]
@@ -61,7 +61,7 @@ def way_down(record: Record) -> Array:
 
 
 def fell_beside(record: Record) -> bool:
-    """Whether an impactor that turns came down to the block's bottom beside the block."""
+    """Whether a rotating impactor came down beside the block, to the level of its bottom."""
     history, scene, impactor = record.history, record.scene, record.scene.impactor
     if impactor is None or impactor.guided:
         return False
@@ -77,11 +77,11 @@ def fell_beside(record: Record) -> bool:
 
 
 def height_beneath(position: Array, impactor: Impactor, there: NDArray[np.bool_]) -> float:
-    """Height [m] of the impactor's lowest point when it comes down on mass points, and touches one.
+    """Height [m] of the impactor's lowest point when, moving down, it first touches a mass point.
 
     Args:
         position: (I, J, 2) of the mass points [m].
-        impactor: of which the part that faces down counts, as it starts.
+        impactor: the impactor in its initial orientation; only its downward side counts.
         there: (I, J) which mass points count.
 
     Raises ValueError: there is no mass point beneath it.
@@ -99,12 +99,12 @@ def height_beneath(position: Array, impactor: Impactor, there: NDArray[np.bool_]
 class Contact:
     """First contact of the impactor with the foam.
 
-    impactor    the one that touched
-    row         first history row that knows of it
-    contact     s, when
-    depth_0     m, displacement column at contact (a gap, if any, lies before it)
-    way_0       m, how far its lowest point had then come down: the same, unless it turns
-    velocity_0  m/s at contact
+    impactor    the impactor
+    row         first history row after contact
+    contact     s, time of contact
+    depth_0     m, value of the displacement column at contact (includes a gap, if any)
+    way_0       m, how far its lowest point had then moved down: the same, unless it rotates
+    velocity_0  m/s, velocity at contact
     """
 
     impactor: Impactor
@@ -135,10 +135,10 @@ class Impact(Contact):
 
 
 def first_contact(record: Record) -> Contact | None:
-    """First contact: when the impactor's lowest level has used up its gap.
+    """First contact: when the impactor's lowest point has closed its gap.
 
-    A nose then touches the foam, though the lattice answers only when the first mass point is under
-    it. None without an impactor, and as long as nothing has pressed on it.
+    A nose then touches the foam, though the lattice responds only once a mass point is under it.
+    None without an impactor, and as long as nothing has pressed on it.
     """
     h, impactor = record.history, record.scene.impactor
     if impactor is None:
@@ -146,7 +146,7 @@ def first_contact(record: Record) -> Contact | None:
     t, d, v = h["time_s"], h["displacement_m"], h["velocity_m_s"]
     way = way_down(record)
     reached = np.flatnonzero(way >= impactor.gap)
-    # a light impactor may be gone again when the row is written: its velocity tells
+    # a light impactor may have left again when the row is written: check its velocity, too
     lost = (h["deceleration_m_s2"] + record.scene.numerics.gravity) * np.diff(t, prepend=t[:1])
     touching = (h["contact_force_N"] != 0) | (lost > _TOUCH * np.abs(v).max(initial=0.0))
     if reached.size == 0 or not touching.any():
@@ -172,8 +172,8 @@ def first_contact(record: Record) -> Contact | None:
 def impact(record: Record) -> Impact | None:
     """First contact and stop; the velocity is taken as linear between rows.
 
-    None in a driven test: a crosshead does not stop, and on a shaken base a velocity of zero, which
-    is relative to the base, ends nothing.
+    None in a driven test: a crosshead does not stop, and on a shaken base a zero velocity, which is
+    relative to the base, is not the end of the impact.
     """
     touch = first_contact(record)
     if touch is None or record.scene.is_driven:
@@ -195,10 +195,10 @@ def impact(record: Record) -> Impact | None:
 
 
 def passed_through(record: Record) -> bool | None:
-    """Whether the impactor left the foam on its way down, through it or past it, and never stopped.
+    """Whether the impactor left the foam moving down, through it or past it, and never stopped.
 
-    It has when its lowest level is below the block, where no support stops it, when it came down
-    to the support beside the block, or when it has gone down by CLEAR_CELLS cells without a touch.
+    It has if its lowest point is below the block without a support to stop it, if it came down to
+    the support beside the block, or if it has moved down by CLEAR_CELLS cells without contact.
     None: it has not touched.
     """
     touch = first_contact(record)
@@ -221,10 +221,10 @@ def passed_through(record: Record) -> bool | None:
 def bottomed_out(record: Record) -> bool | None:
     """Whether the foam below the impactor was used up.
 
-    Either the impactor has come down to the support; or the foam of a column of mass points under
-    it was crushed, in the mean from top to base, to the strain at which it is used up, and
-    has pressed on the impactor with more than PLATEAUS times the plateau's stress over the
-    impactor's width. None: it has not touched, or there is no snapshot to tell.
+    Either the impactor has come down to the support; or a column of mass points under it was
+    crushed, on average from top to base, to the strain at which the foam is used up, and the foam
+    pressed on the impactor with more than PLATEAUS times the plateau stress over the impactor's
+    width. None: it has not touched, or there is no snapshot.
     """
     touch = first_contact(record)
     if touch is None:
@@ -247,13 +247,13 @@ def bottomed_out(record: Record) -> bool | None:
     if force < PLATEAUS * plateau * width * block.depth:
         return False
     outline = impactor_now(record.snapshots[-1], scene)
-    assert outline is not None  # one that has touched
+    assert outline is not None  # there is an impactor: it has touched
     outline = outline[:, 0]
     held = bonded(block)[1]
     x = block.positions[:, :-1, 0]
     under = held & (outline.min() - block.dx < x) & (x < outline.max() + block.dx)
     ends = np.array([foam.used_up_strain for foam in foams])[rows]
-    # what the foam of a column was crushed by, over what uses it up
+    # compressive strain of the foam in a column, over the strain that uses it up
     crush = np.where(under, record.snapshots[-1].e_min_b / ends, 0.0).sum(axis=1)
     count = under.sum(axis=1)
     return bool((crush[count > 0] >= count[count > 0]).any())

@@ -1,12 +1,12 @@
-"""What an impactor went through, from the history of a run: decelerations, energies, stresses.
+"""Loads on the impactor, from the history of a run: decelerations, energies, stresses.
 
-The paper's figures (Tables 2-5, Eqs 4-7) and those of tests that are driven: by a crosshead, which
-presses the foam, or by a pulse of the base, which shakes it.
+The figures of the paper (Tables 2-5, Eqs 4-7), and those of driven tests: with a crosshead, which
+presses the foam, or with a pulse of the base, which shakes it.
 
-Every function takes a finished `Record` and gives None where its question has no answer: no
-impactor, no contact, a run that ended before the impactor came to rest, or a driven test, which has
-no impact. SI units throughout; displacements, velocities and decelerations are the impactor's,
-positive downwards (a deceleration: upwards), and count from first contact.
+Every function takes a finished `Record` and returns None if the figure is undefined: no impactor,
+no contact, a run that ended before the impactor came to rest, or a driven test, which has no
+impact. SI units throughout; displacements, velocities and decelerations are the impactor's,
+positive downwards (decelerations: upwards), and count from first contact.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from taichi_foam.units import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 
 FLAT_RISE_S = 3e-3
-"""The initial rise of a flat face ends so long after contact ..."""
+"""The initial rise of a flat face ends this long after contact ..."""
 
 NOSE_RISE_LIMIT_M = 0.025
-"""... and that of a nose when it is fully in, or this deep if it is longer (here: the paper's)."""
+"""... and that of a nose when it is fully immersed, or this deep if it is longer (paper value)."""
 
 PLATEAU_END_FRACTION = 0.85
-"""The plateau ends at this share of the impact duration, before the final decline."""
+"""The plateau ends at this share of the impact duration, before the final decay."""
 
 PLATEAU_SHARE = 0.5
-"""Below this share of the mean deceleration over the whole impact there is no plateau (here: half;
-in the paper's nine tests it is 1.0 to 1.2)."""
+"""There is no plateau if its mean is below this share of the mean deceleration over the whole
+impact (here: half; in the paper's nine tests it is 1.0 to 1.2)."""
 
 INITIAL_PEAK_WINDOW_S = 5e-3
 """A flat face's initial peak lies within this time of contact (measured: 1.8 to 2.9 ms)."""
 
 RISES = 0.25
-"""What a deceleration that only waves about a plateau may rise by after that, over its peak."""
+"""Largest relative rise above the initial peak if a deceleration oscillates about a plateau."""
 
 
 def max_displacement(record: Record) -> float | None:
-    """The largest displacement (m), a number for every impactor that has touched.
+    """The largest displacement (m), defined for every impactor that has touched.
 
-    That when the velocity reaches zero (exact for a constant deceleration); of one that has not
-    come to rest, the largest until the run ended.
+    It is the displacement at zero velocity (exact for a constant deceleration). If the impactor
+    did not come to rest, it is the largest until the run ended.
     """
     touch, found = first_contact(record), impact(record)
     if found is not None:
@@ -73,29 +73,29 @@ def came_to_rest(record: Record) -> bool | None:
 
 
 class Peak(NamedTuple):
-    """The largest deceleration [m/s2], and when, after contact [s]."""
+    """The largest deceleration [m/s2], and its time after contact [s]."""
 
     deceleration: float
     time: float
 
 
 def peak_deceleration(record: Record) -> Peak | None:
-    """The largest raw deceleration since contact, in the middle of its row's interval.
+    """The largest raw deceleration since contact, timed at the middle of its row's interval.
 
-    Raw is the mean over a row's interval, `output.history_interval`. None of a crosshead.
+    Raw values are means over a row's interval, `output.history_interval`. None for a crosshead.
     """
     return _largest(record, record.history["deceleration_m_s2"], is_raw=True)
 
 
 def filtered_peak_deceleration(record: Record) -> Peak | None:
-    """The largest deceleration since contact, filtered after CFC 180 (SAE J211); as the raw one."""
+    """The largest deceleration since contact, filtered to CFC 180 (SAE J211)."""
     return _largest(record, record.history["deceleration_smoothed_m_s2"], is_raw=False)
 
 
 def peak_resultant(record: Record) -> Peak | None:
-    """The largest acceleration since contact of the centre of mass of an impactor that turns.
+    """The largest acceleration since contact of the centre of mass of a rotating impactor.
 
-    The resultant of both directions, gravity left out; raw, as `peak_deceleration`. None on rails.
+    The resultant of both directions, without gravity; raw, as `peak_deceleration`. None on rails.
     """
     impactor, history = record.scene.impactor, record.history
     if impactor is None or impactor.guided:
@@ -112,7 +112,7 @@ def _intervals(record: Record) -> Array:
 
 
 def _largest(record: Record, deceleration: Array, is_raw: bool) -> Peak | None:
-    """The largest in rows that end after contact; None of a crosshead, which nothing slows down."""
+    """The largest in rows that end after contact; None for a crosshead, which never slows down."""
     touch, end = first_contact(record), record.history["time_s"]
     if touch is None or not record.scene.is_slowed:
         return None
@@ -125,12 +125,13 @@ def _largest(record: Record, deceleration: Array, is_raw: bool) -> Peak | None:
 
 
 def plateau(record: Record) -> float | None:
-    """Time mean of the raw deceleration over the plateau (m/s2).
+    """Time average of the raw deceleration over the plateau (m/s2).
 
-    It runs from the end of the initial rise (FLAT_RISE_S after contact for a flat face, else when
-    the nose is in: NOSE_RISE_LIMIT_M) to PLATEAU_END_FRACTION of the impact duration. None if the
-    rise takes longer than that, and where this mean is less than PLATEAU_SHARE of that over the
-    whole impact: most of the stopping then lies outside, as when foam bottoms out.
+    The plateau lasts from the end of the initial rise (FLAT_RISE_S after contact for a flat face,
+    else when the nose is immersed: NOSE_RISE_LIMIT_M) to PLATEAU_END_FRACTION of the impact
+    duration. None if the rise takes longer than that, or if this average is less than
+    PLATEAU_SHARE of that over the whole impact: most of the stopping then occurs outside the
+    plateau, as when foam bottoms out.
     """
     found = _plateau(record)
     return found if isinstance(found, float) else None
@@ -143,7 +144,7 @@ def why_no_plateau(record: Record) -> str | None:
 
 
 def _plateau(record: Record) -> float | str | None:
-    """The plateau; why there is none; or None, if the impactor did not come to rest."""
+    """The plateau; or the reason why there is none; or None if the impactor did not stop."""
     found = impact(record)
     if found is None:
         return None
@@ -154,13 +155,13 @@ def _plateau(record: Record) -> float | str | None:
         start = found.contact + FLAT_RISE_S
     else:
         depth = found.depth_0 + min(found.impactor.nose_depth, NOSE_RISE_LIMIT_M)
-        sinking = slice(0, found.stop_row)  # up to the last row before the stop d only grows
+        sinking = slice(0, found.stop_row)  # d increases up to the last row before the stop
         if d[sinking][-1] < depth:
             return "the nose did not sink in"
         start = float(np.interp(depth, d[sinking], t[sinking]))
     if start >= end:
         return "the impact was over before its initial rise"
-    # Each row counts by the part of its interval that lies in the window.
+    # Each row is weighted by the part of its interval that lies in the window.
     overlap = np.clip(np.minimum(t[1:], end) - np.maximum(t[:-1], start), 0, None)
     mean = float(overlap @ h["deceleration_m_s2"][1:] / overlap.sum())
     if mean < PLATEAU_SHARE * found.velocity_0 / found.duration:
@@ -171,9 +172,9 @@ def _plateau(record: Record) -> float | str | None:
 def initial_peak(record: Record) -> Peak | None:
     """Initial peak of the smoothed deceleration.
 
-    The largest within INITIAL_PEAK_WINDOW_S of contact; flat faces only. None where the
-    deceleration goes on rising, by more than RISES in as long again, or the whole impact is
-    shorter: there is no other peak that this one would be the first of.
+    The largest value within INITIAL_PEAK_WINDOW_S of contact; flat faces only. None if the
+    deceleration keeps rising, by more than RISES in an equal time after that, or if the whole
+    impact is shorter: the peak is then not an initial one.
     """
     found = impact(record)
     if found is None or not is_flat(found.impactor) or found.duration <= INITIAL_PEAK_WINDOW_S:
@@ -192,9 +193,9 @@ def initial_peak(record: Record) -> Peak | None:
 
 
 def energy_absorbed(record: Record) -> float | None:
-    """Loss of the impactor's kinetic energy from contact to stop (J), Eq. 7; gravity left out.
+    """Loss of the impactor's kinetic energy from contact to stop (J), Eq. 7, without gravity.
 
-    Of an impactor that turns only a part: it goes on turning, and sideways.
+    A rotating impactor loses only part of it: it keeps rotating and moving sideways.
     """
     found = impact(record)
     if found is None:
@@ -206,7 +207,7 @@ def energy_absorbed(record: Record) -> float | None:
 
 
 def crushed_volume(record: Record) -> float | None:
-    """Volume crushed at the largest displacement (m3), Eqs 4-6; None of an impactor that turns."""
+    """Volume crushed at the largest displacement (m3), Eqs 4-6; None for a rotating impactor."""
     found = impact(record)
     if found is None or not found.impactor.guided:
         return None
@@ -225,7 +226,7 @@ def energy_per_volume(record: Record) -> float | None:
 def absorption_curve(record: Record) -> tuple[Array, Array] | None:
     """Volume crushed (m3) and energy absorbed (J) from contact to stop, as in Fig. 13.
 
-    None of an impactor that turns.
+    None for a rotating impactor.
     """
     found = impact(record)
     if found is None or not found.impactor.guided:
@@ -254,9 +255,9 @@ def rebound_velocity(record: Record) -> float | None:
 
 
 def velocity_change(record: Record) -> float | None:
-    """What the impact changed of the impactor's velocity, from contact to its rebound (m/s).
+    """Velocity change of the impactor from contact to its rebound (m/s).
 
-    On a shaken base what the pulse changed of its absolute velocity, at most.
+    On a shaken base, the largest change of its absolute velocity due to the pulse.
     """
     shaken = shaking(record)
     if shaken is not None:
@@ -266,7 +267,7 @@ def velocity_change(record: Record) -> float | None:
 
 
 def restitution(record: Record) -> float | None:
-    """Coefficient of restitution: rebound velocity over that at contact."""
+    """Coefficient of restitution: rebound velocity over velocity at contact."""
     found, rebound = impact(record), rebound_velocity(record)
     if found is None or rebound is None or found.velocity_0 <= 0:
         return None
@@ -280,10 +281,10 @@ def equivalent_drop_height(record: Record) -> float | None:
 
 
 def rest_height(record: Record) -> float | None:
-    """Height (m) at which the impactor's lowest point would touch the block as it is at the end.
+    """Height (m) at which the impactor's lowest point would touch the block in its final state.
 
-    Crumbs, which hang on no whole bond, are left out. None without an impactor or a snapshot, and
-    where nothing is beneath it.
+    Mass points without an unbroken bond are left out. None without an impactor or a snapshot, or if
+    nothing is beneath the impactor.
     """
     impactor = record.scene.impactor
     if impactor is None or not record.snapshots:
@@ -296,10 +297,10 @@ def rest_height(record: Record) -> float | None:
 
 
 def max_strain(record: Record) -> float | None:
-    """How far the fresh block was compressed at most under the impactor's lowest point, over its
-    thickness from the first to the last row of mass points.
+    """Largest compression of the fresh block under the impactor's lowest point, over its thickness
+    from the first to the last row of mass points.
 
-    None of a drop that began above the fresh block, over foam that was thrown up.
+    None for a drop that began above the fresh block, over thrown-up foam.
     """
     depth, scene = max_displacement(record), record.scene
     if depth is None:
@@ -314,11 +315,11 @@ def max_strain(record: Record) -> float | None:
 
 
 class Shaking(NamedTuple):
-    """A pulse of the base, and what it gave.
+    """A pulse of the base, and its effect.
 
     base_peak     m/s2, the largest acceleration of the base, with its sign, upwards positive
     base_change   m/s, largest velocity change of the base, in the direction of that peak
-    change        m/s, the same of the product; None without one
+    change        m/s, the same for the product; None without one
     """
 
     base_peak: float
@@ -327,7 +328,7 @@ class Shaking(NamedTuple):
 
 
 def shaking(record: Record) -> Shaking | None:
-    """That of a run, until its end; None of a base that stands still, and before a first row."""
+    """The shaking in a run, until its end; None for a fixed base, and before the first row."""
     pulse, history = record.scene.base.shaking, record.history
     if pulse is None or not history["time_s"].size:
         return None
@@ -349,10 +350,11 @@ class Top(NamedTuple):
 
 
 def compression_curve(record: Record) -> tuple[Array, Array] | None:
-    """Strain and stress [Pa] of a crosshead's test, compression positive, from first contact on.
+    """Strain and stress [Pa] of a crosshead test, compression positive, from first contact on.
 
-    Nominal ones: the way of the face over the block's thickness between its first and last row of
-    mass points, and its force over the area of the block under it. None without a crosshead.
+    Nominal values: the face's displacement over the block's thickness between its first and last
+    row of mass points, and its force over the area of the block under it. None without a
+    crosshead.
     """
     scene, history = record.scene, record.history
     impactor, block = scene.impactor, scene.block

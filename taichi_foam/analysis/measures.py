@@ -1,9 +1,9 @@
-"""The figures that sum up a run: the registry of measures, and what they come to in words.
+"""The figures that sum up a run: the registry of measures, and a sentence that states the outcome.
 
-A measure is one entry here: its key in summary.json, the function that finds it and, if people are
-shown it, its words. summary.json, the tables of the terminal, the page, a notebook and the report,
-and the columns of sweeps follow. Functions take a finished `Record` and give SI units, and None
-where their question has no answer.
+A measure is one entry here: its key in summary.json, the function that computes it and, if it is
+displayed, its label and unit. summary.json, the tables of the terminal, the page, a notebook and
+the report, and the columns of sweeps are built from the registry. Functions take a finished
+`Record` and return SI units, or None where the measure is undefined.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ _FACTORS = {
     "kPa": 1e-3,
     "10⁵ J/m³": 1e-5,
 }
-"""Values in units for people over those in SI units; 1 for all others."""
+"""Conversion factors from SI units to display units; 1 for all others."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """One figure of a run: how it is found and how people read it.
+    """One figure of a run: how it is computed and how it is displayed.
 
-    key     in summary.json
-    of      finds it, or what it is a part of
-    part    attribute of that; empty: it is the figure itself
-    per     what the figure is counted in [SI]
-    label   for people; empty: they are not shown it
-    name    in a word or two, where room is short
-    unit    for people
+    key     key in summary.json
+    of      function that returns the figure, or an object with the figure in its attribute `part`
+    part    name of that attribute; empty: `of` returns the figure itself
+    per     reference value that the figure is divided by [SI]
+    label   label for display; empty: not displayed
+    name    short label, a word or two
+    unit    unit for display
     digits  decimals shown in that unit
-    tables  that show it: "run" in the terminal, "page", and "cell" of a notebook
-    row     its place in them from the top; fractions lie in between
+    tables  tables that show it: "run" in the terminal, "page", and "cell" of a notebook
+    row     its position in them from the top; fractions lie in between
     """
 
     key: str
@@ -64,20 +64,20 @@ class Quantity:
 
     @property
     def factor(self) -> float:
-        """A value in `unit` is so many times that in SI units."""
+        """Conversion factor from SI units to `unit`."""
         return _FACTORS.get(self.unit, 1.0)
 
     def found_in(self, found: Any) -> Any:
-        """The figure [SI] in what `of` gives of a run; None for no answer."""
+        """The figure [SI], taken from what `of` returned; None if undefined."""
         value = found if not self.part or found is None else getattr(found, self.part)
         return value if value is None or self.per is None else value / self.per
 
     def text(self, value: float | None) -> str:
-        """The value as people read it, without its unit; a dash for no answer."""
+        """The value in `unit`, formatted without the unit; a dash if undefined."""
         return "–" if value is None else f"{self.factor * value:.{self.digits}f}"
 
     def span(self, low: float | None, high: float | None) -> str:
-        """A band as people read it; one that reaches to runs without an answer is open above."""
+        """A band, formatted; ∞ as upper end if it includes runs where the figure is undefined."""
         if low is None:
             return "–"
         return f"{self.text(low)} to {'∞' if high is None else self.text(high)}"
@@ -88,19 +88,19 @@ MEASURES: dict[str, Quantity] = {}
 
 
 def measure(key: str, of: Callable[[Record], Any], *words: Any, **more: Any) -> Quantity:
-    """Register a measure; arguments as of `Quantity`."""
+    """Register a measure; arguments as for `Quantity`."""
     MEASURES[key] = Quantity(key, of, *words, **more)
     return MEASURES[key]
 
 
 def shown_in(table: str) -> tuple[Quantity, ...]:
-    """What a table shows, see `Quantity.tables`."""
+    """The measures that a table shows, from the top; see `Quantity.tables`."""
     shown = [each for each in MEASURES.values() if table in each.tables.split()]
     return tuple(sorted(shown, key=lambda each: each.row))
 
 
 def _of_run(key: str) -> Callable[[Record], Any]:
-    """What the engine says of how it computed a run."""
+    """A figure about the computation itself, from `Record.run`."""
     return lambda record: record.run.get(key)
 
 
@@ -126,7 +126,7 @@ def _overlap_cells(record: Record) -> float | None:
 
 
 def _final(column: str) -> Callable[[Record], float | None]:
-    """What a column ends with, of an impactor that turns."""
+    """The last value of a history column; None unless the impactor can rotate."""
 
     def of(record: Record) -> float | None:
         if not record.scene.turns or not record.history["time_s"].size:
@@ -281,11 +281,11 @@ measure("interrupted", lambda record: record.ending is Ending.INTERRUPTED)
 
 
 def summary(record: Record) -> dict[str, Any]:
-    """The content of summary.json: one entry per measure, units in the names, None for no answer.
+    """The content of summary.json: one entry per measure, units in the names, None if undefined.
 
     Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
-    impact ended, `warnings` what there is to say against the run's figures, `assumed` what of a
-    foam of one's own nobody gave.
+    impact ended, `warnings` lists what makes the run's figures doubtful, and `assumed` lists the
+    values of a user's foam that the program assumed.
     """
     found = {of: of(record) for of in dict.fromkeys(each.of for each in MEASURES.values())}
     figures = {key: each.found_in(found[each.of]) for key, each in MEASURES.items()}
@@ -298,14 +298,14 @@ def summary(record: Record) -> dict[str, Any]:
 
 
 def assumed_of(scene: Scene) -> list[str]:
-    """What a scene says of a foam of one's own that nobody gave: key, value, and its source."""
+    """Values of a user's foam that the program assumed: key, value, and its source."""
     return [
         f"{each.key} = {written(at(scene, each.key))}: {each.why}" for each in scene.assumed or ()
     ]
 
 
 def _statement(figures: Mapping[str, Any], record: Record) -> str | None:
-    """What the measures of a run come to, as a sentence; None if the impactor never touched."""
+    """The outcome of a run as a sentence; None if the impactor never touched the foam."""
     if figures["peak_stress_Pa"] is not None:
         return "; ".join(_of_crosshead(figures))
     if figures["max_displacement_m"] is None:

@@ -1,10 +1,10 @@
-"""The pattern of crushing and cracking, in figures: what the paper's pictures show.
+"""The pattern of crushing and cracking in numbers, for comparison with the paper's pictures.
 
-Every function takes an instant (or several, in order of time) and its scene, and gives None where
-its question has no answer: nothing is crushed, or nothing hits the block. SI units.
+Every function takes an instant (or several, in order of time) and its scene, and returns None if
+the figure is undefined: nothing is crushed, or nothing hits the block. SI units.
 
 The impactor's path is the strip between the vertical lines through the ends of its outline, over
-the block's whole height. A cell belongs to it by its centre in the reference configuration.
+the block's whole height. A cell belongs to it if its centre does, in the reference configuration.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SPLIT_FRACTION = 0.1
-"""A crack splits the block when it comes this near to the bottom, as a share of the height."""
+"""A crack splits the block if it comes this near to the bottom, as a share of the height."""
 
 ELASTIC_YIELDS = 2.0
-"""Foam counts as deformed for good beyond this many yield strains.
+"""Foam counts as permanently deformed beyond this many yield strains.
 
-One would be too few: the plateau is level, so that all foam below a crushed layer stands at the
-yield stress, a little beyond the yield strain.
+One would be too few: the plateau is level, so all foam below a crushed layer is at the yield
+stress, a little beyond the yield strain.
 """
 
 WORST_SHARE = 0.1
-"""The worst crushed cells are this share of all that are crushed."""
+"""The worst crushed cells are this share of all crushed cells."""
 
 
 @dataclass(frozen=True)
 class CrushedRegion:
-    """The largest patch of crushed cells that share sides.
+    """The largest patch of crushed cells connected by sides.
 
     columns, rows  first and last index
     width, height  m, extent in the reference configuration
-    fill           share of its bounding box that is crushed: 1 for a rectangle, 0.79 for half an
-                   ellipse, 0.5 for a triangle
+    fill           crushed share of its bounding box: 1 for a rectangle, 0.79 for half an ellipse,
+                   0.5 for a triangle
     """
 
     columns: tuple[int, int]
@@ -67,8 +67,8 @@ class CrushedRegion:
 class TopCracks:
     """Tensile cracks that open at the top surface, beside the impactor.
 
-    count       bonds of the top row that have opened
-    depth       m, how far down the deepest of these cracks goes
+    count       number of bonds of the top row that have opened
+    depth       m, depth of the deepest of these cracks
     first_time  s, when the first bond of the top row broke; None without any
     """
 
@@ -98,11 +98,11 @@ def crushed_region(snapshot: Snapshot, scene: Scene) -> CrushedRegion | None:
 
 
 def boundary_cells(snapshot: Snapshot, scene: Scene) -> tuple[float, float] | None:
-    """How many cells lie between crushed and elastic foam: beside the crushed region and below it.
+    """Number of cells between crushed and elastic foam: beside the crushed region, and below it.
 
-    From the region's last crushed cell outwards (in each of its rows, to both sides; in each of its
-    columns, downwards) those cells are counted, one after another, that are deformed for good but
-    not crushed; means over the rows and sides, and over the columns. 0 is the sharpest boundary.
+    Counts successive cells that are permanently deformed but not crushed, outwards from the
+    region's last crushed cell (in each of its rows, to both sides; in each of its columns,
+    downwards). Means over rows and sides, and over columns. 0 is the sharpest boundary.
     """
     patch = _largest_patch(crushed_cells(snapshot, scene))
     if patch is None:
@@ -118,10 +118,10 @@ def boundary_cells(snapshot: Snapshot, scene: Scene) -> tuple[float, float] | No
 
 
 def crushed_outside(snapshot: Snapshot, scene: Scene, margin: float) -> float | None:
-    """Share of the crushed cells that lie further than `margin` [m] beside the impactor's path.
+    """Share of the crushed cells that lie more than `margin` [m] outside the impactor's path.
 
-    One cell is the least margin with a meaning: a bond across the path's edge that is crushed
-    makes a crushed cell on both its sides.
+    The smallest meaningful margin is one cell: a crushed bond across the edge of the path makes
+    the cells on both its sides crushed.
     """
     crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
@@ -131,7 +131,7 @@ def crushed_outside(snapshot: Snapshot, scene: Scene, margin: float) -> float | 
 
 
 def severity_by_row(snapshot: Snapshot, scene: Scene) -> Array | None:
-    """(rows,) mean worst compressive strain (positive) in the impactor's path, the top first."""
+    """(rows,) mean worst compressive strain (positive) in the impactor's path, top row first."""
     if scene.impactor is None:
         return None
     inside = _path_columns(scene, scene.impactor)
@@ -143,11 +143,11 @@ def severity_by_row(snapshot: Snapshot, scene: Scene) -> Array | None:
 
 
 def severity_falls(snapshot: Snapshot, scene: Scene) -> float | None:
-    """How strictly severity falls with the distance from the impactor's face: 1 always, 0 never.
+    """How consistently severity decreases with distance from the impactor's face, from 0 to 1.
 
-    Of all pairs of rows in the crushed region, the share in which the row nearer to the face is
-    the worse crushed; equal rows count half. It is (1 + Kendall's tau) / 2, and 0.5 for a region
-    that is crushed evenly: the step at its lower side does not count.
+    It is the share of all pairs of rows in the crushed region in which the row nearer to the face
+    is crushed more; equal rows count half. It equals (1 + Kendall's tau) / 2, and is 0.5 for an
+    evenly crushed region: the step at its lower side does not count.
     """
     severity, region = severity_by_row(snapshot, scene), crushed_region(snapshot, scene)
     if severity is None or region is None or region.rows[0] == region.rows[1]:
@@ -161,9 +161,9 @@ def severity_falls(snapshot: Snapshot, scene: Scene) -> float | None:
 def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the worst crushed cells that lie beneath the impactor now.
 
-    The worst are WORST_SHARE of the crushed cells, those with the largest compressive strain (and
-    equals of the last one). Beneath is the impactor's width below the level where its nose is fully
-    in: under a cylinder, its lower half and not its flanks.
+    The worst are the WORST_SHARE of the crushed cells with the largest compressive strain (ties
+    with the last one included). "Beneath" means within the impactor's width, below the level where
+    its nose is fully immersed: for a cylinder, under its lower half and not beside its flanks.
     """
     crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
@@ -171,7 +171,7 @@ def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
     strain = worst_strain(snapshot.e_min_a, snapshot.e_min_b)
     count = ceil(WORST_SHARE * np.count_nonzero(crushed))
     worst = strain <= np.sort(strain[crushed])[count - 1]
-    # A flat face has no nose; its contact lets mass points sink in by a part of a cell.
+    # A flat face has no nose; in contact, mass points sink into it by a fraction of a cell.
     level = snapshot.impactor_y + max(scene.impactor.nose_depth, scene.block.dy)
     left, right = _ends(scene.impactor)
     x = snapshot.position[..., 0]
@@ -182,7 +182,8 @@ def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
 def crushed_along_faces(snapshot: Snapshot, scene: Scene, margin: float) -> float | None:
     """Share of the crushed cells that are now within `margin` [m] of the cavity.
 
-    The cavity is what the impactor has swept: its lower faces, and straight walls above its ends.
+    The cavity is the region swept by the impactor: its lower faces, and vertical walls above its
+    ends.
     """
     crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
@@ -203,7 +204,7 @@ def crushed_left(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def crushed_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
-    """Share of the crushed cells that lie lower now than the impactor's lowest point."""
+    """Share of the crushed cells that are now below the impactor's lowest point."""
     crushed = crushed_cells(snapshot, scene)
     if scene.impactor is None or not crushed.any():
         return None
@@ -212,10 +213,11 @@ def crushed_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
-    """How far below the impactor's lowest point foam is deformed for good [m].
+    """Depth of permanently deformed foam below the impactor's lowest point [m].
 
-    To the lowest side of the deformed cells that lie now in the middle half of the impactor's width
-    (half a cell below their mass points, or the block's bottom); 0 where none of them is lower.
+    Measured to the lowest side of the deformed cells that are now in the middle half of the
+    impactor's width (half a cell below their mass points, or the block's bottom); 0 if none of them
+    is lower.
     """
     if scene.impactor is None:
         return None
@@ -231,33 +233,33 @@ def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def crack_reach(crack: Crack | None, block: Block) -> float:
-    """Share of the block's height that lies above a crack's lowest end; 0 without a crack."""
+    """Share of the block's height above a crack's lowest end; 0 without a crack."""
     return 1.0 - crack.lowest_height / block.height if crack else 0.0
 
 
 def splits(crack: Crack | None, block: Block) -> bool:
     """Whether a crack below the impactor comes within SPLIT_FRACTION of the height of the bottom.
 
-    It cannot come to zero where the base grips the bottom row: that row never opens, and beside it,
-    where the halves turn as on a hinge, the crack is hardly open.
+    It cannot reach the bottom if the base grips the bottom row: that row never opens, and near it,
+    where the halves rotate as about a hinge, the crack hardly opens.
     """
     return crack_reach(crack, block) >= 1.0 - SPLIT_FRACTION - 1e-9
 
 
 def second_part(snapshot: Snapshot, block: Block) -> float:
-    """Share of all mass points that the second largest part above the base has; 0 without one.
+    """Share of all mass points in the second largest part above the base; 0 without one.
 
-    The base is SPLIT_FRACTION of the block's height: gripped, it holds halves together that a crack
-    has parted (see `splits`).
+    The base is SPLIT_FRACTION of the block's height: if gripped, it holds together halves that a
+    crack has separated (see `splits`).
     """
     return _second(_above_base(snapshot, block), slice(None)) / there(block).sum()
 
 
 def second_half(snapshot: Snapshot, block: Block) -> float:
-    """The same of the parts that stand on the base.
+    """As `second_part`, but only for parts that stand on the base.
 
-    A block that a vertical crack has split has two of nearly the same size. What was torn off
-    sideways, above a layer that is left on the base, does not count.
+    A block split by a vertical crack has two of nearly equal size. A part torn off sideways, above
+    a layer that stays on the base, does not count.
     """
     above = _above_base(snapshot, block)
     standing = np.unique(above[:, 0])
@@ -267,7 +269,7 @@ def second_half(snapshot: Snapshot, block: Block) -> float:
 def crack_from_tip(crack: Crack, snapshots: Sequence[Snapshot], scene: Scene) -> float | None:
     """Distance between a crack's start and the impactor's lowest point at that time [m].
 
-    The start is a point of the reference configuration; foam ahead of a tip has hardly moved.
+    The start is given in the reference configuration; foam ahead of a tip has hardly moved.
     """
     if scene.impactor is None or not snapshots:
         return None
@@ -279,11 +281,11 @@ def crack_from_tip(crack: Crack, snapshots: Sequence[Snapshot], scene: Scene) ->
 def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
     """Tensile cracks of the top surface within one impactor's width beside the impactor.
 
-    A bond A has opened in tension when it is broken in the last snapshot and has stood
-    further apart than the tensile strain in any of them; a shear tear hardly lengthens its
-    bond. Its edge must lie more than half a cell outside the impactor's path, whose flanks
-    tear the foam off. Cracks begin in the top row, and go down as long as the next row has an
-    opened bond in the same or a neighbouring column.
+    A bond A has opened in tension if it is broken in the last snapshot and was stretched beyond
+    the tensile strain in any of them; a shear tear hardly lengthens its bond. Its edge must lie
+    more than half a cell outside the impactor's path, where the flanks tear the foam off.
+    Cracks begin in the top row, and continue down as long as the next row has an opened bond in
+    the same or a neighbouring column.
     """
     from scipy import ndimage
 
@@ -319,7 +321,7 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
 
 
 def _largest_patch(crushed: Flags) -> Flags | None:
-    """The largest set of crushed cells that share sides, (columns, rows); None without any."""
+    """The largest set of crushed cells connected by sides, (columns, rows); None if none is."""
     from scipy import ndimage
 
     patches = np.zeros(crushed.shape, dtype=np.int32)
@@ -339,20 +341,20 @@ def _deformed_for_good(snapshot: Snapshot, scene: Scene) -> Flags:
 
 
 def _cells_beyond(crushed: Flags, lasting: Flags) -> list[int]:
-    """In each line (n, m), how many lasting cells follow on the last crushed one."""
+    """For each line (n, m), the number of permanently deformed cells after the last crushed one."""
     lines = zip(crushed, lasting, strict=True)
     beyond = [lasts[np.flatnonzero(crush)[-1] + 1 :] for crush, lasts in lines]
     return [int(np.argmin(np.append(flags, False))) for flags in beyond]
 
 
 def _above_base(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
-    """The number of the part of each mass point, the base's rows left out."""
+    """The number of the part of each mass point, without the base's rows."""
     base = SPLIT_FRACTION * block.height * (1.0 + 1e-9)
     return parts(snapshot, block, bottom_rows=int(np.sum(block.row_edges[1:] <= base)))
 
 
 def _second(labels: NDArray[np.int32], chosen: slice | NDArray[np.int32]) -> int:
-    """Mass points of the second largest of the chosen parts; 0 without one."""
+    """Number of mass points in the second largest of the chosen parts; 0 without one."""
     sizes = np.sort(sizes_of(labels)[chosen])
     return int(sizes[-2]) if sizes.size > 1 else 0
 
@@ -376,7 +378,7 @@ def _path_columns(scene: Scene, impactor: Impactor, margin: float = 0.0) -> Flag
 
 
 def _middle_half(snapshot: Snapshot, impactor: Impactor) -> Flags:
-    """(columns, rows) whether a mass point now lies in the middle half of the impactor's width."""
+    """(columns, rows) whether a mass point is now in the middle half of the impactor's width."""
     left, right = _ends(impactor)
     return np.abs(snapshot.position[..., 0] - (left + right) / 2) <= (right - left) / 4
 

@@ -1,7 +1,7 @@
-"""Whether crushed foam keeps its room: measured on an instant as it is, where its foam lies.
+"""Whether crushed foam keeps its room, measured in the deformed configuration of an instant.
 
-Foam that is crushed does not vanish. A lattice may lose it nevertheless: chains of bonds fold, and
-pieces slide into each other. Both measures show that. SI units.
+Crushed foam does not vanish. A lattice may lose it nevertheless: chains of bonds fold, and pieces
+slide into each other. Both measures detect this. SI units.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 NEEDED_AREA = 0.12
-"""A crushed cell needs this share of its area, and no more. The paper's foam has 0.20 left where
-densification begins and 0.05 at locking. This is in the middle between the two, and a little less
-than what bonds of crushed layers are pressed to in the paper's flat tests (0.13)."""
+"""A crushed cell needs this share of its area. The paper's foam has 0.20 left at the start of
+densification and 0.05 at locking. This value is about halfway between the two, and a little less
+than the compression of bonds in crushed layers of the paper's flat tests (0.13)."""
 
 PIXELS = 20
-"""Pixels along the shorter side of a cell, fewer where there were more than MOST_PIXELS in all."""
+"""Pixels along the shorter side of a cell; fewer if there would be more than MOST_PIXELS in all."""
 
 MOST_PIXELS = 2e6
-"""Pixels of all cells that are looked at, for time and memory's sake."""
+"""Largest number of pixels of all cells, to limit time and memory."""
 
-# What is longer or further away than so many cells is none: values of a run that has diverged.
+# Cells longer or further away than this many cells are ignored: the run has diverged.
 _LONGEST, _FURTHEST = 4, 1e6
-# Where pixels begin, so that no side of an even lattice runs through the middles of pixels.
+# Offset of the pixels, so that no side of a regular lattice runs through the centres of pixels.
 _ASIDE = np.array([0.317, 0.239])
-# Numbers of pixels in a row: more than there are.
+# Stride of pixel numbers from row to row: more than the pixels of a row.
 _ROW = 2**31
 
 
 def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
-    """Thickness of the crushed layer left under a level face [m]: from the face to its lower end.
+    """Thickness of the crushed layer under a level face [m], from the face to its lower end.
 
-    Of the columns that were in the middle half of the face's width (further out flanks are torn
-    off) the median counts, so that odd mass points do not. A column's layer ends in its lowest
-    crushed bond B; of one that is crushed in part the crushed part is the upper one. Where the face
+    It is the median over the columns that were in the middle half of the face's width (further out,
+    flanks are torn off), so that stray mass points do not matter. A column's layer ends in its
+    lowest crushed bond B; if that is partly crushed, its upper part is the crushed one. If the face
     has lifted off, the layer begins at the median of the columns' highest mass points.
 
-    None without a level face on rails, on a turned lattice, and where nothing below it is crushed.
+    None without a level face on rails, on a rotated lattice, and if nothing below it is crushed.
     """
     impactor, block = scene.impactor, scene.block
     if impactor is None or scene.turns or not is_flat(impactor) or block.lattice_angle_deg != 0:
@@ -81,17 +81,17 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
-    """Share of the crushed foam that has no room, since it lies inside other foam; 0 to 1.
+    """Share of the crushed foam that has no room, since it overlaps other foam; 0 to 1.
 
-    Cells have the shapes in which pictures show them (`analysis.cell_shapes`). Foam that is not
-    crushed has what it covers; crushed cells have the rest of what they cover, and where several
-    cover the same, each has its part of it. A crushed cell needs NEEDED_AREA of its reference area,
-    or less if its bonds have once been pressed to less. The share is what cells lack of that, over
-    what they need. A cell that is turned inside out has nothing.
+    Cells have the same shapes as in pictures (`analysis.cell_shapes`). Uncrushed foam has the area
+    that it covers. Crushed cells have the rest of the area that they cover, divided evenly where
+    several overlap. A crushed cell needs NEEDED_AREA of its reference area, or less if its bonds
+    have been compressed further. The result is the area that cells lack, over the area that they
+    need. An inverted cell has none.
 
-    None where nothing is crushed.
+    None if nothing is crushed.
     """
-    from scipy.spatial import KDTree  # here and elsewhere: it takes a third of a second to load
+    from scipy.spatial import KDTree  # imported late: it takes a third of a second to load
 
     block = scene.block
     quads, extent, sound = _cells(snapshot, block)
@@ -100,7 +100,7 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     if not (crushed & sound).any():
         return None
     claims, others = quads[crushed & sound], quads[~crushed & sound]
-    reach = 2.0 * np.sqrt(2.0) * extent[sound].max()  # from corner to corner of cells that touch
+    reach = 2.0 * np.sqrt(2.0) * extent[sound].max()  # of corners of cells that touch
     near = KDTree(claims[:, 0]).query(others[:, 0], distance_upper_bound=reach)[0] < np.inf
     others = others[near]
     boxes = sum(float(np.ptp(cells, axis=1).prod(axis=1).sum()) for cells in (claims, others))
@@ -111,7 +111,7 @@ def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
 
 
 def _cells(snapshot: Snapshot, block: Block) -> tuple[Array, Array, Flags]:
-    """Corners of all cells (columns, rows, 4, 2) [m], their extents [m], and which are sound."""
+    """Corners of all cells (columns, rows, 4, 2) [m], their extents [m], and which are valid."""
     with np.errstate(over="ignore", invalid="ignore"):
         quads, _ = shapes_of(snapshot, block)
         extent = np.ptp(quads, axis=2).max(axis=2)
@@ -121,25 +121,25 @@ def _cells(snapshot: Snapshot, block: Block) -> tuple[Array, Array, Flags]:
 
 
 def _crushed_share(part: Array, foam: BondFoam) -> Array:
-    """What share of a bond's present length its crushed part takes."""
+    """The share of a bond's current length that its crushed part takes."""
     marks = foam.landmarks
     crushed, yielded = part * (1.0 + marks.crush_end), (1.0 - part) * (1.0 + marks.crush_start)
     return crushed / (crushed + yielded)
 
 
 def _needed(snapshot: Snapshot) -> Array:
-    """(columns, rows) share of its reference area that each cell needs once it is crushed."""
+    """(columns, rows) share of its reference area that each cell needs when crushed."""
     across = worst_strain(snapshot.e_min_a, np.zeros_like(snapshot.e_min_b))
     upright = worst_strain(np.zeros_like(snapshot.e_min_a), snapshot.e_min_b)
     return np.minimum(NEEDED_AREA, (1.0 + across) * (1.0 + upright))
 
 
 def _room(claims: Array, others: Array) -> Array:
-    """(n,) area that each of the quadrilaterals `claims` (n, 4, 2) has for itself; all in pixels.
+    """(n,) area that each of the quadrilaterals `claims` (n, 4, 2) has to itself; all in pixels.
 
-    Of its area, the mean over the pixels in it: none of a pixel that any of `others` (m, 4, 2)
-    covers, and one part of a pixel that so many claims cover. One that is too thin to cover a pixel
-    has its area.
+    It is its area times the mean share of its pixels that it has: 0 of a pixel that any of `others`
+    (m, 4, 2) covers, 1/k of a pixel that k claims cover. A quadrilateral too thin to cover a pixel
+    has its whole area.
     """
     x, y = claims[..., 0], claims[..., 1]
     area = 0.5 * np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)
@@ -157,12 +157,12 @@ def _room(claims: Array, others: Array) -> Array:
 
 
 def _pixels(quads: Array) -> tuple[Indices, Indices]:
-    """Which quadrilateral (n, 4, 2) [pixels] covers which pixel: a pair for each.
+    """Pairs of quadrilaterals (n, 4, 2) [pixels] and pixels that they cover.
 
-    It covers a pixel whose middle lies to the left of all its sides, or on them: none if its
-    corners run clockwise.
+    A pixel is covered if its centre lies to the left of all sides, or on them: a quadrilateral
+    whose corners run clockwise covers none.
     """
-    quads = quads - 0.5  # middles of pixels at whole numbers
+    quads = quads - 0.5  # centres of pixels at whole numbers
     first = np.ceil(quads.min(axis=1)).astype(np.int64)
     size = np.floor(quads.max(axis=1)).astype(np.int64) + 1 - first
     count = size.prod(axis=1)

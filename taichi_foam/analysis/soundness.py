@@ -1,6 +1,6 @@
-"""What there is to say against the figures of a run, in plain sentences.
+"""Warnings about the figures of a run, as plain sentences.
 
-Each names what is wrong, with its figure, and what helps.
+Each states the problem, with a number, and a remedy.
 """
 
 from __future__ import annotations
@@ -20,26 +20,27 @@ from taichi_foam.scene.filling import thin_parts
 from taichi_foam.scene.layers import foams_of_bonds
 
 RESIDUAL_LIMIT = 1e-2
-"""The part of the impact energy that may stay unaccounted for: the paper's tests leave 1e-4, and
-figures of broken foam differ by more than this by chance."""
+"""The share of the impact energy that may be unaccounted for: it is 1e-4 in the paper's tests, and
+chance alone changes the figures of broken foam by more than this."""
 
 FALL_LIMIT = 1e-3
-"""By how much of the impact energy a dissipation may fall, which can only grow: the step's errors
-where a force has a kink; the paper's tests leave 2e-5, with shear by faces a hundred times that."""
+"""The share of the impact energy by which a dissipation, which should only grow, may fall, due to
+step errors at kinks of a force: 2e-5 in the paper's tests, a hundred times that with shear by
+faces."""
 
 STILL = 1e-9
-"""A block that is strained by so much, or moves with that energy, is at rest."""
+"""A block with no more than this strain, or the equivalent kinetic energy, is at rest."""
 
 OVERLAP_LIMIT = 0.1
-"""How deep a mass point may sink into the impactor, in cells: what lies closer together than a cell
-the lattice does not resolve, and a tenth of one moves no figure; the paper's tests reach 0.01."""
+"""How deep a mass point may sink into the impactor, in cells: the lattice does not resolve less
+than a cell, and a tenth of one changes no figure; the paper's tests reach 0.01."""
 
 UNTESTED_LIMIT = 0.01
-"""The share of the bonds that may be crushed beyond the test of the foam's curve."""
+"""The share of bonds that may be crushed beyond the tested range of the foam's curve."""
 
 LOOSE_LIMIT = 0.25
-"""The share of mass points without a whole bond up to which the lattice stands for foam: contact
-of points is a model of contact of pieces; the paper's tests reach 0.005."""
+"""The share of mass points without a whole bond up to which the lattice represents foam: the
+contact of points models the contact of pieces; the paper's tests reach 0.005."""
 
 _STIFFEST_CONTACT = 1e4  # the most that numerics.contact_stiffness may be
 
@@ -47,7 +48,7 @@ _STIFFEST_CONTACT = 1e4  # the most that numerics.contact_stiffness may be
 def energy_residual(record: Record) -> float | None:
     """Unaccounted energy at its worst row, with its sign, over the impact energy.
 
-    None if there is none of that, see `impact_energy`.
+    None if there is no impact energy, see `impact_energy`.
     """
     energy, h = impact_energy(record), record.history
     if energy == 0:
@@ -56,9 +57,9 @@ def energy_residual(record: Record) -> float | None:
 
 
 def largest_fall(record: Record) -> tuple[Column, float] | None:
-    """The dissipation that falls most below what it has been, and by how much of the impact energy.
+    """The dissipation that falls most below its earlier maximum, and the fall / impact energy.
 
-    None if there is no impact energy but that of rounding.
+    None if there is no impact energy except from rounding.
     """
     energy, block = impact_energy(record), record.scene.block
     volume = block.width * block.height * block.depth
@@ -74,10 +75,10 @@ def largest_fall(record: Record) -> tuple[Column, float] | None:
 
 
 def impact_energy(record: Record) -> float:
-    """The largest kinetic and strain energy that any row holds [J].
+    """The largest kinetic and strain energy in any row [J].
 
-    That of the first row, or, when things fall, that at contact; what a crosshead or a shaken base
-    has given, if that is more.
+    It is that of the first row, or at contact if the impactor falls; or the energy supplied by a
+    crosshead or a shaken base, if that is larger.
     """
     h = record.history
     parts = ("impactor_kinetic_J", "foam_kinetic_J", "strain_J")
@@ -88,7 +89,7 @@ def impact_energy(record: Record) -> float:
 
 
 def loose_share(snapshot: Snapshot, block: Block) -> float:
-    """The share of mass points that hang on no whole bond."""
+    """The share of mass points without an unbroken bond."""
     return float(np.mean(~hangs_on(snapshot, block)[there(block)]))
 
 
@@ -142,7 +143,7 @@ def _of_falls(record: Record) -> str | None:
 
 
 def _cure(record: Record) -> str:
-    """What brings down the residual, and falls of dissipations."""
+    """The remedy for a large residual, or for a dissipation that falls."""
     scene, stable = record.scene, record.run.get("dt_stable_min_s")
     numerics = scene.numerics
     if scene.model.broken_contact == "jump":
@@ -164,7 +165,7 @@ def _of_overlap(record: Record) -> str | None:
     cells = overlap / min(scene.block.dx, scene.block.dy)
     if cells <= OVERLAP_LIMIT:
         return None
-    # at a given force the overlap falls with the stiffness; half the limit leaves some room
+    # at a given force the overlap decreases with stiffness; half the limit leaves a margin
     stiffer = float(f"{scene.numerics.contact_stiffness * cells / (0.5 * OVERLAP_LIMIT):.1g}")
     if stiffer <= _STIFFEST_CONTACT:
         cure = f"set numerics.contact_stiffness = {stiffer:g}"
@@ -238,7 +239,7 @@ def _of_tested_range(record: Record) -> Iterator[str]:
 
 
 def _called(scene: Scene, foam: BondFoam) -> str:
-    """The key of the first table that gives a foam."""
+    """The key of the first table that defines a foam."""
     named = {"foam": scene.foam}
     named |= {f"block.layers[{n}].foam": each.foam for n, each in enumerate(scene.block.layers)}
     return next((key for key, each in named.items() if each == foam), "across.foam")

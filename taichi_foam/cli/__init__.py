@@ -1,8 +1,8 @@
 """The command line: `taichi-foam run`, `serve`, `reproduce` ..., and `python scenes/wedge.py`.
 
-Exit codes: 0 done; 1 a run failed (what was computed is saved); 2 the request cannot be met
-(nothing was computed or written); 130 Ctrl-C (what there is has been saved).
-Standard output and standard error are taken as they are found: of any encoding, closed, or full.
+Exit codes: 0 done; 1 a run failed (the data so far is saved); 2 the request cannot be met
+(nothing was computed or written); 130 Ctrl-C (the data so far is saved).
+Standard output and standard error may have any encoding, be closed, or be full.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def main() -> None:
 def run_script(scene: Scene) -> None:
     """Run a script's own scene, with the options of `taichi-foam run` from the command line.
 
-    Ends the process as that command does.
+    Ends the process like that command.
     """
     with _robust_streams():
         _app().run_script(scene)
 
 
 def _app() -> Any:
-    """The commands; Ctrl-C while they are loaded is no traceback either."""
+    """The module of commands; Ctrl-C while it is loaded gives no traceback."""
     try:
         return import_module("taichi_foam.cli.app")
     except KeyboardInterrupt:
@@ -46,10 +46,10 @@ def _app() -> Any:
 
 @contextlib.contextmanager
 def _robust_streams() -> Iterator[None]:
-    """For the time of a command: no character and no closed or full stream ends it.
+    """Keep a command running despite unencodable characters and closed or full streams.
 
-    Words are worth less than results. What cannot be written on standard error is left out. What
-    cannot be written on standard output is told when all else is done, and makes the exit code 1.
+    Results matter more than messages. Text that cannot be written to standard error is dropped. A
+    failure on standard output is reported at the end, with exit code 1.
     """
     _fill_closed()
     out, err = _Patient(sys.stdout), _Patient(sys.stderr, gone_is_fine=True)
@@ -65,21 +65,21 @@ def _robust_streams() -> Iterator[None]:
 
 
 def _fill_closed() -> None:
-    """Open the null device where a stream is closed: a file of a result would get its number."""
+    """Open the null device for a closed stream: a result file would else get its file number."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 class _Patient:
-    """A text stream on which writing never fails; `failure` is the first thing that went wrong.
+    """A text stream on which writing never fails; `failure` is the first error.
 
-    Characters that its encoding lacks become question marks. A reader that has gone ends the
-    process as it should, unless that is fine.
+    Characters that its encoding lacks become question marks. If the reader is gone, the process
+    ends as usual, unless `gone_is_fine`.
     """
 
     def __init__(self, stream: Any, gone_is_fine: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""The commands. Each checks everything that could go wrong before it computes anything."""
+"""The commands. Each checks its whole request before it computes anything."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def serve_command(
         from taichi_foam.catalogue import load_scene
 
         checked = load_scene(scene, choices, overrides_of(dt, set_))
-        # the scene is right: now what brings Taichi along
+        # the scene is valid: now import modules that load Taichi
         with installed("a live page", "taichi-foam[live]"):
             from taichi_foam.live.page.server import Server, open_browser
 
@@ -166,7 +166,7 @@ def serve_command(
         def ready() -> None:
             terminal.line(f"{server.address} (Ctrl-C ends it)")
             if not no_open:
-                # it may take its time, or all of it
+                # it may be slow, or never return
                 threading.Thread(target=open_browser, args=[server.address], daemon=True).start()
 
         if server.is_open:
@@ -177,7 +177,7 @@ def serve_command(
                 ]
             )
         if server.run(ready):
-            with contextlib.suppress(OSError):  # the terminal may be what has gone
+            with contextlib.suppress(OSError):  # the terminal itself may be gone
                 terminal.warn([f"what there was is in {out}"], "interrupted")
             raise typer.Exit(INTERRUPTED)
 

@@ -1,4 +1,4 @@
-"""`taichi-foam foam`: the foams that there are, what is known of one, and a foam out of a test."""
+"""`taichi-foam foam`: list foams, show one, import one from a test, list assumed values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UN
 
 
 def _foams_begun(word: str) -> list[str]:
-    """Names in the library that a word may become; files the shell completes."""
+    """Completions of a word from the library; the shell completes files."""
     from taichi_foam.scene.library import packaged
 
     return [name for name in packaged() if name.startswith(word)]
@@ -157,7 +157,7 @@ def import_command(
         finest = foam_files.finest(points)
         columns = Columns(
             foam_files.column(strain), foam_files.column(stress), strain_unit, stress_unit,
-            area=foam_files.number(area),  # type: ignore[arg-type]  # told by it
+            area=foam_files.number(area),  # type: ignore[arg-type]  # it reports errors
             height=foam_files.number(height),  # type: ignore[arg-type]
         )  # fmt: skip
         read = read_test(path, columns, finest)

@@ -1,4 +1,4 @@
-"""Foam files: what is known of a foam, as tables for the terminal, and a file made of its test."""
+"""Foam files: tables for the terminal on a foam, and a file made from its test."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ _HEADER = """\
 """
 
 _OPTIONS = {"title": "name"}
-"""Keys of a foam file whose option is called otherwise."""
+"""Keys of a foam file whose option has another name."""
 
 _FEWEST = 20
-"""Parts of its strain, at least, that a test is thinned to."""
+"""Smallest number of parts of its strain that a test is reduced to."""
 
 _BRANCHES = 5
-"""So many branches are named at most."""
+"""Largest number of branches that are listed."""
 
 _NOISY = 1.3
-"""So many times the modulus of the fit, that of the curve is one of its noise."""
+"""If the curve's modulus is more than this many times that of the fit, it may be noise."""
 
 
 def library() -> Table:
@@ -60,7 +60,7 @@ def library() -> Table:
 
 
 def known(file: FoamFile) -> Iterator[RenderableType]:
-    """What a file says of a foam in words."""
+    """The descriptive entries of a foam file."""
     rate = "not stated" if file.rate is None else f"{plain(file.rate)} 1/s"
     facts = {
         "source": file.source,
@@ -83,7 +83,7 @@ def known(file: FoamFile) -> Iterator[RenderableType]:
 def constants(file: FoamFile) -> Iterator[RenderableType]:
     """The foam's constants with units, and whether they were given.
 
-    Meanings are cut to their first words; `taichi-foam keys foam` has all of them.
+    Descriptions are cut to their first words; `taichi-foam keys foam` shows them in full.
     """
     foam = file.foam
     assumed = {each.key for each in file.assumed}
@@ -129,7 +129,7 @@ def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
 
 
 def assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
-    """What of a foam nobody has measured, each with what stands for it in `whole`."""
+    """The unmeasured values of a foam, each with the assumed value in `whole`."""
     if not entries:
         return
     table = _table("assumed", ">", "unit")
@@ -142,7 +142,7 @@ def assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[Ren
 
 
 def _table(*heads: str) -> Table:
-    """A table of narrow columns with these heads; > before one puts its column to the right."""
+    """A table of narrow columns with these headers; a leading > right-aligns the column."""
     table = Table(box=None, pad_edge=False, header_style="dim")
     for head in heads:
         right = head.startswith(">")
@@ -151,7 +151,7 @@ def _table(*heads: str) -> Table:
 
 
 def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
-    """Value and unit of what is assumed; nothing of what a foam file has no key for."""
+    """Value and unit of an assumed value; empty if a foam file has no such key."""
     value = at(whole, key)
     if value is NOTHING:
         return "", ""
@@ -165,14 +165,14 @@ def _pressure(stress: float) -> str:
 
 
 def _percent(strain: float) -> str:
-    """A strain as landmarks have it, negative in compression."""
+    """A strain in percent, negative in compression as for landmarks."""
     return f"{100 * strain:.3g} %"
 
 
 def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
-    """The foam file and the picture that will be written.
+    """The paths of the foam file and the picture that will be written.
 
-    Raises UserError: names that are taken or cannot be, a folder that cannot be written to.
+    Raises UserError: a name is taken or invalid, or the folder cannot be written to.
     """
     target = Path(f"{test.stem}.toml") if out is None else path_of(out)
     if target.suffix != ".toml" or not target.stem:
@@ -188,7 +188,7 @@ def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
                 "another name with --out"
             )
     try:
-        # permission bits do not tell all (root, /proc, read-only disks): try it
+        # permission bits do not tell everything (root, /proc, read-only disks): try it
         probe = partial_name(target)
         probe.touch()
         probe.unlink()
@@ -207,7 +207,7 @@ def path_of(name: str) -> Path:
 
 
 def finest(points: int | None) -> int:
-    """How many parts a test is thinned to, at most. Raises UserError."""
+    """Largest number of parts that a test is reduced to. Raises UserError."""
     if points is None:
         return FINEST
     if not _FEWEST <= points <= FINEST:
@@ -216,7 +216,7 @@ def finest(points: int | None) -> int:
 
 
 def number(given: str | None) -> float | str | None:
-    """A number; text that is none is refused with all else that is wrong with the options."""
+    """A number; other text is returned as it is, to be refused later with all other errors."""
     try:
         return None if given is None else float(given)
     except ValueError:
@@ -229,7 +229,7 @@ def column(given: str | None) -> str | int | None:
 
 
 def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
-    """The foam file of a test. Raises UserError: options or a curve that cannot be."""
+    """The foam file of a test. Raises UserError: invalid options, or an invalid curve."""
     curve = read.curve
     measured = [f"stress to {curve.tested:.3g} of strain, {read.strain.size:,} points"]
     measured += [
@@ -281,12 +281,12 @@ def write(
         foam_file.write_text(text, encoding="utf-8")
         try:
             style.save(figure, drawing)
-        except UserError as error:  # it names the name that the file has until it is whole
+        except UserError as error:  # it names the temporary file
             raise UserError(str(error).replace(str(drawing), str(picture))) from error
 
 
 def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]:
-    """Points, encoding, columns with their units, and what of it the curve leaves out."""
+    """Points, encoding, columns with their units, and the points that the curve leaves out."""
     curve = read.curve
     encoding = "" if read.encoding == "UTF-8" else f", read as {read.encoding}"
     yield Text(f"{path}{encoding}: {read.strain.size:,} points, to a strain of {curve.tested:.3g}")
@@ -306,7 +306,7 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
 
 
 def _column_in_words(key: str, column: Column) -> str:
-    """Where strain or stress are from: column, unit, and what it was divided by."""
+    """The source of strain or stress: column, unit, and the size it was divided by."""
     kind, over = column.kind, column.over
     what = key if over is None else f"{key}: {kind.name}"
     unit = f"in {column.unit}" if column.unit is not None else f"in {kind.si}, as no unit is given"
@@ -316,7 +316,7 @@ def _column_in_words(key: str, column: Column) -> str:
 
 
 def _left_out(read: CompressionTest) -> Iterator[str]:
-    """What the loading envelope leaves out of a test: branches, and strains met before."""
+    """Points of a test outside the loading envelope: branches, and strains reached before."""
     ways = [f"from {each.start:.3g} to {each.lowest:.3g}" for each in read.branches]
     if ways:
         points = sum(each.points for each in read.branches)
@@ -332,7 +332,7 @@ def _left_out(read: CompressionTest) -> Iterator[str]:
 
 
 def derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
-    """What follows from the curve, beside the constants of Eq. 26 fitted to it."""
+    """Values that follow from the curve, beside those of Eq. 26 fitted to it."""
     assert isinstance(foam, TabulatedFoam)
     fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks
     table = _table("", ">from the curve", ">Eq. 26 fitted")
@@ -361,7 +361,7 @@ def derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
 
 
 def doubts(foam: BondFoam, fit: CrushableFit) -> Iterator[str]:
-    """What to warn of: a modulus that may be noise, of which the steepest slope has the worst."""
+    """Warnings: the modulus may be noise, since it is the steepest slope."""
     times = foam.youngs_modulus / fit.foam.youngs_modulus
     if times > _NOISY:
         yield (
@@ -371,5 +371,5 @@ def doubts(foam: BondFoam, fit: CrushableFit) -> Iterator[str]:
 
 
 def _one_line(text: str) -> str:
-    """Text as a comment of TOML may hold it."""
+    """Text with unprintable characters replaced, as a TOML comment requires."""
     return "".join(c if c.isprintable() else "?" for c in text)

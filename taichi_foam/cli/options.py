@@ -1,7 +1,7 @@
-"""Options that more than one command has.
+"""Options shared by several commands.
 
-These modules load with the command line, for help and for completion. What computes or draws is
-imported by a command when it runs.
+These modules load with the command line, for help and for completion. A command imports the modules
+that compute or draw when it runs.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from taichi_foam import choices
 
 
 def _scenes_begun(word: str) -> list[tuple[str, str]]:
-    """Built-in scenes that a word may become, each with what it is; files the shell completes."""
+    """Built-in scenes that start with `word`, with descriptions; the shell completes files."""
     from taichi_foam.catalogue import list_scenes
 
     return [(name, about) for name, about in list_scenes().items() if name.startswith(word)]
 
 
-# of what computes
+# for commands that compute
 SceneName = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="Built-in name or file.", autocompletion=_scenes_begun),
@@ -76,7 +76,7 @@ Live = Annotated[
     typer.Option("--live", help="Watch it in a window while it is computed; H shows its keys."),
 ]
 
-# of what draws stored runs
+# for commands that draw stored runs
 Mode = Annotated[
     str | None,
     typer.Option(
@@ -106,7 +106,7 @@ OverwriteFiles = Annotated[
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a run is asked for, beside its scene: fields are the options of `run` and of scripts."""
+    """A request for a run, apart from its scene: the options of `run` and of scripts."""
 
     out: Out = None
     set_: Set = None
@@ -124,7 +124,7 @@ class RunRequest:
 
     @property
     def overrides(self) -> list[str]:
-        """What the options change of the scene; --set comes last and so has the last word."""
+        """The options' changes to the scene; --set comes last and overrides the others."""
         films = ["output.film=false"] if self.no_film else []
         frames = ["output.frames=true"] if self.frames else []
         return [*overrides_of(self.dt), *films, *frames, *(self.set_ or [])]
@@ -136,7 +136,7 @@ def overrides_of(dt: str | None, set_: list[str] | None = None) -> list[str]:
 
 
 def spread(act: Callable[..., None]) -> Callable[..., None]:
-    """`act`, whose last parameter is a request, as a command with the request's fields instead."""
+    """`act` as a command, with its last parameter, a request, replaced by the request's fields."""
     *first, last = inspect.signature(act, eval_str=True).parameters.values()
     request = last.annotation
     hints = get_type_hints(request, include_extras=True)

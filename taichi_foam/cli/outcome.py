@@ -1,4 +1,4 @@
-"""A command from outside: where it speaks, and how it ends, with what is wrong and an exit code."""
+"""The frame of a command: its output, and its end with a message and an exit code."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
 
 class Terminal:
-    """Where a command speaks.
+    """Output of a command.
 
-    out     for what it was asked for
-    errors  for all else
-    bars    how far it is, among `errors`
+    out     for requested output
+    errors  for everything else
+    bars    progress, on `errors`
     """
 
     def __init__(self, out: Console | None = None, errors: Console | None = None) -> None:
-        """By default the two standard streams of the process."""
+        """The default is the two standard streams of the process."""
         self.out = out or Console(highlight=False)
         self.errors = errors or Console(stderr=True, highlight=False)
         self.bars = Bars(self.errors)
 
     def show(self, *parts: RenderableType) -> None:
-        """Tables, and words that fit the terminal."""
+        """Print tables, and text wrapped to the terminal."""
         for part in parts:
             self.out.print(part)
 
     def line(self, text: str) -> None:
-        """A line of plain text, whole, for whoever reads it by a program."""
+        """Print a line of plain text, unwrapped, for programs that read it."""
         self.out.print(text, soft_wrap=True, markup=False)
 
     def warn(self, texts: Iterable[str], word: str = "warning") -> None:
-        """Such lines on standard error, `word` before each."""
+        """Print such lines on standard error, each preceded by `word`."""
         for text in texts:
             self.errors.print(f"{word}: {text}", soft_wrap=True, markup=False)
 
     def where(self, folder: str) -> None:
-        """Name the files just written into a folder, those for people first."""
+        """List the files just written into a folder, those of most interest first."""
         from taichi_foam.results.folders import UNFINISHED
         from taichi_foam.results.manifest import MANIFEST
 
@@ -61,7 +61,7 @@ class Terminal:
 
 @contextlib.contextmanager
 def command() -> Iterator[Terminal]:
-    """What a command does: yields where it speaks, and ends it as `exit_codes` does."""
+    """Frame of a command: yields its output, and ends it as `exit_codes` does."""
     terminal = Terminal()
     with exit_codes(terminal.errors):
         yield terminal
@@ -69,10 +69,10 @@ def command() -> Iterator[Terminal]:
 
 @contextlib.contextmanager
 def exit_codes(console: Console) -> Iterator[None]:
-    """Print what ends the block badly, without a traceback, and leave with its exit code.
+    """Print errors of the block without a traceback, and exit with their exit code.
 
-    SIGTERM and SIGHUP end it as Ctrl-C does. What Python's `warnings` would say of runs the
-    commands say themselves.
+    SIGTERM and SIGHUP end it like Ctrl-C. Python warnings about runs are not printed, since the
+    commands print these themselves.
     """
     with heard_once(_ask_for_patience) as heard, warnings.catch_warnings():
         warnings.simplefilter("ignore", RunWarning)
@@ -89,7 +89,7 @@ def exit_codes(console: Console) -> Iterator[None]:
             text = str(error) or "there was nothing to save yet"
             raise _told(console, text, heard.exit_code) from None
         except BrokenPipeError:
-            raise  # whoever read the output has gone; Typer leaves quietly
+            raise  # the reader of the output is gone; Typer exits quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
             text = (
@@ -111,7 +111,7 @@ def exit_codes(console: Console) -> Iterator[None]:
 def _say_warning(
     console: Console, otherwise: Callable, message: Warning | str, category: type, *rest: Any
 ) -> None:
-    """Print what Python warns of our runs as a line; leave all else to Python."""
+    """Print warnings of this package as lines; leave all others to Python."""
     if issubclass(category, LongRunWarning | SceneNote):
         word = "note" if issubclass(category, SceneNote) else "warning"
         console.print(f"{word}: {message}", soft_wrap=True, markup=False)
@@ -120,13 +120,13 @@ def _say_warning(
 
 
 def _ask_for_patience() -> None:
-    """Answer a second Ctrl-C while what there is is being saved."""
+    """Respond to a second Ctrl-C while data is being saved."""
     with contextlib.suppress(OSError):
         os.write(2, b"saving what there is; one moment\n")
 
 
 def _with_options(error: UserError) -> str:
-    """The message, with the command line's own option for the argument that it proposes."""
+    """The message, with the argument that it proposes replaced by the command line's option."""
     text, argument = str(error), error.argument
     if argument is None:
         return text
@@ -140,6 +140,6 @@ def _with_options(error: UserError) -> str:
 def _told(console: Console, text: str, code: int) -> typer.Exit:
     word = "interrupted" if code > 128 else "error"
     message = Text(f"{word}: ", style="bold red") + Text(text, style="not bold default")
-    # Without a terminal to fit it to, a line stays whole.
+    # Without a terminal the line is not wrapped.
     console.print(message, soft_wrap=not console.is_terminal)
     return typer.Exit(code)

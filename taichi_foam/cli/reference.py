@@ -1,4 +1,4 @@
-"""The reference of a scene's keys: those that somebody asks for, and the page docs/scene.md."""
+"""The reference of a scene's keys: tables for the terminal, and the page docs/scene.md."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from taichi_foam.scene.keys import REQUIRED, Key, keys, listed, written
 from taichi_foam.scene.messages import nearest, shown
 
 COMMAND = "taichi-foam keys --markdown > docs/scene.md"
-"""What writes the page."""
+"""The command that writes the page."""
 
 _INTRODUCTION = f"""\
 # What a scene says
@@ -131,7 +131,7 @@ _UNITS = "In the column *unit* - stands for a plain number; what has an empty ce
 
 
 def described(part: str) -> str:
-    """What a part of a scene is; "scene" stands for what is in no part."""
+    """Description of a part of a scene; "scene" stands for keys outside any part."""
     if part in listed(Scene):
         return f"each entry of the list {part[:-2]}"
     field = Scene.model_fields.get(part)
@@ -139,9 +139,9 @@ def described(part: str) -> str:
 
 
 def keys_of(name: str | None = None) -> list[Key]:
-    """Every key of a scene, those of the part of this name, or the key of this name.
+    """Every key of a scene, the keys of the part `name`, or the key `name`.
 
-    Raises UserError for a name that is neither, with the nearest one.
+    Raises UserError for a name that is neither, with the most similar one.
     """
     known = list(keys(Scene))
     found = [key for key in known if name in (None, key.part, key.key)]
@@ -159,13 +159,13 @@ def keys_of(name: str | None = None) -> list[Key]:
 
 
 def tables_of(name: str | None = None) -> Iterator[RenderableType]:
-    """Those keys for the terminal, part by part. Raises UserError as `keys_of`."""
+    """These keys as tables for the terminal, part by part. Raises UserError as `keys_of`."""
     for part, having in groupby(keys_of(name), key=lambda key: key.part):
         yield from _listed_part(f"{part}: {described(part)}", list(having))
 
 
 def _listed_part(title: str, keys: Sequence[Key]) -> Iterator[RenderableType]:
-    """A heading, then two rows for each key: what fits into columns, and the meaning below."""
+    """A heading, then two rows for each key: its columns, and below them the meaning."""
     yield Text(title, style="bold")
     heads = ("key", "unit", "default", "allowed")
     rows = [(key.key, key.unit, key.default, key.allowed) for key in keys]
@@ -178,7 +178,7 @@ def _listed_part(title: str, keys: Sequence[Key]) -> Iterator[RenderableType]:
 
 
 def _columns(cells: Iterable[str], widths: Sequence[int], style: str = "") -> Table:
-    """A line of columns as wide as these, and of one more that takes the rest."""
+    """A line of columns of these widths, and a last one that takes the rest."""
     row = Table(box=None, show_header=False, pad_edge=False)
     for width in widths:
         row.add_column(width=width, no_wrap=True)
@@ -193,7 +193,7 @@ def page() -> str:
 
 
 def _choice_sets() -> Iterator[str]:
-    """The keys that choice sets set, each set's value beside the default."""
+    """The keys that choice sets change, with each set's value beside the default."""
     default = {key.key: key.default for key in keys(Scene)}
     rows = []
     for key in dict.fromkeys(key for chosen in CHOICE_SETS.values() for key in chosen):
@@ -219,5 +219,5 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]
 
 
 def _code(text: str) -> str:
-    """What one writes, set as code."""
+    """A literal value, formatted as code."""
     return text if text in ("", REQUIRED) else f"`{text}`"

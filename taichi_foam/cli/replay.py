@@ -33,8 +33,8 @@ class Job:
     """Something to draw.
 
     names   what it writes: files, or folders, whose names end with /
-    pieces  how many pictures that takes
-    write   writes it into a folder, each file whole, calling back after each picture
+    pieces  number of pictures to draw
+    write   writes it into a folder, each file as a whole, calling back after each picture
     """
 
     names: tuple[str, ...]
@@ -83,7 +83,7 @@ def render_command(
         for option, given in (("--size", size), ("--theme", theme)):
             _check_effect(option, given, on_screen, "--gif, --mp4, --frames or --png")
         result = _loaded(run_dir, mode, theme, size, fps, curve)
-        # names and values are right: now what loads Matplotlib
+        # names and values are valid: now import modules that load Matplotlib
         from taichi_foam.catalogue import title as title_of
         from taichi_foam.picture import films, montage, printed
 
@@ -153,7 +153,7 @@ def compare_command(
 
 
 def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
-    """Raises UserError for an option that would do nothing among what is asked for."""
+    """Raise UserError for an option without effect on the requested output."""
     if given is not None and not wanted:
         raise UserError(
             f"{option}: it has no effect on what is asked for. Fix: add {kinds}, or leave it out."
@@ -161,7 +161,7 @@ def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
 
 
 def _folder_names(runs: list[str]) -> list[str]:
-    """What the runs' folders are called, with as many parents as tell them apart."""
+    """Names of the runs' folders, with as many parents as are needed to distinguish them."""
     parts = [Path(run).resolve().parts for run in runs]
     for count in range(1, max(map(len, parts))):
         names = ["/".join(own[-count:]) for own in parts]
@@ -178,7 +178,7 @@ def _loaded(
     fps: int | None = None,
     curve: bool | None = None,
 ) -> Result:
-    """A stored run, its scene asking for the pictures that the options give."""
+    """A stored run, with the picture options applied to its scene."""
     from taichi_foam.results.result import Result
 
     result = Result.load(folder)
@@ -195,7 +195,7 @@ def _loaded(
 
 
 def _film(names: Names, pieces: int, write: Callable[..., object]) -> Job:
-    """Pictures in motion."""
+    """A job for films and frames."""
     written = [name for name in (names.mp4, names.gif) if name]
     written += [f"{names.frames}/"] if names.frames else []
     return Job(tuple(written), pieces, write)
@@ -204,7 +204,7 @@ def _film(names: Names, pieces: int, write: Callable[..., object]) -> Job:
 def _still(
     name: str, draw: Callable[..., NDArray[np.uint8]], scene: Scene, size: str | None
 ) -> Job:
-    """A picture as a PNG, as wide as the scene says if a `size` was given. Raises UserError."""
+    """A job for a PNG, as wide as the scene's output if `size` was given. Raises UserError."""
     from taichi_foam.picture import montage
 
     width = scene.output.width if size else montage.WIDTH
@@ -224,7 +224,7 @@ def _still(
 
 
 def _figure(name: str, draw: Callable[[], Figure]) -> Job:
-    """A figure for print."""
+    """A job for a figure for print."""
 
     def write(folder: Path, on_piece: Callable[[], None]) -> None:
         from taichi_foam.picture import style
@@ -236,14 +236,13 @@ def _figure(name: str, draw: Callable[[], Figure]) -> Job:
 
 
 def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
-    """Draw `jobs` into `folder`, which is made where it is absent, and name what was written.
+    """Draw `jobs` into `folder`, which is created if it does not exist, and list what was written.
 
-    Folder and files may be there: each file appears whole or not at all.
+    Folder and files may exist; each file appears complete or not at all.
 
     Raises:
-        UserError: a name that is taken, a folder that cannot be written to; before anything is
-            drawn.
-        KeyboardInterrupt: on Ctrl-C, with a message that names what had been completed.
+        UserError: a name is taken, or the folder cannot be written to; before anything is drawn.
+        KeyboardInterrupt: on Ctrl-C, with a message that lists what has been completed.
     """
     from taichi_foam.results import folders, manifest
 
@@ -269,7 +268,7 @@ def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Termin
 
 
 def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
-    """Refuse names that are taken. Raises OSError too."""
+    """Raise UserError for names that are taken. Raises OSError, too."""
     from taichi_foam.results.folders import check_output_folder
 
     for name in names:

@@ -1,4 +1,4 @@
-"""`run` and `resume`: a scene, drops on one block, or a window; computed, saved, drawn, told."""
+"""`run` and `resume`: a run, drops on one block, or a live window, with saving and pictures."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from taichi_foam.simulation.progress import Bars
     from taichi_foam.simulation.simulate import ProgressCallback
 
-# A run that may take more than this is told before it begins [bytes].
+# The disk space of a run is announced before it begins if it may exceed this [bytes].
 _WORTH_SAYING = 1e9
-# The default folder's name says what was changed, up to so many letters.
+# The default folder's name lists the changes, up to this many characters.
 _LONGEST_CHANGES = 60
 
 TABLE, FIGURE = "drops.csv", "drops.png"
@@ -54,7 +54,7 @@ def run(source: str | Scene, asked: RunRequest, terminal: Terminal) -> None:
         words = [] if asked.after is None else [f"after-{Path(asked.after).resolve().name}"]
         words += [] if asked.drops is None else [f"{asked.drops}-drops"]
         folder = _default_folder(scene, asked.choices, overrides, words)
-    # Names and values are right: now what needs Taichi, and costs its import.
+    # Names and values are valid: now import modules that load Taichi.
     if asked.live:
         _watch(scene, folder, asked, terminal)
         return
@@ -72,7 +72,7 @@ def run(source: str | Scene, asked: RunRequest, terminal: Terminal) -> None:
 
 
 def resume(folder: str, asked: RunRequest, terminal: Terminal) -> None:
-    """`resume`: as `run`, from the checkpoint in a folder, and of its scene."""
+    """`resume`: as `run`, but from the checkpoint in a folder, with its scene."""
     from taichi_foam.simulation.after import After
     from taichi_foam.simulation.checkpoint import Checkpoint, work_in
 
@@ -83,7 +83,7 @@ def resume(folder: str, asked: RunRequest, terminal: Terminal) -> None:
 
 
 def _needed(scene: Scene) -> int:
-    """Room that a run and its pictures take [bytes]."""
+    """Disk space that a run and its pictures need [bytes]."""
     from taichi_foam.picture import films
 
     return storage_bytes(scene) + films.storage_bytes(scene)
@@ -92,7 +92,7 @@ def _needed(scene: Scene) -> int:
 def _default_folder(
     scene: Scene, choices: str | None, overrides: list[str], more: Sequence[str]
 ) -> str:
-    """A folder of its own for a scene and each way to change it; what is drawn does not count."""
+    """A separate folder for a scene and each set of changes, except changes of `output`."""
     values = {key: v for key, v in settings(overrides).items() if not key.startswith("output.")}
     words = [*([choices] if choices else []), *more]
     words += [f"{key}-{value}" for key, value in sorted(values.items())]
@@ -103,7 +103,7 @@ def _default_folder(
 
 
 def _check_combination(asked: RunRequest) -> None:
-    """Refuse options that do not go together. Raises UserError."""
+    """Raise UserError for incompatible options."""
     if asked.live and (asked.after is not None or asked.drops is not None):
         option = "--after" if asked.drops is None else "--drops"
         raise UserError(
@@ -117,10 +117,10 @@ def _check_combination(asked: RunRequest) -> None:
 class _Work:
     """A run, or a series of drops on one block.
 
-    name       beside its bar
-    request    what stands for it where a folder is claimed
-    compute    gives its results, or RunError with those that there are
-    is_series  whether each result has a folder of its own within that which is claimed
+    name       text beside its progress bar
+    request    the request that identifies it when a folder is claimed
+    compute    returns its results, or raises RunError with those so far
+    is_series  whether each result has its own subfolder in the claimed folder
     """
 
     name: str
@@ -135,7 +135,7 @@ class _Work:
         return os.path.join(folder, drop_name(result.drop)) if self.is_series else str(folder)
 
     def write(self, results: Sequence[Result], folder: Path) -> None:
-        """Write results into the folder, and of a series table and figure."""
+        """Write results into the folder; for a series, also its table and figure."""
         for result in results:
             place = Path(self.place(folder, result))
             place.mkdir(exist_ok=True)
@@ -156,7 +156,7 @@ class _Work:
 
 
 def _single(scene: Scene, after: After | None) -> _Work:
-    """A run of `scene`, `after` another one if that is given."""
+    """A run of `scene`, on the block of another run if `after` is given."""
     from taichi_foam.simulation import simulate
 
     return _Work(
@@ -169,7 +169,7 @@ def _single(scene: Scene, after: After | None) -> _Work:
 
 
 def _series(scene: Scene, count: int) -> _Work:
-    """So many drops on one block. Raises UserError: there cannot be so many, or nothing falls."""
+    """A series of drops on one block. Raises UserError: invalid count, or nothing falls."""
     from taichi_foam.simulation import simulate
 
     simulate.check_drops(count)
@@ -189,7 +189,7 @@ def _compute(work: _Work, claim: Claim, folder: str, asked: RunRequest, terminal
     """Compute with a progress bar, write the folder, draw films, and finish."""
     from taichi_foam.engine import runtime
 
-    runtime.start(asked.arch, asked.threads)  # before the bar: a fault of it is no failed run
+    runtime.start(asked.arch, asked.threads)  # before the bar: an error here is not a failed run
     failure = None
     with terminal.bars.computing(work.name) as on_progress:
         try:
@@ -234,9 +234,9 @@ def _draw_films(
     is_series: bool = False,
     names_folders: bool = False,
 ) -> BaseException | None:
-    """Draw films into the folders of runs that are saved; what kept them from being drawn, if so.
+    """Draw films into the folders of saved runs; return the error that prevented this, or None.
 
-    Whatever it is, the runs are not to be lost by it.
+    No such error may lose the runs.
     """
     from taichi_foam import catalogue
     from taichi_foam.picture import films
@@ -258,7 +258,7 @@ def _draw_films(
 
 
 def _doubts(results: Iterable[Result], is_series: bool = False) -> Iterator[str]:
-    """Warnings of results, measured when they are asked for."""
+    """Warnings of results, computed when they are iterated."""
     for result in results:
         for text in result.warnings:
             yield f"drop {result.drop}: {text}" if is_series else text
@@ -273,21 +273,21 @@ def _finish(
     doubts: Iterable[str],
     end: BaseException | None,
 ) -> None:
-    """Tell what has come of runs that are saved, and end with what went wrong, if anything did.
+    """Report on saved runs, and end by raising the error that occurred, if there was one.
 
     Args:
-        terminal: where to tell it.
+        terminal: where to report.
         table: makes the table of their figures.
-        result: that whose foam may have values that nobody gave, in the folder `folder`.
+        result: the result whose foam is checked for assumed values, in the folder `folder`.
         written: all folders.
-        doubts: warnings of the figures.
-        end: what to raise when all is told.
+        doubts: warnings about the figures.
+        end: error to raise at the end.
 
     Raises:
         RunError: the runs cannot be measured.
     """
     try:
-        # measures take a while to load: after the run, not before it
+        # measures are slow to import: after the run, not before it
         terminal.show(table())
     except Exception as error:
         told = f"{type(error).__name__}: {error}"
@@ -307,10 +307,10 @@ def _finish(
 
 
 class _Folders:
-    """Where a window's drops are kept: the first in the folder that was claimed, the next beside.
+    """Folders for a window's drops: the first drop in the claimed folder, later ones beside it.
 
-    Until the first is kept, drops of the scene as it was given leave checkpoints in the claim, from
-    which the same command goes on. Later ones, and those that keys have changed, leave none.
+    Until the first is kept, drops of the unchanged scene write checkpoints into the claim, from
+    which the same command continues. Later drops, and drops of a changed scene, write none.
 
     kept  folders of the drops that are kept, in order
     """
@@ -318,7 +318,7 @@ class _Folders:
     def __init__(
         self, scene: Scene, folder: str, claim: Claim, every: float | None, release: Callable
     ) -> None:
-        """`release` gives the claim up; checkpoints are written `every` seconds."""
+        """`release` gives up the claim; checkpoints are written every `every` seconds."""
         self.kept: list[Path] = []
         self._scene, self._first, self._claim, self._every = scene, Path(folder), claim, every
         self._release = release
@@ -326,7 +326,7 @@ class _Folders:
         self._drops: set[int] = set()
 
     def keeping(self, scene: Scene) -> Keeping | None:
-        """Where a drop leaves checkpoints; the very first goes on from what is there."""
+        """Where a drop writes checkpoints; the very first drop continues from an existing one."""
         from taichi_foam.live.messages import Keeping
 
         if self.kept or scene != self._scene:
@@ -335,9 +335,9 @@ class _Folders:
         return Keeping(self._claim.work, self._every, goes_on)
 
     def keep(self, outcome: Outcome) -> None:
-        """Save what a drop has given. Raises UserError, OSError."""
+        """Save the result of a drop. Raises UserError, OSError."""
         if outcome.drop in self._drops:
-            return  # Ctrl-C came when it had just been kept
+            return  # Ctrl-C came just after it was kept
         if self.kept:
             path = next_numbered(self._first, digits=1, first=2)
             outcome.result.save(path)
@@ -347,10 +347,10 @@ class _Folders:
             with self._claim.publishing() as staging:
                 outcome.result.write(staging)
         except KeyboardInterrupt:
-            self._note(outcome, self._first)  # it is whole: Ctrl-C is held until then
+            self._note(outcome, self._first)  # it is complete: Ctrl-C is deferred until then
             raise
         self._note(outcome, self._first)
-        # what was cut short the same command continues
+        # a drop that was cut short can be continued by the same command
         if not (outcome.ended == "cut short" and outcome.result.scene == self._scene):
             self._claim.finish()
             self._release()
@@ -382,7 +382,7 @@ def _watch(scene: Scene, folder: str, asked: RunRequest, terminal: Terminal) -> 
     kept = folders.kept
     no_film = None
     if not session.failures:
-        # What has failed or was cut short has no film, as in `run` without a window.
+        # A drop that failed or was cut short gets no film, as in `run` without a window.
         whole = kept[:-1] if session.was_cut else kept
         stored = ((path, Result.load(path)) for path in whole)
         no_film = _draw_films(stored, terminal.bars, names_folders=True)

@@ -1,4 +1,4 @@
-"""`taichi-foam sweep`: many drops into one folder; how far they are, their table, figures of it."""
+"""`taichi-foam sweep`: many drops in one folder, their progress, table and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DIR = "Folder of a sweep."
 
 
 class _RunUnlessNamed(TyperGroup):
-    """`sweep PLAN` is `sweep run PLAN`: what is no command's name is what to sweep."""
+    """`sweep PLAN` is `sweep run PLAN`: a first word that is not a command is the plan."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] != "--help":
@@ -199,7 +199,7 @@ def again_command(
 
 
 def _figure_name(measure: str, x: str | None, by: str | None, as_map: bool) -> str:
-    """Another name for each kind of figure: max_displacement_m-map.png is no curve."""
+    """A distinct name for each kind of figure: max_displacement_m-map.png is not a curve."""
     parts = [measure]
     if as_map:
         parts.append("map")
@@ -219,7 +219,7 @@ def _opened(folder: str) -> Sweep:
 def _check_plan_alone(
     set_: list[str] | None, choices: str | None, histories: bool, seeds: bool
 ) -> None:
-    """Refuse options that a plan says itself."""
+    """Raise UserError for options that a plan itself specifies."""
     given = {"--set": set_, "--choices": choices, "--histories": histories, "--seeds": seeds}
     for option, value in given.items():
         if value:
@@ -246,7 +246,7 @@ def _estimate(found: Estimate, workers: int | None, threads: int | None) -> Tabl
 
 
 def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = False) -> None:
-    """How far it is, in words."""
+    """Print the progress of a sweep."""
     parts = [f"{standing.done:,} of {standing.drops:,} drops"]
     if standing.failed:
         parts.append(f"{standing.failed:,} failed (see the column failure)")
@@ -260,7 +260,7 @@ def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = F
 
 
 def _say_balance(terminal: Terminal, found: Sweep) -> None:
-    """Of drops on level cushions: their peaks by hand, and how near the computed ones come."""
+    """Print peaks from the energy balance of level cushions, and the deviation of computed ones."""
     from taichi_foam.sweeps import table
 
     if not (found.folder / table.PARQUET).is_file():

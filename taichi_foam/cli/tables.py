@@ -1,4 +1,4 @@
-"""Tables for the terminal: key figures of a run, and those of a whole study."""
+"""Tables for the terminal: key figures of a run, of drops, and of a whole study."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _OF_DROPS = {
     q.REST: "rest height\ncm",
     q.BROKEN: "broken\nbonds",
 }
-"""Columns of the table of drops, and heads so narrow that it fits 80 columns."""
+"""Columns of the table of drops, with headers short enough for 80 columns."""
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
-    """The main figures of one run, beside the measured ones where there are any.
+    """The main figures of one run, beside measured values if there are any.
 
-    Below them stands in words how the impact ended.
+    Below them a sentence says how the impact ended.
     """
     reference = reference_of(scene)
     case = comparison(scene.name, reference, summary)
@@ -61,7 +61,7 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
 
 
 def drops(results: Sequence[Result]) -> Table:
-    """The figures of drops on one block, a row each; fits 80 columns."""
+    """The figures of drops on one block, one row each; fits 80 columns."""
     table = _table(f"{results[0].scene.name}: drops on one block")
     for words in ("drop", *_OF_DROPS.values(), ""):
         table.add_column(words, justify="right", no_wrap=True)
@@ -79,7 +79,7 @@ def drops(results: Sequence[Result]) -> Table:
 def study(content: Mapping[str, Any]) -> Table:
     """The judged figures of all cases of a study, each with its error; fits 80 columns.
 
-    Of ensembles the medians, and below them their bands and what was measured.
+    For ensembles, the medians, and below them the bands and the measured values.
     """
     tolerance = f"{100 * content['tolerance']:.0f} %"
     ensemble = content["ensemble"]
@@ -107,7 +107,7 @@ def study(content: Mapping[str, Any]) -> Table:
 
 
 def scores(content: Mapping[str, Any]) -> Table:
-    """What an ensemble comes to: duration, displacement and plateau together."""
+    """The scores of an ensemble: duration, displacement and plateau together."""
     ensemble, tolerance = content["ensemble"], f"{100 * content['tolerance']:.0f} %"
     table = _table("durations, displacements, plateaus")
     table.add_column("", no_wrap=True)
@@ -123,7 +123,7 @@ def scores(content: Mapping[str, Any]) -> Table:
 
 
 def criteria(content: Mapping[str, Any]) -> Table | Text:
-    """How many criteria of a study are met, and those that are not; fits 80 columns."""
+    """The number of criteria of a study that are met, and those that are not; fits 80 columns."""
     found = criteria_met(content)
     words = f"criteria of the crushed foam: {found['within']} of {found['of']} met"
     missed = [criterion for criterion in content["criteria"] if not criterion["holds"]]
@@ -143,14 +143,14 @@ def criteria(content: Mapping[str, Any]) -> Table | Text:
 
 
 def _runs(cases: Sequence[Mapping[str, Any]]) -> str:
-    """How many runs have finished of each case: all alike, unless Ctrl-C came."""
+    """Number of finished runs per case: equal for all cases, unless Ctrl-C came."""
     counts = sorted({case["runs"] for case in cases})
     span = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
     return f"{span} run{'' if span == '1' else 's'}"
 
 
 def _judged(case: Mapping[str, Any], quantity: Quantity) -> Text:
-    """A figure and, where it was measured, its error; a miss has an asterisk."""
+    """A figure and, if it was measured, its error; a miss has an asterisk."""
     error = case["error"][quantity.key]
     if case["measured"][quantity.key] is None:
         return Text(quantity.text(case["simulated"][quantity.key]))
@@ -165,7 +165,7 @@ def _table(words: str) -> Table:
 
 
 def _error(case: Mapping[str, Any], key: str) -> Text:
-    """An error in per cent; a miss is marked in words, not by its look alone."""
+    """An error in per cent; a miss is marked by a word, not only by its style."""
     error = case["error"][key]
     text = f"{100 * error:+.1f} %" if error is not None else "no answer"
     if case["measured"][key] is None:

@@ -1,6 +1,6 @@
-"""What people change of a scene while they watch, and what the changed scene is called.
+"""The controls that change a scene in a live view, and the name of the changed scene.
 
-Ranges and words of the page's controls are those of the scene's own fields.
+Ranges and descriptions of the page's controls are those of the scene's own fields.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from taichi_foam.scene.options import Numerics
 
 Value = int | float | None
 
-#: Scenes from the page have at most so many mass points, or as many as the scene served.
+#: Largest number of mass points of a scene from the page, unless the served scene has more.
 MOST_NODES = 100_000
 
 _COUNTS = frozenset({"block.columns", "block.rows"})
 
-#: What a scene without an impactor has for a shape.
+#: The shape of a scene without an impactor.
 NO_SHAPE = "none"
 
-#: Longest name of a scene that is called after its changes.
+#: Longest name of a scene that is named after its changes.
 MOST_LETTERS = 100
 
 
 def offered_shapes() -> tuple[str, ...]:
-    """The shapes of impactors that a live view offers: those with sizes to change."""
+    """The impactor shapes that a live view offers: those with adjustable sizes."""
     return tuple(name for name, kind in SHAPES.items() if kind.controls)
 
 
 def heading(scene: Scene, given: Scene, changes: Mapping[str, str]) -> tuple[str, list[str]]:
-    """A drop's title, and what else is new, both in words.
+    """A drop's title, and its other changes, in words.
 
     changes  by dotted key, in words, how `scene` differs from `given`
 
-    One of the paper's tests that was changed into another impact does not keep the test's name: it
-    is called after its impactor.
+    If one of the paper's tests was changed into another impact, the title names the impactor
+    instead of the test.
     """
     known = catalogue.reference_by_name(given)
     if known is None or scene.impactor is None:
@@ -52,12 +52,12 @@ def heading(scene: Scene, given: Scene, changes: Mapping[str, str]) -> tuple[str
     told = ("impactor.shape", "impactor.velocity")
     title = f"{scene.impactor.label}, {scene.impactor.velocity:.6g} m/s"
     if not changes:
-        title = catalogue.title(scene)  # changed already when it was given
+        title = catalogue.title(scene)  # `given` was changed already
     return title, [words for key, words in changes.items() if key not in told]
 
 
 def renamed(scene: Scene, given: Scene, changes: Mapping[str, str]) -> Scene:
-    """`scene` named by its heading, as folders and films are; `given`'s name if nothing is new."""
+    """`scene` named by its heading, for folders and films; `given`'s name if nothing changed."""
     if not changes:
         return scene.model_copy(update={"name": given.name})
     title, rest = heading(scene, given, changes)
@@ -70,10 +70,10 @@ def renamed(scene: Scene, given: Scene, changes: Mapping[str, str]) -> Scene:
 class Knob:
     """One control.
 
-    low, high, step  of its slider, which covers what is usual [unit]
-    unit             as people read it, `factor` SI units each
-    shapes           impactors that have it; none: it is no matter of the impactor's shape
-    log              the slider goes by ratios
+    low, high, step  range of its slider, which covers the usual values [unit]
+    unit             display unit, of `factor` SI units
+    shapes           impactor shapes that have it; empty: independent of the shape
+    log              whether the slider is logarithmic
     """
 
     group: str
@@ -111,9 +111,9 @@ _REST = (
 
 
 def knobs() -> tuple[Knob, ...]:
-    """All controls, in the page's order; the sizes of a shape are those that it names itself.
+    """All controls, in the page's order; each shape lists its own sizes.
 
-    Shapes that share a field share its control.
+    Shapes with a common field share its control.
     """
     sizes: dict[str, Knob] = {}
     for shape in offered_shapes():
@@ -128,27 +128,27 @@ def knobs() -> tuple[Knob, ...]:
 
 
 class Controls:
-    """The controls for one scene that is served, and the scenes that they make of it."""
+    """The controls for a served scene, and the scenes made with them."""
 
     def __init__(self, given: Scene) -> None:
         self.given = given
         self.shape = given.impactor.shape if given.impactor else NO_SHAPE
         offered = offered_shapes()
         self.shapes = offered if self.shape in offered else (self.shape, *offered)
-        # another law has other constants
+        # other laws have other constants
         self.knobs = {knob.key: knob for knob in knobs() if _has_field(given, knob)}
         self.defaults = self.values_of(given)
 
     def told(self) -> dict[str, Any]:
-        """What the page needs to build the controls; numbers in the unit that is shown."""
+        """The data from which the page builds the controls; numbers in display units."""
         return {"shapes": self.shapes, "knobs": [self._told(knob) for knob in self.knobs.values()]}
 
     def values_of(self, scene: Scene) -> dict[str, Value]:
-        """Each control's value in a scene [SI]; what its shape lacks has its default."""
+        """Each control's value in a scene [SI]; the default if the scene's shape lacks it."""
         return {key: _value(scene, knob) for key, knob in self.knobs.items()}
 
     def check(self, shape: str, values: Mapping[str, Value]) -> None:
-        """Raise UserError for a shape or a key that there is not, or a value out of its range."""
+        """Raise UserError for an unknown shape or key, or a value out of range."""
         if shape not in self.shapes:
             raise UserError(f"impactor.shape = {shape!r}: must be one of {', '.join(self.shapes)}")
         for key, value in values.items():
@@ -158,21 +158,21 @@ class Controls:
             _check_range(knob, value)
 
     def scene_of(self, shape: str, values: Mapping[str, Value]) -> Scene:
-        """The scene with these settings, named by what is new.
+        """The scene with these settings, named after its changes.
 
         Raises UserError as `with_values`.
         """
         self.check(shape, values)
         changed: dict[str, str | Value] = {"impactor.shape": shape} if shape != self.shape else {}
         if changed and "height" in SHAPES[shape].model_fields:
-            # that of the old shape may be too low for the new one
+            # the old shape's height may be too small for the new one
             changed["impactor.height"] = SHAPES[shape].model_fields["height"].default
         for key, value in values.items():
             if self._has(shape, self.knobs[key]) and value != self.defaults[key]:
                 changed[key] = value
         if not changed:
             return self.given
-        if changed.keys() & _COUNTS:  # the page shows both, so that neither follows the other
+        if changed.keys() & _COUNTS:  # the page shows both, so neither is derived from the other
             changed |= {key: values.get(key, self.defaults[key]) for key in _COUNTS}
         scene = self.given.with_values(changed)
         nodes, most = _nodes(scene), max(MOST_NODES, _nodes(self.given))
@@ -185,7 +185,7 @@ class Controls:
         return renamed(scene, self.given, self.changes(scene))
 
     def changes(self, scene: Scene) -> dict[str, str]:
-        """How a scene differs from the one that is served, by key, for people."""
+        """Differences of a scene from the served one, by key, in words."""
         told = {}
         shape = scene.impactor.shape if scene.impactor else NO_SHAPE
         if shape != self.shape:
@@ -197,7 +197,7 @@ class Controls:
         return told
 
     def _has(self, shape: str, knob: Knob) -> bool:
-        """Whether a control matters with this shape of impactor."""
+        """Whether a control applies to this impactor shape."""
         if knob.group == "impactor" and shape == NO_SHAPE:
             return False
         return not knob.shapes or shape in knob.shapes
@@ -227,7 +227,7 @@ class Controls:
 
 
 def _part(knob: Knob) -> type[Part]:
-    """The class whose field it is."""
+    """The class that has the control's field."""
     if knob.shapes:
         return SHAPES[knob.shapes[0]]
     parts = {"impactor": Impactor, "block": Block, "foam": Foam, "numerics": Numerics}
@@ -235,14 +235,14 @@ def _part(knob: Knob) -> type[Part]:
 
 
 def _has_field(scene: Scene, knob: Knob) -> bool:
-    """Whether the scene's foam has it, if it is one of the foam's."""
+    """Whether the scene has the control's field; foams differ in theirs."""
     head, field = knob.key.split(".")
     return head != "foam" or field in type(scene.foam).model_fields
 
 
 @lru_cache(maxsize=64)
 def _schema(knob: Knob) -> dict[str, Any]:
-    """The field's JSON schema, of its number where it may be none."""
+    """The field's JSON schema; for an optional number, the schema of the number."""
     schema = _part(knob).model_json_schema()["properties"][knob.key.split(".")[1]]
     numbers = [each for each in schema.get("anyOf", []) if each["type"] != "null"]
     return {**schema, **(numbers[0] if numbers else {}), "optional": bool(numbers)}
@@ -257,7 +257,7 @@ def _value(scene: Scene, knob: Knob) -> Value:
 
 
 def _check_range(knob: Knob, value: Value) -> None:
-    """Raise UserError, as a scene would, for a value out of a field's own range."""
+    """Raise UserError, as a scene would, for a value out of the field's range."""
     schema = _schema(knob)
     if value is None:
         fits = schema["optional"]

@@ -1,6 +1,6 @@
-"""What a live session and its worker tell each other. SI units.
+"""Messages between a live session and its worker. SI units.
 
-Commands with a `do` are those of the page, too: it is the word that stands for them in JSON.
+Commands with a `do` are also sent by the page: `do` is their name in JSON.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Keeping:
-    """Where a drop leaves checkpoints, so that it survives both processes."""
+    """Where a drop writes checkpoints, so that it survives both processes."""
 
     folder: Path
-    every: float | None  # wall time between two [s]; None: as usual
-    goes_on: bool  # from a checkpoint that is there; else that is removed
+    every: float | None  # wall time between two [s]; None: default
+    goes_on: bool  # whether to continue from an existing checkpoint; if not, it is removed
 
 
 @dataclass(frozen=True)
 class Start:
-    """Drop this scene, whatever goes on; it runs at once, at the pace that is set."""
+    """Drop this scene, replacing the current drop; it runs at once, at the current pace."""
 
-    drop: int  # its number, which all its events carry
+    drop: int  # its number, which is in all its events
     scene: Scene
     keeping: Keeping | None = None
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Stand still, or go on."""
+    """Pause, or continue."""
 
     on: bool
     do: Literal["pause"] = "pause"
@@ -46,9 +46,9 @@ class Pause:
 
 @dataclass(frozen=True)
 class Step:
-    """Go on by so much simulated time [s], as fast as it goes, and then stand still.
+    """Advance by this simulated time [s], as fast as possible, then pause.
 
-    Steps that are asked for before the last one is done add up.
+    Steps requested before the last one is finished add up.
     """
 
     seconds: float
@@ -57,50 +57,50 @@ class Step:
 
 @dataclass(frozen=True)
 class Pace:
-    """Simulated seconds in a second of wall time; None: as fast as it goes."""
+    """Simulated seconds per second of wall time; None: as fast as possible."""
 
     rate: float | None
     do: Literal["pace"] = "pace"
 
 
-#: "ask": send a Frame, after the engine's current call. "finish": end the drop now and answer with
-#: what there is. "close": leave.
+#: "ask": send a Frame, after the engine's current call. "finish": end the drop now and send its
+#: result so far. "close": exit.
 Command = Start | Pause | Step | Pace | Literal["ask", "finish", "close"]
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a drop stands."""
+    """The current state of a drop."""
 
     drop: int
     snapshot: Snapshot
-    rows: np.ndarray  # (n, `row_columns`) of the history, those since the drop's last frame
+    rows: np.ndarray  # (n, `row_columns`) of the history since the drop's last frame
     fraction: float  # of the run that is done, 0 to 1
     steps: int
-    wall: float  # that the engine has taken [s]
-    paused: bool  # whether it stands still; False while a Step is being carried out
+    wall: float  # wall time that the engine has taken [s]
+    paused: bool  # whether it is paused; False during a Step
     ended: bool
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A drop is over: at its end, finished early, or because it cannot go on."""
+    """A drop is over: at its end, finished early, or because it cannot continue."""
 
     drop: int
-    result: Result | None  # what it gave; None if that is nothing
-    failure: str | None = None  # why it cannot go on, in the words of a RunError
+    result: Result | None  # None if there is none
+    failure: str | None = None  # why it cannot continue: the message of a RunError
 
 
 @dataclass(frozen=True)
 class Refused:
-    """What was asked for cannot be had here, as an absent device."""
+    """The request cannot be met here, for example because a device is missing."""
 
     message: str
 
 
 @dataclass(frozen=True)
 class Died:
-    """The worker is gone. The session tells it itself, once."""
+    """The worker has died. The session itself creates this event, once."""
 
     message: str
 

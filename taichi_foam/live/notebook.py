@@ -1,6 +1,6 @@
-"""How scenes and results show themselves in a notebook: as a picture, key figures, a small film.
+"""Notebook display of scenes and results: a picture, key figures, and a small film.
 
-IPython asks what is registered here; results themselves know nothing of pictures.
+The formatters are registered with IPython here, so that results do not depend on pictures.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 
 #: Widths of montage and film [pixels].
 MONTAGE, FILM = 1200, 640
-#: A film in a notebook has at most so many frames: it lies in the notebook's file.
+#: Largest number of frames of a film in a notebook, since the film is stored in its file.
 MOST_FRAMES = 150
 
 
 def install() -> None:
-    """Register with the IPython that runs this process, if one does. Loads nothing heavy."""
+    """Register with the IPython of this process, if there is one. Imports nothing heavy."""
     from IPython.core.getipython import get_ipython
 
     shell = get_ipython()
     if shell is None or shell.display_formatter is None:
         return
-    # the formatters of a shell are a trait, which type checkers take for an object
+    # the formatters of a shell are a trait, which type checkers see as `object`
     formatter: Any = getattr(shell.display_formatter, "formatters")["text/html"]  # noqa: B009
     formatter.for_type_by_name("taichi_foam.results.result", "Result", result_html)
     formatter.for_type_by_name("taichi_foam.scene.scene", "Scene", scene_html)
 
 
 def result_html(result: Result) -> str:
-    """A run as HTML that needs nothing else: instants, key figures, and the film."""
+    """A run as self-contained HTML: instants, key figures, and the film."""
     from taichi_foam.catalogue import title
     from taichi_foam.picture.montage import montage
 
@@ -57,7 +57,7 @@ def result_html(result: Result) -> str:
 
 
 def scene_html(scene: Scene) -> str:
-    """A scene as HTML: how it starts, its impactor, and what differs from the defaults."""
+    """A scene as HTML: its first instant, its impactor, and all values that are not defaults."""
     from taichi_foam.catalogue import title
     from taichi_foam.engine.state import initial_state
     from taichi_foam.picture import raster
@@ -74,7 +74,7 @@ def _side_by_side(*parts: str) -> str:
 
 
 def _given(scene: Scene) -> list[tuple[str, ...]]:
-    """Key, value and meaning of what has not its default value, and of all of the impactor."""
+    """Key, value and meaning of all values of the impactor, and of others that are not defaults."""
     from taichi_foam.parts import Part, described
     from taichi_foam.scene import Numerics, Scene
 
@@ -85,7 +85,7 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
         fields = type(part).model_fields if isinstance(part, Part) and name != "reference" else {}
         for key, field in fields.items():
             value = getattr(part, key)
-            # another law or shape has keys that the default's lacks
+            # another law or shape has keys that the default one lacks
             if name == "impactor" or value != getattr(default, key, field.default):
                 shown = f"{value:g}" if isinstance(value, float) else str(value)
                 found.append((f"{name}.{key}", shown, described(field)))
@@ -93,7 +93,7 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
 
 
 def _figures(scene: Scene, summary: dict[str, Any]) -> str:
-    """The key figures, beside the measured ones where there are any, and what is to be said."""
+    """The key figures, measured values where there are any, and the statement and warnings."""
     from taichi_foam.analysis.measures import shown_in
     from taichi_foam.catalogue import reference_of
 
@@ -115,7 +115,7 @@ def _figures(scene: Scene, summary: dict[str, Any]) -> str:
 
 
 def _folded(assumed: list[str]) -> str:
-    """What nobody gave of the foam: a line that opens."""
+    """Assumed values of the foam, as a line that unfolds."""
     if not assumed:
         return ""
     lines = "<br>".join(map(html.escape, assumed))
@@ -123,7 +123,7 @@ def _folded(assumed: list[str]) -> str:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """A table; columns without a head are words, the others figures."""
+    """A table; columns without a header hold text, the others numbers."""
     plain = [k for k, words in enumerate(head) if not words]
 
     def line(tag: str, cells: tuple[str, ...]) -> str:
@@ -143,13 +143,13 @@ def _picture(image: NDArray) -> str:
     from PIL import Image
 
     file = io.BytesIO()
-    # Few colours: a palette halves what a notebook's file has to hold.
+    # There are few colours: a palette halves the size in the notebook's file.
     Image.fromarray(image).quantize(192).save(file, "PNG", optimize=True)
     return f'<img style="max-width:100%" src="{_data("image/png", file.getvalue())}">'
 
 
 def _film(result: Result) -> str:
-    """The run as a film that plays in the page; the last picture stays."""
+    """The run as a film that plays in the page; the last picture is held."""
     from taichi_foam.catalogue import title
     from taichi_foam.picture import films
 

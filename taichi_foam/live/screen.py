@@ -1,4 +1,4 @@
-"""What one person sees of a drop in window or cell, and what keys change of it."""
+"""The picture of a drop in a window or notebook cell, and how keys change it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from taichi_foam.picture.look import THEMES, Look, Theme
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.view import Box
 
-#: Frames per second that are asked for; a single step goes on by as much as one of them.
+#: Frames requested per second; a single step advances by one of them.
 FPS = 30
-#: What a key adds to the impactor's velocity [m/s].
+#: Change of the impactor's velocity per key press [m/s].
 VELOCITY_STEP = 0.1
-#: The time axis is at least so long [s]: one that grew from nothing would jump at every frame.
+#: Minimum length of the time axis [s]: one that grew from zero would jump at every frame.
 SHORTEST_AXIS = 0.01
 
-#: Lines of a strip at most: what is longer is cut.
+#: Largest number of lines of a strip; the rest is cut off.
 _MOST_LINES = 6
 
 Image8 = NDArray[np.uint8]
@@ -47,18 +47,18 @@ class Screen:
         self.session = session
         self.look = Look.of(session.given)
         self.curve = True
-        self._refused = ""  # why the last key did nothing
+        self._refused = ""  # why the last key had no effect
 
     def update(self, timeout: float) -> bool:
-        """Take what has come, waiting up to `timeout` [s]; whether there is something new to draw.
+        """Process events, waiting up to `timeout` [s]; return whether there is something to draw.
 
         Raises:
-            UserError: the device that was asked for cannot be had.
+            UserError: the requested device is not available.
         """
         is_new = bool(self.session.poll(timeout))
         if self.session.refusal is not None:
             raise UserError(self.session.refusal)
-        self.session.look()  # one frame is on its way while the last one is drawn
+        self.session.look()  # a frame is prepared while the last one is drawn
         return is_new
 
     @property
@@ -86,11 +86,11 @@ class Screen:
         return session.problem or (session.message + remedy) or self._refused
 
     def dismiss(self) -> None:
-        """Forget why the last key did nothing."""
+        """Forget why the last key had no effect."""
         self._refused = ""
 
     def picture(self, size: tuple[int, int], hint: str = "") -> Image8:
-        """The picture of this moment, uint8 (height, width, 3), `hint` at its upper right."""
+        """The current picture, uint8 (height, width, 3), with `hint` at its upper right."""
         snapshot, scene = self.session.snapshot, self.session.scene
         note = " · ".join(part for part in (self.state, self.peak, hint) if part)
         curve = None
@@ -106,14 +106,14 @@ class Screen:
             strip(image, words, self.look.theme)
         return image
 
-    # what keys do
+    # keys
 
     def toggle_pause(self) -> None:
-        """Stand still, or go on."""
+        """Pause, or continue."""
         self.session.tell(Pause(not self.session.paused))
 
     def step(self) -> None:
-        """Go on by one frame and stand still."""
+        """Advance by one frame and pause."""
         pace = self.session.pace
         interval = self.session.scene.output.snapshot_interval
         self.session.tell(Step(interval if pace is None else pace / FPS))
@@ -126,7 +126,7 @@ class Screen:
             self._drop_with("impactor.velocity", velocity)
 
     def next_shape(self) -> None:
-        """Drop again with the next shape of impactor, of the shape's own default size."""
+        """Drop again with the next impactor shape, in the shape's default size."""
         impactor = self.session.next.impactor
         if impactor is not None:
             shapes = offered_shapes()
@@ -150,34 +150,34 @@ class Screen:
         self.session.drop(renamed(scene, given, changes))
 
     def next_mode(self, by: int = 1) -> None:
-        """Show the next figure of the foam, or the one before (-1)."""
+        """Show the next quantity of the foam, or the previous one (-1)."""
         self.look = replace(self.look, mode=_after(self.look.mode, list(MODES), by))
 
     def next_theme(self) -> None:
-        """Light, dark."""
+        """Switch between light and dark."""
         self.look = replace(self.look, theme=_after(self.look.theme, list(THEMES), 1))
 
     def toggle_grid(self) -> None:
-        """Show the foam's grid, or not."""
+        """Show or hide the foam's grid."""
         self.look = replace(self.look, grid=not self.look.grid)
 
     def toggle_curve(self) -> None:
-        """Show the deceleration, or not."""
+        """Show or hide the deceleration."""
         self.curve = not self.curve
 
 
 def pace_words(pace: float | None) -> str:
-    """A pace as people say it."""
+    """A pace in words."""
     return "full speed" if pace is None else f"1:{1 / pace:.0f} of real time"
 
 
 def _after(name: str, names: list[str], by: int) -> str:
-    """The name `by` places on; after the last comes the first."""
+    """The name `by` positions after `name`; the first follows the last."""
     return names[(names.index(name) + by) % len(names)]
 
 
 def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
-    """A panel of keys and what they do over the middle of `image` (h, w, 3), in place."""
+    """Draw a panel of keys and their effects over the middle of `image` (h, w, 3), in place."""
     height, width = image.shape[:2]
     tones, unit = THEMES[theme], min(width / 1280, height / 720)
     size = 22 * unit
@@ -195,7 +195,7 @@ def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
 
 
 def strip(image: Image8, text: str, theme: str) -> None:
-    """A strip with `text` in whole lines across the foot of `image` (h, w, 3), in place."""
+    """Draw a strip with wrapped `text` across the bottom of `image` (h, w, 3), in place."""
     height, width = image.shape[:2]
     tones, unit = THEMES[theme], min(width / 1280, height / 720)
     size = 20 * unit
@@ -209,7 +209,7 @@ def strip(image: Image8, text: str, theme: str) -> None:
 
 
 def _sheet(image: Image8, box: Box, tones: Theme, unit: float) -> None:
-    """An empty sheet with an edge."""
+    """Draw an empty sheet with a border."""
     edge = max(1, round(2 * unit))
     annotate.rectangle(image, box, tones.frame)
     inner = Box(box.left + edge, box.top + edge, box.right - edge, box.bottom - edge)

@@ -1,7 +1,7 @@
-"""A live session: drops that go on in a process of their own, and all that its views show of them.
+"""A live session: drops computed in a separate process, and the state that views show.
 
-Window, notebook cell and page are views. A view polls the session, draws what it holds, and calls
-it for what people ask for. Nothing here waits for the run, nor the run for a view.
+Window, notebook cell and page are views. A view polls the session, draws its state, and calls its
+methods when the user acts. The session never waits for the run, nor the run for a view.
 
     with Session(scene) as session:
         while not session.ended:
@@ -49,22 +49,22 @@ from taichi_foam.results.result import Result
 if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
-#: Simulated seconds in one of watching; None: as fast as it goes.
+#: Simulated seconds per second of watching; None: as fast as possible.
 PACES = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, 1.0, None)
-#: The pace at first: an impact of 50 ms takes five seconds.
+#: The initial pace: an impact of 50 ms takes five seconds.
 PACE = 1e-2
-#: How long a drop that is cut short may take to hand over what there is [s].
+#: How long a drop that is cut short may take to deliver its result [s].
 PATIENCE = 30.0
-#: Lattices of different sizes that one process computes: it keeps some 70 MB for each.
+#: How many lattice sizes one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
-#: What a drop that is being prepared waits for.
+#: Text shown while a drop is being prepared.
 WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once where they have to be compiled"
-# A worker that has not left so long after it was asked is ended [s].
+# A worker that has not exited this long after it was asked to is terminated [s].
 GRACE = 2.0
-# A poll where nobody computes waits no longer than this [s].
+# A poll without a worker waits no longer than this [s].
 _TURN = 0.1
-# A drop at rest sends no more frames. After a command the next frame may still be from before it,
-# the one after that is not.
+# A drop at rest sends no more frames. After a command the next frame may still be from before the
+# command; the one after that is not.
 _UNSETTLED = 2
 
 State = Literal["preparing", "running", "paused", "ended", "cut short", "failed", "died"]
@@ -72,7 +72,7 @@ State = Literal["preparing", "running", "paused", "ended", "cut short", "failed"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a drop has given, and how it ended: "cut short", "failed", or as its record says."""
+    """The result of a drop, and how it ended: "cut short", "failed", or as its record says."""
 
     drop: int
     result: Result
@@ -83,27 +83,27 @@ Keep = Callable[[Outcome], object]
 
 
 class Session:
-    """Drops scenes, one after another. One thread calls it; attributes may be read by any.
+    """Drops scenes, one after another. Only one thread may call it; any may read attributes.
 
-    `keep` gets the outcome of every drop that ends by itself, fails, or is finished. What it
-    cannot take (it raises UserError or OSError) stays here, and nothing more is dropped until it
-    has been taken.
+    `keep` receives the outcome of every drop that ends by itself, fails, or is finished. If it
+    raises UserError or OSError, the outcome stays here, and no further drop starts until `keep`
+    has accepted it.
 
-    given    the scene at first
-    scene    of the current drop
-    next     what `restart` drops: `scene`, unless another one waits to be dropped
-    number   of the current drop, 0 before the first
-    paused   whether it is meant to stand still, or will after the step that was asked for
-    pace     simulated seconds in one of watching; None: as fast as it goes
-    message  why it has failed or died; empty if it has not
+    given    the initial scene
+    scene    scene of the current drop
+    next     the scene that `restart` drops: `scene`, unless another one waits to be dropped
+    number   number of the current drop, 0 before the first
+    paused   whether the drop is paused, or will be after the requested step
+    pace     simulated seconds per second of watching; None: as fast as possible
+    message  why the current drop failed; empty if it has not
     frame    its last frame, None before the first
     snapshot its latest instant
-    result   what it gave, once it is over
-    refusal  why nothing can be computed here, such as an absent device; None if it can
-    failures what the drops that failed met
-    lost     drops that ran but gave nothing back, and why
-    unkept   outcomes that `keep` has not taken yet
-    problem  why, in its words; empty if all is well
+    result   its result, once it is over
+    refusal  why nothing can be computed here, such as a missing device; None if it can
+    failures reasons of the failed drops
+    lost     drops that ran but returned no result, and why
+    unkept   outcomes that `keep` has not accepted yet
+    problem  why not, from the exception of `keep`; empty if there is none
     was_cut  whether the last result was cut short
     """
 
@@ -119,7 +119,7 @@ class Session:
     ) -> None:
         """Nothing runs before the first `drop`; `with` drops `scene` on entering.
 
-        `keeping` tells for each drop where it leaves checkpoints, if it is to leave some.
+        `keeping` returns where a drop writes its checkpoints; None: nowhere.
         """
         self.given = self.scene = self.next = scene
         self.number = 0
@@ -138,14 +138,14 @@ class Session:
         self._keeping = keeping
         self._settings = (arch, threads)
         self._worker: _Worker | None = None
-        self._sizes: set[tuple[int, int]] = set()  # columns and rows that the worker has met
+        self._sizes: set[tuple[int, int]] = set()  # columns and rows that the worker has computed
         self._start = self.snapshot  # the first instant of `next`
-        self._is_due = False  # `next` waits until the current drop is prepared
-        self._is_computed = False  # the worker has more to tell of the current drop
+        self._is_due = False  # `next` waits for the current drop's preparation to end
+        self._is_computed = False  # the worker will send more about the current drop
         self._over: State | None = None  # how the current drop ended
         self._rows: list[np.ndarray] = []
-        self._so_far: Result | None = None  # while `result` is yet to come
-        self._is_asked = False  # a frame is on its way
+        self._so_far: Result | None = None  # until there is a `result`
+        self._is_asked = False  # a frame was requested and has not come yet
         self._unsettled = _UNSETTLED
         self.tell(Pace(pace))
 
@@ -157,18 +157,18 @@ class Session:
         self.close()
 
     def close(self) -> None:
-        """End the process that computes; see `finish` for what it has computed."""
+        """End the worker process; call `finish` first to keep what it has computed."""
         if self._worker is not None:
             self._worker.close()
         self._worker, self._sizes = None, set()
         self._is_computed = False
 
-    # what goes on
+    # state
 
     def poll(self, timeout: float) -> list[Event]:
-        """Take what has come, waiting up to `timeout` [s] if there is nothing, and return it.
+        """Process pending events, waiting up to `timeout` [s] for one, and return them.
 
-        Of earlier drops only what they gave in the end is told.
+        Events of earlier drops are ignored, except their final outcomes.
         """
         events = self._receive(timeout)
         if self._is_due and not self._is_preparing:
@@ -178,24 +178,24 @@ class Session:
         return events
 
     def look(self) -> None:
-        """Ask for a frame, unless one is on its way or the drop is settled."""
+        """Request a frame, unless one is already requested or the drop is settled."""
         if not self._is_asked and not self.settled:
             self._is_asked = True
             self._send("ask")
 
     @property
     def alive(self) -> bool:
-        """Whether there is a process that computes."""
+        """Whether the worker process is running."""
         return self._worker is not None and self._worker.alive
 
     @property
     def settled(self) -> bool:
-        """Whether the drop is at rest, and `snapshot` is of that rest."""
+        """Whether the drop is paused or over, and `snapshot` is up to date."""
         return self._worker is None or self._unsettled <= 0
 
     @property
     def state(self) -> State:
-        """Of the current drop."""
+        """State of the current drop."""
         if self._over is not None:
             return self._over
         if self.frame is None:
@@ -209,7 +209,7 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more is computed of the current drop."""
+        """Whether the current drop is over."""
         return self._over is not None
 
     @property
@@ -222,7 +222,7 @@ class Session:
 
     @property
     def so_far(self) -> Result:
-        """What the current drop has given until now; the same object until there is more."""
+        """The current drop's result so far; the same object until there is more."""
         if self.result is not None:
             return self.result
         rows = self.rows
@@ -237,7 +237,7 @@ class Session:
         return [event for event in self._worker.events(timeout) if self._take(event)]
 
     def _take(self, event: Event) -> bool:
-        """Note an event; whether it is to be told."""
+        """Process an event; return whether `poll` should return it."""
         is_current = isinstance(event, (Refused, Died)) or event.drop == self.number
         if isinstance(event, Frame):
             self._is_asked = False
@@ -263,7 +263,7 @@ class Session:
                 if result is not None:
                     self._put(Outcome(drop, result, "failed"))
             case Refused(message):
-                self.refusal = message  # first: who waits for another state looks at it then
+                self.refusal = message  # set first: it is read as soon as the state changes
                 self.fail(message)
             case Died(message):
                 if self.state in ("running", "paused"):
@@ -272,12 +272,12 @@ class Session:
         return is_current
 
     def fail(self, message: str) -> None:
-        """The current drop has failed, in itself or in being shown."""
+        """Mark the current drop as failed; drawing it may have failed, too."""
         self._over, self.message = "failed", message
 
     def _put(self, outcome: Outcome) -> None:
-        """Have an outcome kept, or keep it here."""
-        self.lost.pop(outcome.drop, None)  # late, but here
+        """Pass an outcome to `keep`, or hold it here."""
+        self.lost.pop(outcome.drop, None)  # it came after all
         if outcome.drop == self.number:
             self.result = outcome.result
         self.was_cut = outcome.result.ending is Ending.INTERRUPTED
@@ -285,7 +285,7 @@ class Session:
         self.save()
 
     def save(self) -> None:
-        """Have everything kept that is not yet. Ctrl-C waits until a result is whole."""
+        """Pass all unkept outcomes to `keep`. Ctrl-C waits until a result is complete."""
         with held_interrupts() as pressed:
             try:
                 while self.unkept:
@@ -297,14 +297,14 @@ class Session:
         if pressed.is_set():
             raise KeyboardInterrupt
 
-    # what can be done
+    # commands
 
     def drop(self, scene: Scene, finish_current: bool = False) -> None:
-        """Drop a scene; what goes on is given up, or finished and kept.
+        """Drop a scene; the current drop is abandoned, or finished and kept.
 
-        While one drop is prepared the next one waits, and the last that was asked for wins: a key
-        that is held down does not pile up drops. A process that is gone is replaced. Raises
-        UserError for a scene that cannot start; what goes on then goes on.
+        While one drop is being prepared the next one waits, and the latest request wins: a key
+        that is held down does not pile up drops. A dead worker process is replaced. Raises
+        UserError for a scene that cannot start; the current drop then continues.
         """
         start = initial_state(scene).snapshot()
         if finish_current:
@@ -316,13 +316,13 @@ class Session:
             self._begin()
 
     def restart(self) -> None:
-        """Drop the same scene once more, from the start."""
+        """Drop the same scene again, from the start."""
         self.drop(self.next)
 
     def finish(self) -> bool:
-        """End the current drop now and have everything kept; whether this has cut it short."""
+        """End the current drop now and keep everything; return whether this cut it short."""
         self._is_due = False
-        self.poll(0.0)  # an end that has come, but has not been heard
+        self.poll(0.0)  # it may have ended already, with the event still pending
         has_begun = self._is_computed and self.frame is not None
         try:
             if has_begun:
@@ -330,7 +330,7 @@ class Session:
                 until = time.monotonic() + PATIENCE
                 while self._is_computed and (left := until - time.monotonic()) > 0.0:
                     self._receive(left)
-        finally:  # Ctrl-C, perhaps: what has come until then is kept
+        finally:  # after Ctrl-C, too, what has arrived is kept
             self._receive(0.0)
             self.save()
         if has_begun and self._is_computed:
@@ -338,9 +338,9 @@ class Session:
         return has_begun and self.result is not None
 
     def tell(self, command: Pause | Step | Pace) -> None:
-        """Have the drop stand still or go on, go a step further, or keep another pace.
+        """Pause or continue the drop, advance it by a step, or change its pace.
 
-        A pace stays that of later drops. Raises ValueError unless a step or a pace is above 0.
+        A pace also applies to later drops. Raises ValueError unless a step or a pace is above 0.
         """
         match command:
             case Pause(on):
@@ -356,7 +356,7 @@ class Session:
         self._send(command)
 
     def change_pace(self, by: int) -> None:
-        """Faster (1) or slower (-1)."""
+        """Change to the next faster (1) or slower (-1) pace."""
         place = PACES.index(self.pace) if self.pace in PACES else PACES.index(PACE)
         self.tell(Pace(PACES[min(max(place + by, 0), len(PACES) - 1)]))
 
@@ -365,7 +365,7 @@ class Session:
         return self.alive and self._is_computed and self.frame is None
 
     def _begin(self) -> None:
-        """Drop `next`; what went on before has been seen to."""
+        """Drop `next`; the caller has already dealt with the previous drop."""
         self._is_due = self.paused = False
         self.scene, self.snapshot = self.next, self._start
         self._over, self.message = None, ""
@@ -388,7 +388,7 @@ class Session:
         self._send(Start(self.number, self.scene, self._keeping(self.scene)))
 
     def _send(self, command: Command) -> None:
-        """Send, if somebody computes."""
+        """Send a command, if there is a worker."""
         if command != "ask":
             self._unsettled = _UNSETTLED
         if self._worker is not None:
@@ -396,10 +396,10 @@ class Session:
 
 
 class _Worker:
-    """The process that computes, and this end of the pipe to it."""
+    """The worker process, and this end of the pipe to it."""
 
     def __init__(self, arch: str, threads: int | None) -> None:
-        self._is_lost = False  # nothing comes through the pipe any more
+        self._is_lost = False  # the pipe delivers nothing any more
         context = multiprocessing.get_context("spawn")
         self._pipe, far_end = context.Pipe()
         self.process = context.Process(
@@ -407,8 +407,8 @@ class _Worker:
         )
         with _hidden_script():
             self.process.start()
-        far_end.close()  # else this process would keep the pipe open for a worker that has died
-        # The worker ignores SIGTERM and its like: it has to be asked.
+        far_end.close()  # else this process would keep the pipe of a dead worker open
+        # The worker ignores SIGTERM and similar signals: it has to be asked to exit.
         atexit.register(self.close)
 
     @property
@@ -416,13 +416,13 @@ class _Worker:
         return not self._is_lost and self.process.is_alive()
 
     def send(self, command: Command) -> None:
-        """Send, unless the process has gone: `events` tells of that."""
+        """Send a command; if the process has died, `events` reports it."""
         if not self._is_lost:
             with contextlib.suppress(OSError):
                 self._pipe.send(command)
 
     def events(self, timeout: float) -> Iterator[Event]:
-        """What has come, in order; waits up to `timeout` [s] if there is nothing."""
+        """Yield pending events in order, waiting up to `timeout` [s] for the first."""
         try:
             while not self._is_lost and self._pipe.poll(timeout):
                 yield self._pipe.recv()
@@ -436,7 +436,7 @@ class _Worker:
             yield Died(f"the process that computes was ended {how}")
 
     def close(self) -> None:
-        """End the process, if need be the hard way after `GRACE`."""
+        """End the process; kill it after `GRACE` if necessary."""
         self.send("close")
         self._is_lost = True
         atexit.unregister(self.close)
@@ -449,9 +449,9 @@ class _Worker:
 
 @contextlib.contextmanager
 def _hidden_script() -> Iterator[None]:
-    """Keep the program's main module from a process that is started meanwhile.
+    """Hide the program's main module from a process that is started in the block.
 
-    It would run the script again from its top, with all its imports.
+    The process would otherwise run the script again from the top, with all its imports.
     """
     script = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")

@@ -1,4 +1,4 @@
-"""Watch a drop while it is computed, wherever Python runs: in a window, or in a notebook's cell."""
+"""Watch a drop while it is computed, in a window or in a notebook cell."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from taichi_foam.live.session import PACE, Outcome, Session
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 
-#: Pictures a second: notebooks keep up with as many over a slow line, too.
+#: Pictures per second: notebooks keep up with this rate even over a slow connection.
 FPS = 15
 CELL_SIZE = (960, 540)
-#: How long the picture of the last instant may take [s].
+#: How long to wait for the picture of the last instant [s].
 PATIENCE = 1.0
 _QUALITY = 88
 
@@ -32,28 +32,28 @@ def watch(
     arch: str = "cpu",
     threads: int | None = None,
 ) -> Result:
-    """Drop `scene` before your eyes: in a notebook below the cell, elsewhere in a window.
+    """Show a drop of `scene` live: in a notebook below the cell, elsewhere in a window.
 
-    In the window, keys pause, step, turn the impactor's speed and drop again (H shows them). In a
+    In the window, keys pause, step, change the impactor's speed and drop again (H shows them). In a
     notebook the kernel's interrupt ends the drop early.
 
     Args:
-        scene: what is dropped; `output.mode` and `output.theme` say how it is drawn.
-        size: of the picture [pixels]; default 1280 x 720, in a notebook 960 x 540.
-        pace: simulated seconds in one of watching at first; None: as fast as it goes.
+        scene: what is dropped; `output.mode` and `output.theme` determine how it is drawn.
+        size: size of the picture [pixels]; default 1280 x 720, in a notebook 960 x 540.
+        pace: initial pace, simulated seconds per second of watching; None: as fast as possible.
         arch, threads: what to compute on, as for `run`.
 
     Returns:
-        The result of the last drop; its `ending` tells whether it was cut short.
+        The result of the last drop; its `ending` says whether it was cut short.
 
     Raises:
-        UserError: no display, or an arch that cannot be had.
-        RunError: the drop failed, its `results` holding what came before; or it gave nothing.
+        UserError: no display, or the arch is not available.
+        RunError: the drop failed, with the data so far in `results`; or it gave no result.
     """
     kept: list[Result] = []
 
     def keep(outcome: Outcome) -> None:
-        kept[:] = [outcome.result]  # the last one only: a big lattice's results fill the memory
+        kept[:] = [outcome.result]  # the last one only: results of a large lattice fill the memory
 
     session = Session(scene, keep, arch=arch, threads=threads, pace=pace)
     if _is_notebook():
@@ -68,7 +68,7 @@ def watch(
 
 
 def _is_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
+    """Whether this process is a notebook kernel."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     return getattr(shell, "kernel", None) is not None
@@ -77,7 +77,7 @@ def _is_notebook() -> bool:
 def _show_below(session: Session, size: tuple[int, int]) -> None:
     """Show a session's drop below the cell until it ends; the kernel's interrupt ends it early.
 
-    Raises UserError for an arch that cannot be had.
+    Raises UserError if the arch is not available.
     """
     from IPython.display import DisplayHandle
 
@@ -98,7 +98,7 @@ def _show_below(session: Session, size: tuple[int, int]) -> None:
 
 
 def _image(screen: Screen, size: tuple[int, int]):
-    """The picture as IPython shows one."""
+    """The picture as an object that IPython can show."""
     from IPython.display import Image as Shown
 
     file = io.BytesIO()

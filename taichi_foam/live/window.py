@@ -1,4 +1,4 @@
-"""The live window: a drop on a desk, in a window that SDL opens (through pygame)."""
+"""The live window on a desktop, opened by SDL (through pygame)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taichi_foam.live.session import Session
 from taichi_foam.picture import raster
 from taichi_foam.results.files import next_numbered, whole_file
 
-#: What the keys do, as the help says it.
+#: Help text for the keys.
 HELP = (
     ("Space", "pause, go on"),
     ("→", "a single step"),
@@ -34,7 +34,7 @@ SIZE = (1280, 720)
 
 
 def check_display() -> None:
-    """Raise UserError where no window can be opened; the page is the way then."""
+    """Raise UserError if no window can be opened; the message recommends the page."""
     is_windowless = sys.platform.startswith("linux") and not any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
     )
@@ -50,20 +50,20 @@ def _no_window(why: str) -> str:
 
 
 def show(session: Session, size: tuple[int, int] = SIZE, shots: Path = Path("shots")) -> None:
-    """Open a window on the drops of a session, and finish the last when it is closed.
+    """Open a window that shows a session's drops, and finish the last one when it is closed.
 
     Args:
-        size: of the window at first [pixels].
-        shots: folder for screenshots; made when it is needed.
+        size: initial size of the window [pixels].
+        shots: folder for screenshots; created when needed.
 
     Raises:
-        UserError: no display, or an arch that cannot be had.
+        UserError: no display, or the arch is not available.
     """
     check_display()
     window = _Window(Screen(session), size, shots)
     try:
         with session:
-            with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C closes it, too
+            with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C also closes it
                 window.run()
             window.announce_closing()
             with contextlib.suppress(KeyboardInterrupt):
@@ -73,10 +73,10 @@ def show(session: Session, size: tuple[int, int] = SIZE, shots: Path = Path("sho
 
 
 class _Window:
-    """A resizable window, what its keys do, and its pictures."""
+    """A resizable window: its keys and its pictures."""
 
     def __init__(self, screen: Screen, size: tuple[int, int], shots: Path) -> None:
-        # pygame greets on stdout when it is imported
+        # pygame prints a greeting to stdout when it is imported
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         with installed("a live window", "taichi-foam[live]"):
             import pygame
@@ -89,7 +89,7 @@ class _Window:
             raise UserError(_no_window(str(error))) from None
         driver = pygame.display.get_driver()
         if driver in ("offscreen", "dummy") and "SDL_VIDEODRIVER" not in os.environ:
-            pygame.quit()  # what SDL falls back on where a display does not answer
+            pygame.quit()  # SDL falls back on this if a display does not answer
             display = os.environ.get("DISPLAY", "")
             raise UserError(_no_window(f"the display {display!r} does not answer"))
         pygame.key.set_repeat(400, 80)
@@ -98,7 +98,7 @@ class _Window:
         self._shots = shots
         self._has_help = False
         self._held: set[int] = set()  # keys that are down
-        self._told = ""  # instead of the hint: where a screenshot went
+        self._told = ""  # shown instead of the hint: where a screenshot was saved
         k, session = pygame, screen.session
         repeated = {
             (k.K_RIGHT, k.K_PERIOD): screen.step,
@@ -125,13 +125,13 @@ class _Window:
         self._pygame.quit()
 
     def announce_closing(self) -> None:
-        """Show that it closes: what is saved may take its time."""
+        """Show that the window is closing: saving may take a while."""
         self._pygame.display.set_caption("closing · taichi_foam")
         self._pygame.display.flip()
 
     def run(self) -> None:
-        """Draw and obey until the window is closed."""
-        self._draw()  # where it starts, whatever that waits for
+        """Draw and handle events until the window is closed."""
+        self._draw()  # show the initial state even while the drop is prepared
         while True:
             is_stale = self._screen.update(0.5 / FPS)
             for event in self._pygame.event.get():
@@ -148,7 +148,7 @@ class _Window:
         return event.type == pygame.QUIT or is_key
 
     def _obey(self, event) -> bool:
-        """Do what an event asks for; whether the picture changes by it."""
+        """Handle an event; return whether the picture changes."""
         pygame = self._pygame
         if event.type == pygame.KEYUP:
             self._held.discard(event.key)
@@ -176,7 +176,7 @@ class _Window:
         pygame.display.set_caption(f"{self._screen.session.scene.name} · taichi_foam")
 
     def _size(self) -> tuple[int, int]:
-        """Of the picture: a window can be made smaller than a picture may be."""
+        """Size of the picture: a window can be made smaller than a picture may be."""
         width, height = self._surface.get_size()
         return max(width, raster.SMALLEST[0]), max(height, raster.SMALLEST[1])
 

@@ -1,8 +1,8 @@
-"""The process that computes: one drop at a time, at a pace, obeying its viewer between calls.
+"""The worker process: computes one drop at a time, at a pace, and takes commands between calls.
 
-A Taichi kernel holds the interpreter's lock, so that a viewer in the same process would stand still
-while it computes. Ctrl-C reaches both processes, and the viewer decides what it means; what takes
-long to import is imported once this process ignores Ctrl-C.
+A Taichi kernel holds the interpreter's lock, so a viewer in the same process would freeze while it
+computes. Ctrl-C reaches both processes, and the viewer decides what it means; slow imports are done
+after this process has begun to ignore Ctrl-C.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
     from taichi_foam.results.result import Result
     from taichi_foam.simulation.stepwise import Drop
 
-# Between two calls of the engine the worker listens.
+# Length of a call of the engine [s]; the worker takes commands between calls.
 CALL_SECONDS = 0.01
 
-# A run that cannot keep its pace does not make up for more than this once it can [s].
+# A run that has fallen behind its pace catches up by no more than this [s].
 MOST_BEHIND = 0.1
 
 
 def main(pipe: Connection, arch: str, threads: int | None) -> None:
-    """Do what comes through the pipe, until Close or until the viewer is gone.
+    """Carry out commands from the pipe, until "close" or until the viewer is gone.
 
-    Ctrl-C, a closed terminal and the end of a service reach the viewer's whole group of processes.
-    The viewer decides what they mean: it may want to have what there is first.
+    The signals of Ctrl-C, a closed terminal and a stopped service go to the viewer's whole process
+    group. The viewer decides what they mean: it may want the data so far first.
     """
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
@@ -62,12 +62,12 @@ class _Worker:
         self._send = _Sender(pipe)
         self._number = 0
         self._drop: Drop | None = None
-        self._is_over = True  # nothing more is computed of the drop
+        self._is_over = True  # the drop has ended
         self._rows_sent = 0
         self._is_asked = False
-        self._shown: Snapshot | None = None  # of the last frame of the drop
+        self._shown: Snapshot | None = None  # snapshot of the drop's last frame
         self._is_paused = False
-        self._step_to: float | None = None  # simulated time [s] that a Step goes to
+        self._step_to: float | None = None  # simulated time [s] at which a Step ends
         self._pace = _PaceMaker()
 
     def serve(self) -> None:
@@ -80,10 +80,10 @@ class _Worker:
             except Exception as error:
                 self._fail(error)
         if self._drop is not None and not self._is_over:
-            self._drop.save_checkpoint()  # the viewer has gone, and not asked for what there is
+            self._drop.save_checkpoint()  # the viewer is gone, and has not asked for the result
 
     def _listen(self, wait: float | None) -> bool:
-        """Do what the viewer wants, waiting so long [s] for it; False if it wants no more."""
+        """Carry out commands, waiting up to `wait` [s] for one; return False if none will come."""
         while True:
             try:
                 if not self._pipe.poll(wait):
@@ -97,7 +97,7 @@ class _Worker:
             wait = 0.0
 
     def _idle_seconds(self) -> float | None:
-        """How long there is nothing to do unless a command comes; None: for ever."""
+        """Time [s] in which there is nothing to do without a command; None: forever."""
         if self._drop is None:
             return None
         if self._is_asked and (self._stands_still or self._shown is None):
@@ -107,16 +107,16 @@ class _Worker:
         return 0.0 if self._step_to is not None else self._pace.idle_seconds(self._drop.time)
 
     def _due(self, drop: Drop) -> float:
-        """When the row of the instant that is shown was due [s]: what steps count from.
+        """The time at which the row of the shown instant was due [s]; Steps are counted from it.
 
-        It was taken at the end of a step, a little later; such remainders must not add up.
+        The row was taken a little later, at the end of a step; these delays must not add up.
         """
         shown = drop.time if self._shown is None else self._shown.time
         interval = drop.scene.output.history_interval
         return interval * math.floor(shown / interval + 1e-9)
 
     def _shows_last_row(self, drop: Drop) -> bool:
-        """Whether the frame that went last is as new as the history."""
+        """Whether the last frame sent is as recent as the history."""
         shown = self._shown
         return shown is not None and shown.time == drop.last_row and drop.has_last_row
 
@@ -170,7 +170,7 @@ class _Worker:
             self._anchor()
 
     def _go_on(self) -> None:
-        """Answer, then compute for one call."""
+        """Answer a request, then compute for one call."""
         drop = self._drop
         if drop is None:
             return
@@ -184,7 +184,7 @@ class _Worker:
             self._answer(drop, drop.now() if drop.ended or self._shown is None else self._shown)
             return
         else:
-            # even at rest a frame is of an instant that the history holds: the next one is near
+            # even at rest a frame shows an instant of the history: the next one is near
             is_urgent = is_still or self._shown is None
             snapshot = drop.catch(CALL_SECONDS, math.inf if is_urgent else until)
             if snapshot is not None:
@@ -195,21 +195,21 @@ class _Worker:
             self._end(drop.failure)
 
     def _end(self, failure: str | None = None) -> None:
-        """Compute nothing more of the drop, and hand over what there is."""
+        """End the drop, and send its result so far."""
         self._is_over = True
         self._send(Ended(self._number, self._result(), failure))
 
     def _fail(self, error: Exception) -> None:
-        """An unexpected error ends the drop; what came before it is handed over."""
+        """End the drop after an unexpected error, and send its result so far."""
         result = None
-        with contextlib.suppress(Exception):  # whatever is wrong may be wrong there, too
+        with contextlib.suppress(Exception):  # the same error may occur here, too
             result = self._result()
         self._leave_drop()
         words = f"{type(error).__name__}: {error}".rstrip(": ")
         self._send(Ended(self._number, result, words))
 
     def _result(self) -> Result | None:
-        """What there is of the drop, if there is anything."""
+        """The drop's result so far, if there is any."""
         drop = self._drop
         return drop.result() if drop is not None and len(drop.rows()) else None
 
@@ -223,7 +223,7 @@ class _Worker:
             self._pace.anchor(self._drop.time)
 
     def _answer(self, drop: Drop, snapshot: Snapshot) -> None:
-        """Send a frame of this instant, and the rows so far."""
+        """Send a frame of this instant, with the new rows."""
         rows = drop.rows(self._rows_sent)
         self._rows_sent += len(rows)
         self._is_asked, self._shown = False, snapshot
@@ -242,19 +242,19 @@ class _Worker:
 
 
 class _PaceMaker:
-    """Holds simulated time to wall time, from an instant at which the two were set together."""
+    """Keeps simulated time in step with wall time, from an instant at which both were set."""
 
     def __init__(self) -> None:
-        self.rate: float | None = None  # simulated seconds in one of wall time
+        self.rate: float | None = None  # simulated seconds per second of wall time
         self._time = 0.0  # [s]
         self._wall = 0.0  # [s]
 
     def anchor(self, reached: float) -> None:
-        """Simulated time `reached` [s] belongs to now."""
+        """Set simulated time `reached` [s] to correspond to now."""
         self._time, self._wall = reached, time.monotonic()
 
     def due(self, reached: float) -> float:
-        """How far a run that stands at `reached` [s] may be by now [s]."""
+        """The simulated time that a run, now at `reached` [s], should have reached by now [s]."""
         if self.rate is None:
             return math.inf
         due = self._time + self.rate * (time.monotonic() - self._wall)
@@ -265,7 +265,7 @@ class _PaceMaker:
         return due
 
     def idle_seconds(self, reached: float) -> float:
-        """Wall time until a run at `reached` [s] has a call's worth of time to catch up [s]."""
+        """Wall time until a run at `reached` [s] is due for another call [s]."""
         if self.rate is None:
             return 0.0
         ahead = (reached - self._time) / self.rate - (time.monotonic() - self._wall)
@@ -273,9 +273,9 @@ class _PaceMaker:
 
 
 class _Sender:
-    """Sends events without waiting for the viewer to take them.
+    """Sends events without waiting for the viewer to receive them.
 
-    A frame of a big lattice does not fit into the pipe; a thread waits there while the run goes on.
+    A frame of a large lattice does not fit into the pipe; a thread waits while the run continues.
     """
 
     def __init__(self, pipe: Connection) -> None:
@@ -287,7 +287,7 @@ class _Sender:
     def __call__(self, event: Event) -> None:
         self._is_taken.clear()
         self._waiting.put(event)
-        # the next call of the engine would hold the interpreter and keep the thread from sending
+        # the next call of the engine would block the interpreter and keep the thread from sending
         self._is_taken.wait(CALL_SECONDS)
 
     def _serve(self) -> None:

@@ -1,6 +1,6 @@
 """Text, colour key, scale bar and floor of a picture, drawn with Pillow.
 
-Sizes are in pixels of the picture; callers scale them with its height.
+Sizes are in pixels of the picture; callers scale them with the picture's height.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ELLIPSIS = "…"
 
 @lru_cache(maxsize=64)
 def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which every Matplotlib brings along, at `size` pixels."""
+    """DejaVu Sans, which comes with every Matplotlib, at `size` pixels."""
     import matplotlib
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
@@ -37,7 +37,7 @@ def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 def shortened(string: str, face: ImageFont.FreeTypeFont, width: float) -> str:
-    """`string`, cut with an ellipsis where it would be wider than `width` pixels."""
+    """`string`, cut with an ellipsis if it would be wider than `width` pixels."""
     if face.getlength(string) <= width:
         return string
     while string and face.getlength(string + _ELLIPSIS) > width:
@@ -56,7 +56,7 @@ def write(
 ) -> None:
     """Write one line of text into `image` (h, w, 3), in place; `anchor` as in Pillow.
 
-    Only the patch under the text is copied, so that a label costs far less than a frame.
+    Only the area under the text is copied, so that a label costs far less than a frame.
     """
     x, y = round(xy[0]), round(xy[1])
     left, top, right, bottom = face.getbbox(string, anchor=anchor)
@@ -71,7 +71,7 @@ def write(
 
 
 def blank(width: int, height: int, colour: Rgb = _LIGHT.page) -> Image8:
-    """A picture (height, width, 3) of one colour."""
+    """A picture (height, width, 3) of a single colour."""
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[:] = colour
     return image
@@ -111,7 +111,7 @@ def rectangle(image: Image8, box: Box, colour: Rgb) -> None:
 
 
 def _body(image: Image8, view: View, line: float, tones: Theme, corners: Corners) -> None:
-    """A rigid body, as far as it lies in the view's box, with a line along its outline."""
+    """Draw a rigid body, as far as it is in the view's box, with a line along its outline."""
     fine, box = 4, view.box  # as for the floor's strokes
     left, top = max(0, box.left), max(0, box.top)
     seen = image[top : max(0, box.bottom), left : max(0, box.right)]
@@ -129,8 +129,8 @@ def _body(image: Image8, view: View, line: float, tones: Theme, corners: Corners
 
 
 def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
-    """A floor line along the top of `box` and short slanted strokes below it."""
-    fine = 4  # Pillow's lines have no smooth edges, so they are drawn large and averaged
+    """Draw a floor line along the top of `box` and short slanted strokes below it."""
+    fine = 4  # Pillow's lines have no smooth edges, so they are drawn larger and averaged
     depth = min(box.height, max(3, round(11 * line)))
     patch = Image.new("RGB", (box.width * fine, depth * fine), tones.field)
     draw = ImageDraw.Draw(patch)
@@ -139,7 +139,7 @@ def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
         start, end = (x, 0), (x + 0.8 * depth * fine, depth * fine)
         draw.line((start, end), fill=tones.frame, width=max(1, round(1.4 * line * fine)))
     strokes = np.array(patch.resize((box.width, depth), Image.Resampling.BOX))
-    # Strokes lean away from the middle on both sides: the floor is as symmetric as the block.
+    # Strokes lean away from the middle on both sides: the floor is symmetric, like the block.
     right = strokes[:, : (box.width + 1) // 2]
     strokes[:, box.width // 2 :], strokes[:, : right.shape[1]] = right, right[:, ::-1].copy()
     image[box.top : box.top + depth, box.left : box.right] = strokes
@@ -148,7 +148,7 @@ def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
 
 
 def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
-    """Colour key in `box` with its low end on top; text of `size` pixels."""
+    """Draw the colour key in `box` with its low end on top; text of `size` pixels."""
     face = font(size)
     y = box.top
     for word in key.words:
@@ -170,9 +170,9 @@ def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _
 def level_key(
     image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT, *, under: bool = False
 ) -> None:
-    """Colour key across `box`: title on the left, the bar with its ticks below to the right.
+    """Draw the colour key across `box`: title on the left, bar with ticks below it on the right.
 
-    With `under` the bar is as wide as the box, under its title.
+    With `under` the bar is as wide as the box, and below its title.
     """
     face = font(size)
     title = " ".join(key.words)
@@ -200,7 +200,7 @@ def level_key(
 
 
 def _apart(middles: Sequence[float], widths: Sequence[float]) -> list[int]:
-    """Which texts of a row can be written without touching: the ends, and what is free between."""
+    """Which texts of a row can be written without overlap: the ends, and those between that fit."""
     last = len(middles) - 1
     kept = [0]
     for n in range(1, last):
@@ -219,12 +219,12 @@ def scale_bar(
     size: float,
     tones: Theme = _LIGHT,
 ) -> None:
-    """A bar of a round length, at most `longest` pixels, with its length above it.
+    """Draw a bar of a round length, at most `longest` pixels, with its length above it.
 
     Args:
         left, baseline: lower left end of the bar.
-        scale: pixels per metre of the picture beside it.
-        size: of the text in pixels.
+        scale: pixels per metre in the picture beside it.
+        size: size of the text in pixels.
     """
     length = round_length(longest / scale)
     thick = max(2, round(0.22 * size))
@@ -244,16 +244,16 @@ def round_length(longest: float) -> float:
 
 
 def length_text(length: float) -> str:
-    """A length [m] with the unit that reads best."""
+    """A length [m] in a convenient unit."""
     if length < 0.01:
         return f"{1e3 * length:g} mm"
     return f"{1e2 * length:g} cm" if length < 1 else f"{length:g} m"
 
 
 def time_text(time: float, interval: float) -> str:
-    """A time [s] of a run whose snapshots lie `interval` [s] apart, so that no two read the same.
+    """A time [s] of a run with snapshots `interval` [s] apart, such that no two texts are equal.
 
-    One decimal of a millisecond at least; more as far as they show the interval, or tell apart.
+    At least one decimal of a millisecond; more to show the interval exactly or to distinguish.
     """
     apart = 1e3 * interval
     fewest = max(1, math.ceil(-math.log10(apart) - 1e-9))
@@ -262,6 +262,6 @@ def time_text(time: float, interval: float) -> str:
 
 
 def _outline(image: Image8, box: Box, tones: Theme) -> None:
-    """A line of one pixel along the inside of `box`."""
+    """Draw a line of one pixel along the inside of `box`."""
     part = image[box.top : box.bottom, box.left : box.right]
     part[0], part[-1], part[:, 0], part[:, -1] = (tones.soft_ink,) * 4

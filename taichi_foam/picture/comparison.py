@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 Image8 = NDArray[np.uint8]
 
-#: How many runs can stand side by side.
+#: Number of runs that can be shown side by side.
 FEWEST, MOST = 2, 4
-#: Instants of a montage.
+#: Number of instants of a montage.
 INSTANTS = 4
-#: Words need a picture of at least this share of 1280 x 720.
+#: Text needs a picture of at least this share of 1280 x 720.
 _LEAST_UNIT = 0.5
-#: A page wider than so many times its height has no room for the diagram.
+#: A page wider than this many times its height has no room for the diagram.
 _WIDE = 2.5
-#: A field narrower than this, in units of a layout, has shorter words above it.
+#: A field narrower than this, in units of a layout, has shorter text above it.
 _NARROW = 450
 
 
@@ -41,11 +41,11 @@ _NARROW = 450
 class Lineup:
     """Two to four finished runs to be shown together.
 
-    runs    from left to right or downwards; each with a snapshot at least
-    names   what they are called in the pictures
-    asides  what else there is to say of each, where there is room; empty: nothing
+    runs    from left to right or downwards; each with at least one snapshot
+    names   their names in the pictures
+    asides  further text on each, shown if there is room; empty: none
 
-    Raises UserError for fewer or more runs, and for one without snapshots.
+    Raises UserError for fewer or more runs, and for a run without snapshots.
     """
 
     runs: tuple[Result, ...]
@@ -66,9 +66,9 @@ class Lineup:
         folders: Sequence[str] = (),
         captions: Sequence[Caption] | None = None,
     ) -> Lineup:
-        """Runs under names that tell them apart: their titles, what differs, or `folders`.
+        """Runs with names that distinguish them: their titles, differing values, or `folders`.
 
-        `captions`, in the order of the runs, are what they are called; default their scenes' names.
+        `captions`, in the order of the runs, give their titles; default their scenes' names.
         """
         folders = folders or [f"run {k + 1}" for k in range(len(runs))]
         found = naming.names([run.scene for run in runs], folders, captions)
@@ -78,9 +78,9 @@ class Lineup:
 
     @cached_property
     def times(self) -> list[float]:
-        """Instants of a film [s]: the finest run's snapshots, then what others have after them.
+        """Instants of a film [s]: the finest run's snapshots, then later ones of other runs.
 
-        Of equally fine ones the longest comes first. A step later is no new instant.
+        Of equally fine runs the longest comes first. Times within a step are the same instant.
         """
 
         def rank(run: Result) -> tuple[float, float]:
@@ -94,12 +94,12 @@ class Lineup:
 
     @cached_property
     def interval(self) -> float:
-        """The finest run's time from one snapshot to the next [s]."""
+        """The interval between snapshots of the finest run [s]."""
         return min(run.scene.output.snapshot_interval for run in self.runs)
 
     @cached_property
     def trifle(self) -> float:
-        """What snapshots of one instant lie apart at most [s]: each is taken after a whole step."""
+        """Largest time difference of snapshots of one instant [s]: each is taken after a step."""
         return 0.1 * self.interval
 
     def has_ended(self, k: int, time: float) -> bool:
@@ -107,7 +107,7 @@ class Lineup:
         return time > self.runs[k].snapshots[-1].time + self.trifle
 
     def ended_at(self, k: int) -> str:
-        """When a run was over, in words."""
+        """The time at which a run ended, in words."""
         return f"ended at {annotate.time_text(self.runs[k].snapshots[-1].time, self.interval)}"
 
     @cached_property
@@ -117,7 +117,7 @@ class Lineup:
 
     @cached_property
     def curves(self) -> list[Curve]:
-        """The decelerations of the runs whose impactor is slowed down, by name."""
+        """The decelerations of the runs whose impactor is slowed down, with their names."""
         last = max(self.times[-1], 1e-9)
         return [
             Curve.of(run.history, last, name, place)
@@ -126,16 +126,16 @@ class Lineup:
         ]
 
     def key(self, look: Look) -> Key:
-        """The key of the scene whose key goes furthest, of the first such one."""
+        """The colour key with the largest range; the first of equal ones."""
         return max((look.shown.key(run.scene) for run in self.runs), key=lambda key: key.top)
 
 
 def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
-    """The snapshot nearest to `time` [s], the earlier of two that are equally near."""
+    """The snapshot nearest to `time` [s]; the earlier one if two are equally near."""
 
     def distance(snapshot: Snapshot) -> float:
         late = snapshot.time - time
-        # runs step differently, so that equally near is so within some steps
+        # runs have different steps, so "equally near" allows for some steps
         return 1.02 * late if late > 0 else -late
 
     return min(snapshots, key=distance)
@@ -147,7 +147,7 @@ def frame(
     """Draw one instant of all runs, with names, impactor displacements, time, key and curves.
 
     Args:
-        time: of the instant [s]; a run that has ended before stays as it ended.
+        time: time of the instant [s]; a run that has ended earlier is shown in its final state.
         size: width and height [pixels].
         look: mode, theme and grid; default those of the first run's scene.
 
@@ -186,10 +186,10 @@ def instants(
     width: int = montage.WIDTH,
     look: Look | None = None,
 ) -> Image8:
-    """Draw `n` instants of all runs as one picture `width` pixels wide, a row for each run.
+    """Draw `n` instants of all runs as one picture `width` pixels wide, one row per run.
 
-    Returns uint8 (h, width, 3), h even. Raises UserError for fewer than one instant, and for
-    a width that `montage.check_width` refuses.
+    Returns uint8 (h, width, 3), h even. Raises UserError for fewer than one instant, or for a
+    width that `montage.check_width` refuses.
     """
     montage.check_width(width)
     if n < 1:
@@ -233,7 +233,7 @@ def instants(
 
 
 def _together(windows: Sequence[Window]) -> Window:
-    """The smallest window that holds all."""
+    """The smallest window that contains all."""
     return Window(
         min(w.x_min for w in windows),
         max(w.x_max for w in windows),
@@ -243,10 +243,10 @@ def _together(windows: Sequence[Window]) -> Window:
 
 
 class _Layout:
-    """Where the parts of a frame lie [pixels]; with `words`, if they have room.
+    """Positions of the parts of a frame [pixels]; text only with `words`, and if there is room.
 
-    The fields stand in `columns`; what they leave free below them the diagram takes. `beside` puts
-    clock and diagram at their right instead. On a wide page clock and key are one line.
+    The fields are in `columns`, with the diagram below them. `beside` puts clock and diagram to
+    their right instead. On a wide page clock and key are on one line.
     """
 
     diagram: Box | None = None
@@ -268,12 +268,12 @@ class _Layout:
         shape = (world.y_max - world.y_min) / (world.x_max - world.x_min)
         across = (width - side - (columns + 1) * margin) // columns
         tall = min((height - rows * head - foot) // rows, round(across * shape))
-        self.pixels = min(across, tall / shape)  # how wide the world is drawn
+        self.pixels = min(across, tall / shape)  # width of the drawn world
         used, half = rows * (head + tall), (width - 3 * margin) // 2
-        low = foot - gap - margin  # height of what stands below the fields
+        low = foot - gap - margin  # height of the parts below the fields
         if self.has_text and not (self.is_level or beside):
             low = min(max(low, round(0.6 * half)), height - used - gap - margin)
-        # What is still free on the page is shared between its top and its foot.
+        # The remaining free space is divided between the top and the bottom of the page.
         rise = (height - used - gap - low - margin) // 2 if self.has_text else 0
         step = (width - side - 2 * margin - across) / max(1, columns - 1)
         self.fields: list[Box] = []
@@ -294,7 +294,7 @@ class _Layout:
 
     @classmethod
     def best(cls, lineup: Lineup, size: tuple[int, int], words: bool) -> _Layout:
-        """The one with the largest fields: in a row, below one another, or four as 2 x 2."""
+        """The layout with the largest fields: in a row, in a column, or four as 2 x 2."""
         grids = {2: [(2, False), (1, False)], 3: [(3, False), (1, False)]}
         four = [(4, False), (2, False), (2, True)]
         found = [cls(lineup, size, words, *grid) for grid in grids.get(len(lineup.runs), four)]
@@ -304,7 +304,7 @@ class _Layout:
 def _write_head(
     image: Image8, layout: _Layout, lineup: Lineup, k: int, time: float, look: Look
 ) -> None:
-    """The name above a field, and below it displacement and, once it is over, the run's end."""
+    """Write a run's name above its field, and below the name the displacement and the run's end."""
     box, unit, tones, run = layout.fields[k], layout.unit, look.tones, lineup.runs[k]
     head = box.top - round(80 * unit)
     _write_name(image, (box.left, head + 36 * unit), lineup, k, box.width, 26 * unit, look)
@@ -332,7 +332,7 @@ def _write_name(
     size: float,
     look: Look,
 ) -> None:
-    """A run's name in the colour of its curve, then what else there is to say, if it has room."""
+    """Write a run's name in the colour of its curve, then its further text, if there is room."""
     bold, plain = annotate.font(size, bold=True), annotate.font(0.8 * size)
     name = annotate.shortened(lineup.names[k], bold, room)
     annotate.write(image, place, name, bold, colour=look.tones.curves[k])
@@ -345,7 +345,7 @@ def _write_name(
 def _write_clock(
     image: Image8, layout: _Layout, time: str, scale: float, look: Look, key: Key
 ) -> None:
-    """Time, scale bar and key: the key below them, in one line with them, or upright."""
+    """Draw time, scale bar and key: the key below them, on one line with them, or upright."""
     box, unit, level = layout.clock, layout.unit, layout.is_level
     ink, plain = look.tones.ink, annotate.font(21 * unit)
     foot = box.top + 58 * unit

@@ -1,7 +1,7 @@
 """Figures of runs, drops and foams, with Matplotlib's object interface (no global state).
 
-Every function takes figures in SI units and returns a `Figure`; `style.save` writes it. Curves
-are labelled where they are, in colours that colour-blind readers can tell apart (Okabe and Ito).
+Every function takes values in SI units and returns a `Figure`; `style.save` writes it. Curves are
+labelled directly, in colours that colour-blind readers can distinguish (Okabe and Ito).
 """
 
 from __future__ import annotations
@@ -47,32 +47,32 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
-#: Columns of the history that show how the impactor moves.
+#: Columns of the history for the motion of the impactor.
 MOTION = tuple(
     COLUMNS[name] for name in ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m")
 )
-#: Those of a crosshead, which is not slowed down.
+#: The same for a crosshead, which is not slowed down.
 PRESSING = (COLUMNS["contact_force_N"], *MOTION[1:])
-#: Energies below zero by less than this share of the largest are rounding.
+#: Negative energies smaller than this share of the largest are rounding errors.
 _ROUNDING = 1e-3
 
 _BESIDE, _UPPER = 0.04, 0.55
-"""How wide in strain a landmark's name is, and above which part of the height it stands."""
+"""Width of a landmark's name in strain, and the part of the height above which it is placed."""
 
 _PLATEAUS, _ROOM = 2.0, 1.25
-"""The left panel ends at so many plateaus, or so far above the stress where densification begins.
-What comes above would flatten it."""
+"""The left panel ends at this many plateau stresses, or this multiple of the stress at the start of
+densification. Higher stresses would flatten the plateau."""
 
 _DECADES = (0.1, 3.0)
-"""Ends of the logarithmic panel: such a part of the plateau, so many times the largest stress."""
+"""Ends of the logarithmic panel: factors of the plateau stress and of the largest stress."""
 
 _APART = 0.12
-"""Strains of landmarks that are nearer than this have their names on sides of their own."""
+"""Landmarks nearer than this in strain have their names on opposite sides."""
 
 
 @dataclass(frozen=True)
 class Absorption:
-    """Energy absorbed [J] against volume crushed [m3], arrays (n,), of one impact."""
+    """Energy absorbed [J] against volume crushed [m3] in one impact, arrays (n,)."""
 
     velocity: float
     volume: Array
@@ -100,7 +100,7 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
             axis.set_ylabel(label)
             axis.set_title(f"({mark})")
             axis.axhline(0, color=INK, linewidth=0.8)
-        low, high = axes[-1].get_ylim()  # only the displacements end apart from one another
+        low, high = axes[-1].get_ylim()  # only the displacement curves end at different values
         heights = spread([value for _, value, *_ in ends], 0.075 * (high - low))
         for height, (x, _, name, colour) in zip(heights, ends, strict=True):
             beside(axes[-1], x, height, name, colour, (7, 0), "center")
@@ -177,8 +177,7 @@ def energy_ledger(history: History) -> Figure:
     """Where the impact energy goes: the ledger's parts stacked over time.
 
     Args:
-        history: columns time_s and energies of the ledger [J]; those that only a few runs have
-            may be absent.
+        history: columns time_s and energies of the ledger [J]; rare ones may be absent.
 
     Raises UserError for a history without energy.
     """
@@ -222,11 +221,12 @@ def energy_ledger(history: History) -> Figure:
 def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
     """Names, energies (n,) [J] and colours of the layers of LEDGER that a history has.
 
-    A part that gives back more than it took, such as the shear of a block that starts sheared, goes
-    below zero: it is counted from its lowest, and its name says so. The stack keeps its height.
-    What a crosshead or a pulse gives is no part: the stack of such a test grows by it.
+    A part that returns more energy than it took, such as the shear of an initially sheared block,
+    becomes negative: it is counted from its minimum, and its name says so. The height of the stack
+    does not change. Energy from a crosshead or a pulse is not a part: the stack of such a test
+    grows by it.
 
-    Raises UserError where there are none.
+    Raises UserError if there are no layers.
     """
     names, layers, tones = [], [], []
     largest = max(
@@ -246,7 +246,7 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
         total = sum((history[c] for c in layer.columns if c in history), start=nothing)
         if np.any(np.abs(total) > 0):
             lowest = float(total.min())
-            # A stack of areas has no place below zero. By rounding a part may dip there, too.
+            # Stacked areas cannot be negative. Rounding may also make a part negative.
             given_back = lowest < -_ROUNDING * largest
             layers.append(total - lowest if given_back else np.maximum(total, 0.0))
             names.append(f"{layer.label}, from its lowest" if given_back else layer.label)
@@ -257,7 +257,7 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
 
 
 def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) -> None:
-    """The measured energies per volume as a wedge of straight lines from the origin."""
+    """Draw the measured energies per volume as a wedge of straight lines from the origin."""
     low, high = 1e-6 * min(slopes), 1e-6 * max(slopes)
     x = np.array([0.0, right])
     axis.fill_between(x, low * x, high * x, color=ORANGE, alpha=0.30, linewidth=0)
@@ -273,7 +273,7 @@ def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) 
 
 
 def drops_figure(results: Sequence[Result]) -> Figure:
-    """Decelerations (CFC 180) over time to the left, peaks and strains by number to the right."""
+    """Decelerations (CFC 180) over time on the left, peaks and strains by drop on the right."""
     shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.85, max(len(results), 2)))
     with mpl.rc_context(STYLE):
         figure = blank(12.0, 5.0)
@@ -325,17 +325,17 @@ def compression_test(
     fit: CrushableFit,
     title: str,
 ) -> Figure:
-    """A compression test: stress over strain to the left, energy efficiency to the right.
+    """A compression test in three panels: plateau, whole test, and energy efficiency.
 
-    Left the plateau, in the middle the whole test on a logarithmic axis: on one axis densification
-    flattens the plateau.
+    On the left stress over strain for the plateau, in the middle for the whole test on a
+    logarithmic axis, since densification would flatten the plateau; on the right the efficiency.
 
     Args:
         strain, stress: points of the test (n,), fractions and Pa, compression positive.
-        loading: which of them the curve is made of (n,); the others are unloading and reloading.
-        foam: the foam by the curve that was made of them.
+        loading: which of them make up the curve (n,); the others are unloading and reloading.
+        foam: the foam with the curve made from them.
         fit: Eq. 26 fitted to that curve.
-        title: what foam it is.
+        title: name of the foam.
     """
     marks = foam.landmarks
     densified = float(foam.curve.stress_at(np.array(-marks.crush_end)))
@@ -379,7 +379,7 @@ def _stresses(
     fit: CrushableFit,
     scale: float,
 ) -> None:
-    """The points, the curve with its continuation, the fit, and lines at landmarks."""
+    """Draw the points, the curve with its continuation, the fit, and lines at landmarks."""
     curve, marks, table = foam.curve, foam.landmarks, foam.table[:, 0]
     if not loading.all():
         axis.plot(
@@ -399,7 +399,7 @@ def _stresses(
         np.append(tested[1], table[beyond]) / scale,
         color=BLUE, linestyle=(0, (3, 2)), label="continued beyond the test",
     )  # fmt: skip
-    # as far as the law is the test's: beyond it each goes its own way
+    # only over the tested range: beyond it the two differ
     fine = np.linspace(0.0, curve.tested, 800)
     axis.plot(
         100 * fine, fit.foam.loading(fine) / scale, color=VERMILION, linewidth=1.5,
@@ -410,7 +410,7 @@ def _stresses(
 
 
 def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> None:
-    """What the landmarks are called, and the plateau's stress."""
+    """Write the names of the landmarks, and the plateau stress."""
     marks = foam.landmarks
     start, end, limit = (-100 * s for s in (marks.crush_start, marks.crush_end, marks.limit))
     ends = f"densification, {end:.3g} %" if fit.densifies else f"test ends, {end:.3g} %"
@@ -421,7 +421,7 @@ def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> 
 
 
 def _plateau(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> None:
-    """The plateau's stress, over the middle of the plateau; under it where there is no room."""
+    """Write the plateau stress above the middle of the plateau, or below it if there is no room."""
     plateau = foam.landmarks.plateau_stress
     middle = 0.5 * (-foam.landmarks.crush_start + foam.curve.densification)
     covered = np.linspace(middle - 0.2, min(middle + 0.2, foam.curve.tested), 50)
@@ -435,11 +435,11 @@ def _plateau(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -
 def _landmark(
     axis: Axes, foam: TabulatedFoam, scale: float, at: float, text: str, *, to_the_right: bool
 ) -> None:
-    """A landmark's name along its line at a strain [%], where the curve is not."""
+    """Write a landmark's name along its line at a strain [%], away from the curve."""
     side = np.linspace(0.0, _BESIDE if to_the_right else -_BESIDE, 20) + at / 100
     side = np.clip(side, 0.0, 1.0)
     height = np.interp(side, np.linspace(0.0, 1.0, len(foam.table)), foam.table[:, 0]) / scale
-    crossed = height[height < axis.get_ylim()[1]]  # what leaves the panel is not in the way
+    crossed = height[height < axis.get_ylim()[1]]  # points outside the panel do not matter
     low = crossed.size > 0 and crossed.max() > _UPPER * axis.get_ylim()[1]
     axis.annotate(
         text, (at, 0.02 if low else 0.985), xycoords=axis.get_xaxis_transform(),
@@ -455,7 +455,7 @@ def _pressure(stress: float) -> str:
 
 
 def _efficiency(axis: Axes, foam: TabulatedFoam) -> None:
-    """Energy taken over stress, with its maximum: there densification begins."""
+    """Draw energy absorbed over stress, with its maximum, where densification begins."""
     curve = foam.curve
     strain, values = curve.points[0], curve.efficiency
     top = int(np.argmax(values))
@@ -472,6 +472,6 @@ def _efficiency(axis: Axes, foam: TabulatedFoam) -> None:
 
 
 def _cut(title: str, most: int = 100) -> str:
-    """A title within the figure's width; signs that Matplotlib would read as formulas stay text."""
+    """A title cut to the figure's width, with signs escaped that Matplotlib reads as formulas."""
     text = title if len(title) <= most else title[: most - 3] + "..."
     return text.replace("$", r"\$")

@@ -1,9 +1,8 @@
-"""Films and frames of a run, as its scene asks, and films of runs side by side.
+"""Films and frames of a run, as its scene requests, and films of runs side by side.
 
-MP4 and GIF are encoded by the ffmpeg that imageio brings along. Frames are handed over one at a
-time as they lie in memory, so a film of any length needs the memory of a few frames, and ffmpeg
-works on another core while the next one is drawn. A file appears under its name only when it is
-complete.
+MP4 and GIF are encoded by the ffmpeg that comes with imageio. Frames are passed to it one at a
+time, so a film of any length needs the memory of only a few frames, and ffmpeg works on another
+core while the next frame is drawn. A file appears under its name only when it is complete.
 """
 
 from __future__ import annotations
@@ -38,33 +37,33 @@ from taichi_foam.scene.options import Output
 Image8 = NDArray[np.uint8]
 
 GIF_WIDTH = 640
-#: The last frame of a GIF stays for this long before it starts again [s].
+#: How long a GIF holds its last frame before it repeats [s].
 GIF_PAUSE = 1.0
 
-# Of what `veryfast` does, the search for motion takes most and gains least in flat colours: without
-# its finer steps a film takes two thirds of the time, and is 4 % larger at the same quality.
+# With flat colours, the motion search of `veryfast` costs most and gains least: without its finer
+# steps a film takes two thirds of the time, and is 4 % larger at the same quality.
 _MP4 = ("-c:v", "libx264", "-pix_fmt", "yuv420p", "-preset", "veryfast", "-crf", "20",
         "-x264-params", "me=dia:subme=1", "-movflags", "+faststart")  # fmt: skip
-# A process group or session of its own: Ctrl-C in a terminal reaches all of a group, and what
-# becomes of a film is decided here.
+# ffmpeg gets its own process group or session, since Ctrl-C in a terminal reaches a whole group,
+# and this process decides what becomes of a film.
 _APART = (
     subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
     if sys.platform == "win32"
     else 0
 )
 
-#: GIFs count in hundredths of a second, and viewers slow down those of more frames per second.
+#: GIFs count in hundredths of a second, and viewers slow down those with higher frame rates.
 GIF_FPS = 25
 
-#: A GIF of several runs has at most as many pixels as this.
+#: A GIF of several runs has at most this many pixels (width, height).
 LINEUP_GIF = (960, 540)
 
-# Generous bytes per pixel of one frame: as a PNG, and in both films together.
+# Upper estimates of bytes per pixel of one frame: as a PNG, and in both films together.
 _PNG_BYTES, _FILM_BYTES = 0.3, 0.05
 
 
 def storage_bytes(scene: Scene) -> int:
-    """The most that the pictures of a run will take (bytes)."""
+    """Upper bound on the size of a run's pictures (bytes)."""
     output = scene.output
     frames = scene.numerics.latest_end / output.snapshot_interval + 2
     each = _PNG_BYTES * output.frames + _FILM_BYTES * output.film
@@ -73,7 +72,7 @@ def storage_bytes(scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class Names:
-    """What pictures in motion are called in their folder; None: not wanted.
+    """File names of films and frames in their folder; None: not wanted.
 
     frames is a folder, with frame_00000.png and so on.
     """
@@ -84,7 +83,7 @@ class Names:
 
     @classmethod
     def of(cls, output: Output) -> Names:
-        """What a scene asks for."""
+        """The names for what a scene requests."""
         mp4, gif = ("film.mp4", "film.gif") if output.film else (None, None)
         return cls(mp4, gif, "frames" if output.frames else None)
 
@@ -94,11 +93,11 @@ LINEUP_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
 
 @dataclass(frozen=True)
 class _Screen:
-    """Where frames of one size are wanted.
+    """Consumers of frames of one size.
 
-    size   [pixels]
-    every  of how many instants one is shown
-    take   each gets the frames
+    size   size of the frames [pixels]
+    every  one of every so many instants is shown
+    take   functions that each receive the frames
     """
 
     size: tuple[int, int]
@@ -108,9 +107,9 @@ class _Screen:
 
 @dataclass(frozen=True)
 class _Reel:
-    """What a film shows: its instants in order, and how one is drawn at some sizes [pixels].
+    """The content of a film: its instants in order, and how one is drawn at given sizes [pixels].
 
-    gif_width  of its GIF [pixels]
+    gif_width  width of its GIF [pixels]
     """
 
     output: Output
@@ -120,11 +119,11 @@ class _Reel:
 
     @property
     def stride(self) -> int:
-        """Of how many instants a GIF shows one."""
+        """A GIF shows one of every so many instants."""
         return ceil(self.output.fps / GIF_FPS)
 
     def frames_to_draw(self, names: Names) -> int:
-        """Those of MP4 and GIF are drawn apart, so that both are sharp."""
+        """Number of frames; those of MP4 and GIF are drawn separately, so that both are sharp."""
         full = len(self.instants) if names.mp4 or names.frames else 0
         return full + (len(self.instants[:: self.stride]) if names.gif else 0)
 
@@ -137,10 +136,10 @@ class _Reel:
         overwrite: bool,
         gif_every: int = 1,
     ) -> Iterator[list[Path]]:
-        """Draw all that has a name; each appears at the block's end, complete or not at all.
+        """Draw everything that has a name; each file appears when the block ends, or not at all.
 
-        All films are made in one pass, encoders working while the next frames are drawn, and on
-        while the block lasts. The GIF shows one of every `gif_every` of its frames.
+        All films are made in one pass. Encoders work while the next frames are drawn, and continue
+        during the block. The GIF shows one of every `gif_every` of its frames.
         """
         if not self.instants:
             yield []
@@ -170,7 +169,7 @@ class _Reel:
             yield written
 
     def _show(self, screens: list[_Screen], on_frame: Callable[[], object]) -> None:
-        """Draw all instants that any of the screens shows."""
+        """Draw every instant that at least one of the screens shows."""
         for number, instant in enumerate(self.instants):
             due = [screen for screen in screens if number % screen.every == 0]
             pictures = self.draw(instant, [screen.size for screen in due])
@@ -181,7 +180,7 @@ class _Reel:
 
 
 def frames_to_draw(result: Result, names: Names | None = None) -> int:
-    """How many frames `write` draws."""
+    """Number of frames that `write` draws."""
     return _reel(result).frames_to_draw(names or Names.of(result.scene.output))
 
 
@@ -193,21 +192,21 @@ def drawn(
     overwrite: bool = False,
     title: str | None = None,
 ) -> contextlib.AbstractContextManager[list[Path]]:
-    """Draw a run into an existing folder; the context's value are the paths.
+    """Draw a run into an existing folder; a context manager that yields the paths.
 
-    Once all is drawn the block begins; encoders work on meanwhile. At its end each film and the
-    folder of frames appears when it is complete or not at all. Size, pace, mode and theme are
+    The block begins once all frames are drawn; encoders continue during it. When it ends, each
+    film and the folder of frames appears, complete or not at all. Size, pace, mode and theme are
     those of `result.scene.output`.
 
     Args:
         on_frame: called after each frame drawn, `frames_to_draw` times.
-        names: what to draw; default what `result.scene.output` asks for.
+        names: what to draw; default what `result.scene.output` requests.
         overwrite: replace a folder of frames that has content; older films are always replaced.
         title: text above each picture; default the name of the scene.
 
     Raises:
-        UserError: a film that cannot be written, a folder of frames that may not be replaced.
-        OSError: a frame that cannot be written.
+        UserError: a film cannot be written, or the folder of frames may not be replaced.
+        OSError: a frame cannot be written.
     """
     names = names or Names.of(result.scene.output)
     return _reel(result, title).drawn(folder, names, on_frame, overwrite)
@@ -221,14 +220,14 @@ def write(
     overwrite: bool = False,
     title: str | None = None,
 ) -> list[Path]:
-    """Draw a run, to the end; return the paths. Arguments and errors as for `drawn`."""
+    """Draw a run and return the paths. Arguments and errors as for `drawn`."""
     with drawn(result, folder, on_frame, names, overwrite, title) as written:
         pass
     return written
 
 
 def write_gif(result: Result, path: Path, width: int, every: int, title: str | None = None) -> Path:
-    """Write a run as a GIF that repeats, `width` pixels wide, of every so many frames."""
+    """Write a run as a GIF that repeats, `width` pixels wide, with one of every `every` frames."""
     reel, names = replace(_reel(result, title), gif_width=width), Names(gif=path.name)
     with reel.drawn(path.parent, names, lambda: None, overwrite=False, gif_every=every):
         pass
@@ -236,7 +235,7 @@ def write_gif(result: Result, path: Path, width: int, every: int, title: str | N
 
 
 def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
-    """How many frames `write_lineup` draws."""
+    """Number of frames that `write_lineup` draws."""
     return _lineup_reel(lineup).frames_to_draw(names)
 
 
@@ -278,7 +277,7 @@ def _reel(result: Result, title: str | None = None) -> _Reel:
 
 
 def _clear_of_curve(world: Window, field: Box) -> Window:
-    """A window whose spare width lies all on the left, where the diagram stands."""
+    """A window with all spare width on the left, where the diagram is."""
     width = (world.y_max - world.y_min) * field.width / field.height
     return replace(world, x_min=min(world.x_min, world.x_max - width))
 
@@ -295,14 +294,14 @@ def _lineup_reel(lineup: Lineup) -> _Reel:
 
 
 def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:
-    """A size of the same shape, at most `wanted` wide, even, and not too small to draw."""
+    """A size of the same aspect ratio, at most `wanted` wide, even, and not too small to draw."""
     share, (narrowest, lowest) = min(1.0, wanted / width), raster.SMALLEST
     return max(narrowest, 2 * round(share * width / 2)), max(lowest, 2 * round(share * height / 2))
 
 
 @contextlib.contextmanager
 def _stored(folder: Path, overwrite: bool) -> Iterator[Callable[[Image8], object]]:
-    """Write a PNG of each picture that is handed over."""
+    """Yield a function that writes each picture it is given as a PNG."""
     with output_folder(folder, overwrite) as staging:
         numbers = count()
 
@@ -317,12 +316,12 @@ def _stored(folder: Path, overwrite: bool) -> Iterator[Callable[[Image8], object
 
 
 class Film:
-    """An ffmpeg that takes frames; it starts with the first, which tells the size."""
+    """An ffmpeg process that takes frames; the first frame starts it and sets the size."""
 
     def __init__(
         self, target: Path, partial: Path, fps: int, options: tuple[str, ...], words: IO[bytes]
     ) -> None:
-        """`partial` is what `target` is called until it is complete; `words` take errors."""
+        """`partial` is the path used until `target` is complete; `words` receives error output."""
         self._target, self._partial, self._fps, self._options = target, partial, fps, options
         self._words = words
         self._shape: tuple[int, ...] = ()
@@ -330,11 +329,11 @@ class Film:
         self._process: subprocess.Popen[bytes] | None = None
 
     def send(self, picture: Image8) -> None:
-        """Hand over a frame, uint8 (h, w, 3), of the size of the first.
+        """Send a frame, uint8 (h, w, 3), of the same size as the first.
 
         Raises:
             UserError: an odd or changing size.
-            OSError: ffmpeg takes no more.
+            OSError: ffmpeg accepts no more frames.
         """
         if self._process is None:
             self._process = self._started(picture.shape)
@@ -350,7 +349,7 @@ class Film:
         self._count += 1
 
     def end(self) -> None:
-        """Tell ffmpeg that there are no more frames; films that end together end side by side."""
+        """Tell ffmpeg that there are no more frames; several films can then finish in parallel."""
         if self._process is not None and self._process.stdin is not None:
             with contextlib.suppress(OSError):  # `finish` says why
                 self._process.stdin.close()
@@ -367,7 +366,7 @@ class Film:
             raise OSError(f"{self._target.name} holds {found} of {self._count} frames")
 
     def close(self) -> None:
-        """Stop ffmpeg where it still works."""
+        """Stop ffmpeg if it still runs."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -395,7 +394,7 @@ class Film:
         )
 
     def _failure(self) -> OSError:
-        """What an ffmpeg that has ended had to say."""
+        """The error of an ffmpeg that has ended."""
         assert self._process is not None  # it was started
         code = self._process.wait()
         self._words.seek(0)
@@ -404,20 +403,20 @@ class Film:
 
 
 def mp4(path: str | Path, fps: int = 25) -> contextlib.AbstractContextManager[Film]:
-    """Write an MP4 (H.264, yuv420p, which every browser plays) of the frames that are sent.
+    """Write an MP4 (H.264, yuv420p, which every browser plays) from the frames sent to it.
 
         with mp4("film.mp4") as film:
             film.send(picture)
 
-    When the block fails, no file appears, and an older one is as before.
+    If the block fails, no file appears, and an older one stays unchanged.
 
     Args:
         path: file ending in .mp4, in an existing folder; an older file is replaced.
-        fps: frames per second of watching.
+        fps: frames per second of playback.
 
     Raises:
-        UserError: no pictures, an odd or changing size, a wrong ending, or a file that cannot be
-            written.
+        UserError: no pictures, an odd or changing size, a wrong file extension, or a file that
+            cannot be written.
     """
     return _film(path, ".mp4", fps, _MP4)
 
@@ -425,12 +424,12 @@ def mp4(path: str | Path, fps: int = 25) -> contextlib.AbstractContextManager[Fi
 def gif(
     path: str | Path, fps: int = 20, width: int = GIF_WIDTH
 ) -> contextlib.AbstractContextManager[Film]:
-    """Write a GIF that repeats for ever, with one palette chosen for all of it.
+    """Write a GIF that repeats forever, with one palette for all frames.
 
-    Wider pictures are scaled down to `width`; pictures drawn at that size come out sharper.
+    Wider pictures are scaled down to `width`; pictures drawn at that size are sharper.
     Other arguments and errors as for `mp4`.
     """
-    # Flat colours need no dithering, whose noise would make the file several times larger.
+    # Flat colours need no dithering; its noise would make the file several times larger.
     palette = (
         f"scale='min({width},iw)':-2:flags=area,split[a][b];[a]palettegen=stats_mode=full[p];"
         "[b][p]paletteuse=dither=none:diff_mode=rectangle"
@@ -463,7 +462,7 @@ def _film(path: str | Path, ending: str, fps: int, options: tuple[str, ...]) -> 
 
 
 def _frames_in(path: Path) -> int:
-    """How many frames a film holds, by its index and without decoding them. Raises OSError."""
+    """Number of frames in a film, from its index, without decoding. Raises OSError."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     copied = ("-map", "0:v:0", "-c", "copy", "-f", "null", "-progress", "-", "-")

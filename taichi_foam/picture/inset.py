@@ -1,4 +1,4 @@
-"""Decelerations until now, of one run or of a few, as a small diagram inside a frame.
+"""Decelerations so far, of one or a few runs, as a small diagram inside a frame.
 
 The left axis is in m/s², the right one in g.
 """
@@ -22,7 +22,7 @@ from taichi_foam.units import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 Image8 = NDArray[np.uint8]
 
-#: Pillow's lines have no smooth edges, so they are drawn this much larger and averaged.
+#: Pillow's lines have no smooth edges, so they are drawn this many times larger and averaged.
 _FINE = 3
 _TITLE = "deceleration (left m/s², right g)"
 
@@ -31,10 +31,10 @@ _TITLE = "deceleration (left m/s², right g)"
 class Curve:
     """A deceleration over time, and the axes that it is drawn on.
 
-    time, deceleration  (n,) [s], [m/s2], until now
-    last, top           ends of the axes [s], [m/s2]; the same over a film
-    name                what it is called where there are several
-    place               whose it is among the runs shown, from 0: its colour
+    time, deceleration  (n,) [s], [m/s2], so far
+    last, top           ends of the axes [s], [m/s2]; constant over a film
+    name                its label if there are several
+    place               index of its run among those shown, from 0; determines its colour
     """
 
     time: Array
@@ -52,11 +52,11 @@ class Curve:
         name: str = "",
         place: int = 0,
     ) -> Curve:
-        """The smoothed deceleration of a run, whole or so far, on axes that just hold it."""
+        """The smoothed deceleration of a run, complete or so far, on axes that just contain it."""
         time, values = history["time_s"], history["deceleration_smoothed_m_s2"]
         top = float(np.nanmax(values, initial=0.0))
         end = last or float(np.max(time, initial=0.0))
-        # runs end a step after a round time
+        # runs end up to a step after a round time
         ends = _round_up(0.998 * end), _round_up(1.05 * top or 1.0)
         return cls(time, values, *ends, name, place)
 
@@ -67,7 +67,7 @@ class Curve:
 
 
 def _round_up(value: float) -> float:
-    """The smallest of some round figures that is not below `value`."""
+    """The smallest round number that is not below `value`."""
     value = max(value, 1e-12)
     power = 10.0 ** np.floor(np.log10(value))
     steps = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
@@ -77,8 +77,8 @@ def _round_up(value: float) -> float:
 def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: float) -> None:
     """Draw the diagram over `image` (h, w, 3) in `box`, in place; `unit` as in `raster.draw`.
 
-    Several curves share the largest of their axes; the first lies on top, and their names stand
-    above where they have room.
+    Several curves share the largest of their axes. The first is drawn on top. Their names are
+    written above if there is room.
     """
     last, top = max(curve.last for curve in curves), max(curve.top for curve in curves)
     tones = THEMES[theme].curves
@@ -105,9 +105,9 @@ def draw(image: Image8, box: Box, curves: Sequence[Curve], theme: str, unit: flo
 
 
 def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
-    """The curve in pixels of the enlarged plot, with about one point to a column.
+    """The curve in pixels of the enlarged plot, with about one point per column.
 
-    So close, pieces of a line join up without the round joints that cost more than all the rest.
+    At this spacing a line needs no round joints, which would cost more than everything else.
     """
     known = np.isfinite(curve.deceleration)
     time, values = curve.time[known], curve.deceleration[known]
@@ -119,10 +119,10 @@ def _points(curve: Curve, plot: Box) -> list[tuple[float, float]]:
 
 
 def _names_across(names: Sequence[str], width: int, size: float) -> int:
-    """How many names stand in a line `width` wide: all, two or one; 0 if they have no room.
+    """Number of names on a line `width` wide: all, two or one; 0 if there is no room.
 
-    The names of one run or two are shortened where need be, as long as they are still told apart.
-    Those of more can be left out, since a comparison has them above its fields, too.
+    The names of one or two runs are shortened if necessary, as long as they stay distinct. Those of
+    more runs can be left out, since a comparison also has them above its fields.
     """
     bold = annotate.font(size, bold=True)
     if len(names) <= 2:
@@ -145,7 +145,7 @@ def _panel(
     theme: str,
     unit: float,
 ) -> tuple[Image8, Box]:
-    """The diagram without its curves, read-only, and where its plot lies."""
+    """The diagram without its curves, read-only, and the position of its plot."""
     tones = THEMES[theme]
     panel = annotate.blank(width, height, tones.page)
     size = 16 * unit

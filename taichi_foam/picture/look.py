@@ -1,7 +1,7 @@
-"""What a picture shows and in which tones: perceptually even maps for the foam, two themes, a look.
+"""Colours of a picture: perceptually uniform colour maps for the foam, two themes, and the look.
 
-Maps are those of Matplotlib that readers of any colour vision can order. They do not depend on the
-theme: the same colour means the same figure on a light page and on a dark one.
+The maps are those of Matplotlib that readers with any colour vision can order. They do not depend
+on the theme: the same colour means the same value on a light page and on a dark one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Theme:
-    """The tones of everything that is not foam."""
+    """The colours of everything except foam."""
 
     page: Rgb
     field: Rgb
@@ -37,7 +37,7 @@ class Theme:
     crack_on_dark: Rgb  # the line of a crack through foam in a dark colour
     steel: Rgb
     steel_edge: Rgb
-    curves: tuple[Rgb, Rgb, Rgb, Rgb]  # of runs beside one another; one alone has the first
+    curves: tuple[Rgb, Rgb, Rgb, Rgb]  # of runs side by side; a single run has the first
 
 
 THEMES = {
@@ -71,11 +71,11 @@ THEMES = {
 }
 
 # Maps of Matplotlib by the name that modes use, from the light end (nothing) to the dark one.
-# They end short of black, so that grid lines and steel stay apart from crushed foam.
+# They end short of black, so that grid lines and steel differ from crushed foam.
 _MAPS = {
     "heat": ("magma_r", 0.0, 0.90),
     "cool": ("viridis_r", 0.0, 1.0),
-    # from one dark end to the other, light in the middle: blue below zero, red above it
+    # dark at both ends, light in the middle: blue below zero, red above
     "both": ("RdBu_r", 0.03, 0.97),
 }
 
@@ -85,7 +85,7 @@ _DARK = 95.0
 
 @lru_cache(maxsize=4)
 def shades(name: str) -> NDArray[np.uint8]:
-    """Colours (256, 3) of a map, from nothing (light) to the most (dark)."""
+    """Colours (256, 3) of a map, from zero (light) to the maximum (dark)."""
     from matplotlib import colormaps
 
     source, start, end = _MAPS[name]
@@ -94,7 +94,7 @@ def shades(name: str) -> NDArray[np.uint8]:
 
 
 def levels(values: NDArray[np.float64], top: float, bottom: float = 0.0) -> NDArray[np.intp]:
-    """Index into `shades` of values from `bottom` to `top`, of the same shape; clipped beyond."""
+    """Indices into `shades` for values from `bottom` to `top`, of the same shape; clipped."""
     share = np.clip((values - bottom) * (255.0 / (top - bottom)), 0.0, 255.0)
     return np.rint(share).astype(np.intp)
 
@@ -139,7 +139,7 @@ def crack_line_map(name: str, theme: str) -> Ints:
 
 
 def _is_dark(name: str) -> NDArray[np.bool_]:
-    """Which colours (256,) of a map are dark."""
+    """Whether each colour (256,) of a map is dark."""
     return shades(name).astype(float) @ np.array([0.299, 0.587, 0.114]) <= _DARK
 
 
@@ -147,12 +147,12 @@ def _is_dark(name: str) -> NDArray[np.bool_]:
 class Look:
     """How pictures are drawn.
 
-    mode   key of `modes.MODES`: what the colours show
+    mode   key of `modes.MODES`: the quantity that the colours show
     theme  key of `THEMES`
-    grid   draw the grid of the foam as it is deformed
-    words  draw title, figures and key beside the field; without, the field fills the picture
+    grid   whether to draw the deformed grid of the foam
+    words  whether to draw title, values and key beside the field; else the field fills the picture
 
-    Raises UserError for a name that there is not.
+    Raises UserError for an unknown name.
     """
 
     mode: str = "worst-strain"
@@ -167,15 +167,15 @@ class Look:
 
     @classmethod
     def of(cls, scene: Scene) -> Look:
-        """What the scene itself asks for."""
+        """The look that the scene requests."""
         return cls(scene.output.mode, scene.output.theme)
 
     @property
     def tones(self) -> Theme:
-        """The theme's tones."""
+        """The theme's colours."""
         return THEMES[self.theme]
 
     @property
     def shown(self) -> Mode:
-        """What the colours show."""
+        """The quantity that the colours show."""
         return MODES[self.mode]

@@ -1,6 +1,6 @@
-"""What a picture can show of the foam: a figure for each cell, and the key that it is read by.
+"""Quantities that a picture can show: a value for each cell, and the colour key.
 
-A key depends on the scene alone, so that all frames of a run, and runs of one kind, have one scale.
+A key depends on the scene alone, so that all frames of a run, and similar runs, have one scale.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from taichi_foam.units import si_scale
 
 Array = NDArray[np.float64]
 
-#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6), or that of
-#: foam that locks later.
+#: Strain at the dark end of the key: the locking strain of the paper's foam (Table 6), or that of a
+#: foam with a larger one.
 KEY_STRAIN = 0.95
-#: Stress at the dark end, in plateau stresses; shear strain, in those at which foam breaks.
+#: Stress at the dark end in plateau stresses; shear strain in multiples of that at fracture.
 KEY_STRESS, KEY_SHEAR = 2.0, 2.0
 
 
 @dataclass(frozen=True)
 class Key:
-    """How the colours are read.
+    """A colour key.
 
-    words     title in one or two lines, with the unit where the ticks have none
+    words     title in one or two lines, with the unit if the ticks have none
     shades    name of the colour map
-    top       figure at the dark end [SI]
-    ticks     figures [SI] that are marked, with their text
-    bottom    figure at the other end [SI]: 0, which is light, or as much below it
+    top       value at the dark end [SI]
+    ticks     marked values [SI], with their text
+    bottom    value at the other end [SI]: 0, which is light, or -`top`
     """
 
     words: tuple[str, ...]
@@ -47,17 +47,17 @@ class Key:
     bottom: float = 0.0
 
     def share(self, value: float) -> float:
-        """How far along the key a figure lies, 0 to 1."""
+        """Relative position of a value on the key, 0 to 1."""
         return (value - self.bottom) / (self.top - self.bottom)
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A figure to colour cells by.
+    """A quantity to colour cells by.
 
-    about   what it is, for help texts
-    key     of a scene
-    values  of a snapshot: (columns, rows) [SI]
+    about   description for help texts
+    key     the colour key for a scene
+    values  its values in a snapshot: (columns, rows) [SI]
     """
 
     about: str
@@ -75,7 +75,7 @@ def _strain_key(*words: str) -> Callable[[Scene], Key]:
 
 
 def _landmarks(scene: Scene) -> list[Landmarks]:
-    """Those of the foams of a scene's block."""
+    """The landmarks of the foams in a scene's block."""
     return [foam.landmarks for foam in foams_of_bonds(scene)[0]]
 
 
@@ -84,7 +84,7 @@ def _worst(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _strain(snapshot: Snapshot, scene: Scene) -> Array:
-    """The most compressed of each node's bonds; a broken one counts as unloaded."""
+    """Strain of the most compressed bond of each node, > 0; broken bonds count as unloaded."""
     e_a, e_b = _lengthwise(snapshot, scene)
     left_a, left_b = by_foam(snapshot, scene, lambda foam, worst: foam.permanent_strain(worst))
     a = np.where(snapshot.broken_a, left_a, e_a)
@@ -96,7 +96,7 @@ def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * max(marks.plateau_stress for marks in _landmarks(scene))
     scale, prefix = si_scale(top, least=0, digits=3)
     ticks = _ticks(top, 1 / scale, open_ended=True)
-    # both sides share the room that one has elsewhere
+    # both sides share the space that a single side has elsewhere
     above = [*(tick for tick in ticks[:-1] if tick[0] < 0.6 * top), ticks[-1]]
     below = tuple((-value, f"−{text}".replace("−≥ ", "≤ −")) for value, text in above[:0:-1])
     words = ("stress, tension +", f"({prefix}Pa)")
@@ -104,8 +104,8 @@ def _stress_key(scene: Scene) -> Key:
 
 
 def _stress(snapshot: Snapshot, scene: Scene) -> Array:
-    """The principal stress of each node that is larger in size, tension positive."""
-    # here, since it loads the engine: the first picture of a live view does not wait for that
+    """The principal stress of larger magnitude of each node, tension positive."""
+    # imported here, since it loads the engine: a live view's first picture must not wait for that
     from taichi_foam.engine.stresses import cell_stresses
 
     found = cell_stresses(scene, snapshot).astype(np.float64)
@@ -126,10 +126,10 @@ def _speed(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _fastest(scene: Scene) -> float:
-    """The speed that a scene starts with [m/s]: its impactor's, or what its block has in itself."""
+    """The initial speed of a scene [m/s]: its impactor's, or one from its block's initial state."""
     impactor, block, start = scene.impactor, scene.block, scene.start
     fastest = math.hypot(block.width, block.height) * float(np.abs(start.velocity_gradient).max())
-    # a strain that is let go moves foam at that share of the speed of sound
+    # releasing a strain moves foam at that fraction of the speed of sound
     strain = float(np.abs(np.array(start.deformation_gradient) - np.eye(2)).max())
     stiffest = max(foam.youngs_modulus for foam in foams_of_bonds(scene)[0])
     lightest = min(layer.density or block.density for layer in (block, *block.layers))
@@ -147,7 +147,7 @@ def _shear_key(scene: Scene) -> Key:
 
 
 def _shear(snapshot: Snapshot, scene: Scene) -> Array:
-    """Of each node, from the mean directions of its whole bonds: F1.F2, twice E12."""
+    """Shear strain of each node, from the mean directions of its whole bonds: F1.F2, twice E12."""
     x = snapshot.position
     apart_a, apart_b = apart(snapshot, scene.block)
     a = _mean_over_whole(np.diff(x, axis=0) / scene.block.dx, ~apart_a, 0)
@@ -156,7 +156,7 @@ def _shear(snapshot: Snapshot, scene: Scene) -> Array:
 
 
 def _mean_over_whole(difference: Array, whole: NDArray[np.bool_], axis: int) -> Array:
-    """Of each node, the mean (columns, rows, 2) over its one or two bonds along `axis`."""
+    """Mean (columns, rows, 2) over the one or two whole bonds of each node along `axis`."""
     kept = np.where(whole[..., None], difference, 0.0)
     rim = [(0, 0)] * 3
     first, second = rim.copy(), rim.copy()
@@ -172,7 +172,7 @@ def _broken_key(scene: Scene) -> Key:
 
 
 def _broken(snapshot: Snapshot, scene: Scene) -> Array:
-    """How many of each node's bonds are broken."""
+    """Number of broken bonds of each node."""
     return over_bonds(np.add, snapshot.broken_a, snapshot.broken_b)
 
 
@@ -186,9 +186,9 @@ def _energy_key(scene: Scene) -> Key:
 
 
 def _energy(snapshot: Snapshot, scene: Scene) -> Array:
-    """Energy that crushing has taken [J/m3]: the plateau's stress over the permanent strain.
+    """Energy absorbed by crushing [J/m3]: plateau stress times permanent strain.
 
-    What a rate adds is left out. A node's foam holds half of each of its bonds.
+    The contribution of strain rate is left out. A node's foam contains half of each of its bonds.
     """
     a, b = by_foam(
         snapshot,
@@ -211,11 +211,11 @@ MODES: dict[str, Mode] = {
     "broken": Mode("broken bonds of each cell", _broken_key, _broken),
     "energy": Mode("energy that crushing has taken", _energy_key, _energy),
 }
-"""By the names that `output.mode` knows."""
+"""Modes by their names in `output.mode`."""
 
 
 def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
-    """Engineering strains of the bonds A and B, as they are now; 0 where there are none."""
+    """Current engineering strains of the bonds A and B; 0 where there is no bond."""
     x, (a, b) = snapshot.position, bonded(scene.block)
     along, upright = np.diff(x, axis=0), np.diff(x, axis=1)
     return (
@@ -227,9 +227,9 @@ def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
 def _ticks(
     top: float, factor: float, unit: str = "", open_ended: bool = False
 ) -> tuple[tuple[float, str], ...]:
-    """Round figures up to `top` [SI], shown as `factor` times as many; the last may mean "or more".
+    """Ticks at round numbers up to `top` [SI], shown multiplied by `factor`, and one at `top`.
 
-    Round figures make room for the last.
+    With `open_ended` the last means "or more". Round numbers near the last are left out.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -240,5 +240,5 @@ def _ticks(
 
 
 def _figure(value: float) -> str:
-    """Three digits of a figure, never with an exponent."""
+    """A number with three digits, never with an exponent."""
     return np.format_float_positional(float(f"{value:.3g}"), trim="-")

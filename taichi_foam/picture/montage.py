@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 Image8 = NDArray[np.uint8]
 
-#: Width of a montage [pixels]; text is sized to be read at half of it.
+#: Width of a montage [pixels]; text is legible at half this width.
 WIDTH = 1800
-#: Below this width the words do not fit [pixels].
+#: Below this width the text does not fit [pixels].
 NARROWEST = 640
-#: Between panels, of the text, and of the line below the panels, at that width [pixels].
+#: Gap between panels, size of the text, and height of the line below them, at that width [pixels].
 GAP, TEXT, FOOT = 14, 30, 90
-_NOTE = 0.8  # size of the note's text over that of the rest
+_NOTE = 0.8  # size of the note's text relative to the rest
 
 
 def montage(
@@ -49,21 +49,21 @@ def montage(
 
     Args:
         snapshots: the run's instants, in order of time.
-        scene: what was run.
+        scene: the run's scene.
         times: instants to show [s], each by the snapshot nearest to it; default `n` of them,
-            evenly from the first snapshot to the last.
+            evenly spaced from the first snapshot to the last.
         columns: panels in a row; default one row up to four panels, else three or four
             in a row.
         title: text above the panels; default the name of the scene.
-        note: lines of text below them; what is too long for the width is cut.
-        width: of the picture [pixels].
+        note: lines of text below them; lines longer than the width are cut.
+        width: width of the picture [pixels].
         look: mode, theme and grid; default those of the scene.
 
     Returns:
         uint8 (h, width, 3), h even.
 
     Raises:
-        UserError: no snapshots, fewer than one instant asked for, a width below NARROWEST.
+        UserError: no snapshots, fewer than one instant, or a width below NARROWEST.
     """
     check_width(width)
     chosen = choose(snapshots, times, n)
@@ -103,7 +103,7 @@ def montage(
 
 
 def check_width(width: int) -> None:
-    """Raises UserError for a montage that would be too narrow for its words [pixels]."""
+    """Raise UserError for a montage [pixels] that is too narrow for its text."""
     if width < NARROWEST:
         raise UserError(
             f"montage: width = {width} pixels; must be at least {NARROWEST}, such as {WIDTH}"
@@ -111,7 +111,7 @@ def check_width(width: int) -> None:
 
 
 def around(scene: Scene, snapshots: Sequence[Snapshot] = ()) -> Window:
-    """The part of the world that panels show: closer around the block than a film's."""
+    """The part of the world that panels show: closer around the block than in a film."""
     return window(scene, snapshots, side=0.14, above=0.42)
 
 
@@ -130,15 +130,15 @@ def strip(
     text: float,
     interval: float,
 ) -> int:
-    """Height [pixels] that panels like `box` need above the world, for times clear of all else.
+    """Height [pixels] that panels like `box` need above the world to keep the times clear.
 
-    None, where neither foam nor impactor ever comes to the corner in which a time stands.
+    0 if neither foam nor impactor ever reaches the corner in which a time is written.
     """
     view, face = fit(world, box), annotate.font(text, bold=True)
     right = 0.8 * text + max(
         face.getlength(annotate.time_text(s.time, interval)) for s in snapshots
     )
-    # the corner in the world, a cell further for those around the mass points
+    # the corner in the world, one cell larger for the cells around the mass points
     pad = np.array([scene.block.dx, scene.block.dy])
     rows = np.array([box.top + 1.4 * text, box.top])
     x = (np.array([box.left, box.left + right]) - view.x_zero) / view.scale
@@ -170,7 +170,7 @@ def panel(
 ) -> float:
     """Draw one instant with its time into `box`, in place; return its scale [pixels/m].
 
-    `interval` [s] is that of the snapshots; nothing but the time is drawn in the first `over` rows.
+    `interval` [s] is that of the snapshots; only the time is drawn in the first `over` rows.
     """
     below = Box(box.left, box.top + over, box.right, box.bottom)
     view, text, ink = fit(world, below), TEXT * unit, look.tones.ink
@@ -197,7 +197,7 @@ def foot_line(image: Image8, bottom: int, scale: float, unit: float, look: Look,
 def choose(
     snapshots: Sequence[Snapshot], times: Sequence[float] | None = None, n: int = 8
 ) -> list[Snapshot]:
-    """The snapshots nearest to `times` [s], or `n` of them spread evenly over the run."""
+    """The snapshots nearest to `times` [s], or `n` of them evenly spaced over the run."""
     if not snapshots:
         raise UserError("montage: the run has no snapshots to show")
     when = np.array([snapshot.time for snapshot in snapshots])
@@ -211,7 +211,7 @@ def choose(
 
 
 def _columns(count: int) -> int:
-    """Panels in a row: one row up to four, else three or four, whichever leaves less empty."""
+    """Panels per row: one row up to four, else three or four, whichever leaves fewer empty."""
     if count <= 4:
         return count
     return min((4, 3), key=lambda across: -count % across)

@@ -1,4 +1,4 @@
-"""What runs are called where several are shown: what tells them apart stands first."""
+"""Names of runs that are shown together: the differences come first."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
 from taichi_foam.scene.values import by_key
 from taichi_foam.units import si_scale
 
-#: A name holds so many keys at most, of values that are no longer than so many letters.
+#: Most keys in a name, and most characters of a key with its value.
 MOST_KEYS, LONGEST = 2, 40
-#: Last parts of keys that say too little alone: width of what? kind of what?
+#: Last parts of keys that are ambiguous alone: width of what? kind of what?
 _VAGUE = frozenset({"width", "height", "kind", "x", "rate", "friction"})
-#: Keys that stand for others: all that only this shape of impactor or this law of the foam has.
+#: Keys that imply others: all keys that only this impactor shape or foam law has.
 _KINDS = {"impactor.shape": Impactor, "foam.law": BondFoam}
-#: What runs of different titles need no words for: the draw of chance, and the end, which shows.
+#: Differences not named if titles differ: the random seed, and the end, which can be seen.
 _BY_THE_WAY = frozenset({"foam.strength_seed", "numerics.end"})
-#: Units that take a prefix.
+#: Units that take an SI prefix.
 _SCALED = frozenset({"Pa", "s", "m", "J", "N", "W"})
 
 
 @dataclass(frozen=True)
 class Caption:
-    """What a scene is called for people.
+    """The display name of a scene.
 
-    title  in one line
-    says   dotted keys of the scene whose values the title tells
+    title  the name, in one line
+    says   dotted keys of the scene whose values are in the title
     """
 
     title: str
@@ -39,13 +39,13 @@ class Caption:
 def names(
     scenes: Sequence[Scene], folders: Sequence[str], captions: Sequence[Caption] | None = None
 ) -> list[tuple[str, str]]:
-    """For each scene a name that tells it apart, and what may follow where there is room.
+    """For each scene a distinct name, and text that may follow it if there is room.
 
-    Scenes of one title are called by what differs, or by `folders`, and their title follows.
-    A title that is the only one of its kind is a name; what else differs follows.
+    Scenes with equal titles are named by their differences, or by `folders`, and the title follows.
+    A unique title is used as the name, and the other differences follow.
 
     Args:
-        captions: what the scenes are called; default their names.
+        captions: titles of the scenes; default their names.
     """
     if not scenes:
         return []
@@ -60,7 +60,7 @@ def names(
     for k, title in enumerate(titles):
         alike = [place for place, other in enumerate(titles) if other == title]
         if len(alike) == 1:
-            # a name that somebody chose speaks for itself; other titles say a few keys only
+            # a user's own name needs no addition; other titles give only a few keys
             rest = "" if title == scenes[k].name else folders[k]
             found.append((title, beyond[k] if beyond else rest))
             continue
@@ -72,9 +72,9 @@ def names(
 
 
 def told_apart(scenes: Sequence[Scene]) -> tuple[str, ...] | None:
-    """What tells scenes of one title apart, in a few words each; None if it takes too many.
+    """The differences of scenes with equal titles, in a few words each; None if there are too many.
 
-    Names of `CHOICE_SETS`, and up to two keys with their values; `output` does not count.
+    Names of `CHOICE_SETS`, and up to two keys with their values; `output` is ignored.
     """
     words = _differences(scenes)
     return words if words and len(set(words)) == len(words) else None
@@ -83,7 +83,7 @@ def told_apart(scenes: Sequence[Scene]) -> tuple[str, ...] | None:
 def _differences(
     scenes: Sequence[Scene], said: frozenset[str] = frozenset()
 ) -> tuple[str, ...] | None:
-    """All that differs but keys `said` otherwise, in words for each; None for more than a few."""
+    """All differences except the keys in `said`, in words for each scene; None if too many."""
     aside = {"name", "output", "assumed", "reference"}
     flat = [by_key(scene.model_dump(exclude=aside)) for scene in scenes]
     every = dict.fromkeys(key for one in flat for key in one)
@@ -95,7 +95,7 @@ def _differences(
             keys = [key for key in keys if key in common or not key.startswith(f"{part}.")]
     if not any(one.get("foam.strength_scatter") for one in flat):
         said |= {"foam.strength_seed"}
-    # what nobody gave follows from what somebody did
+    # computed values follow from given ones
     follow = frozenset.intersection(*(scene.block.computed for scene in scenes))
     said |= {f"block.{field}" for field in follow}
     keys = [key for key in keys if key not in {*said, "foam.source"}]
@@ -121,7 +121,7 @@ def _choice_set(flat: dict[str, Any]) -> str | None:
 
 
 def _phrase(scene: Scene, key: str, value: Any) -> str:
-    """A key with its value, the key without its table where it is clear without."""
+    """A key with its value; the key's table is left out if the key is clear without it."""
     if key == "impactor.shape" and value is not None:
         return str(value)
     last = key.rpartition(".")[2]
@@ -129,7 +129,7 @@ def _phrase(scene: Scene, key: str, value: Any) -> str:
 
 
 def _shown(value: Any, unit: str) -> str:
-    """A value with its unit; very large and very small figures have the unit's prefix."""
+    """A value with its unit; very large and very small numbers get an SI prefix."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if value is None or isinstance(value, str):
@@ -144,7 +144,7 @@ def _shown(value: Any, unit: str) -> str:
 
 
 def _unit(scene: Scene, key: str) -> str:
-    """The unit of a scene's key; empty without one."""
+    """The unit of a scene's key; empty if it has none."""
     owner: Any = scene
     *heads, last = key.split(".")
     for head in heads:

@@ -10,15 +10,15 @@ from taichi_foam.engine import runtime
 from taichi_foam.picture.look import THEMES, Theme, packed_one
 from taichi_foam.picture.view import View
 
-#: Samples along each side of a pixel; `_average` writes the four out.
+#: Samples along each side of a pixel; `_average` lists the four explicitly.
 FINE = 2
-#: Horizontal bands for each thread, which it draws on its own: two share the work more evenly.
+#: Horizontal bands per thread, each drawn by one thread: two distribute the work more evenly.
 BANDS = 2
-#: Columns of what a quadrilateral is painted with.
+#: Columns of `inks`, which say how a quadrilateral is painted.
 FILL, EDGE, CRACK, SIDES, STROKES = range(5)
-#: Strokes of grid lines and of layers stand this many bits above those of crack lines.
+#: The bits for strokes of grid lines and layers are shifted by this much from those of crack lines.
 GRID_BITS, LAYER_BITS = 4, 8
-#: Width of a stroke of a grid line in samples: thin, and the same wherever it falls.
+#: Width of a grid line's stroke in samples: thin, and equally strong at any position.
 GRID_STROKE = 2.02
 #: Taichi gives each CPU thread at least this many iterations of a parallel loop.
 STRIDE = 512
@@ -44,22 +44,22 @@ def paint(
         image: uint8 (h, w, 3).
         view: world to pixels; nothing is drawn outside its box.
         shapes: quadrilaterals (n, 4, 2) [m]: lower left, lower right, upper right, upper left.
-        inks: what each is painted with (n, 5), by the columns
+        inks: how each is painted (n, 5), by the columns
 
-            FILL, EDGE, CRACK  colour, that of its grid line and of its crack lines, 0xRRGGBB
+            FILL, EDGE, CRACK  colours of the cell, its grid line and its crack lines, 0xRRGGBB
             SIDES              sides that get a crack line inside the cell (`LEFT` and so on)
-            STROKES            sides that get a line across the edge, over all cells, however small
-                               the cell is: bits as in SIDES for crack lines, shifted by GRID_BITS
-                               for grid lines, by LAYER_BITS for faces between layers
-        order: indices in the order of painting, later ones on top, (n,).
-        grid_line, crack_line: their widths [pixels], half of a grid line on either cell; without
-            a width cells have no grid line of their own.
-        shape: outline (m, 2) [m], convex or not, on top of all; m may be 0.
+            STROKES            sides that get a line centred on the edge, on top of all cells, for
+                               cells of any size: bits as in SIDES for crack lines, shifted by
+                               GRID_BITS for grid lines, by LAYER_BITS for faces between layers
+        order: indices in painting order, later ones on top, (n,).
+        grid_line, crack_line: widths [pixels]; half of a grid line lies on either cell. With a
+            width of 0 cells have no grid lines inside them.
+        shape: outline (m, 2) [m], convex or not, on top of everything; m may be 0.
         shape_line: width of the line inside its edge [pixels].
-        theme: tones of the outline.
-        threads: CPU threads to draw on; default all that Taichi was started with.
+        theme: colours of the outline.
+        threads: CPU threads to draw with; default all that Taichi was started with.
     """
-    runtime.start()  # one that already works on another architecture draws just as well
+    runtime.start()  # a runtime on another architecture also works
     height, width = image.shape[:2]
     box = view.box
     outline = np.zeros((2, 1, 2))  # an array without elements cannot be passed
@@ -86,16 +86,16 @@ def paint(
 
 @lru_cache(maxsize=2)
 def _scratch(height: int, width: int) -> NDArray[np.int64]:
-    """The samples, kept between frames: asking for fresh memory costs as much as filling it.
+    """The samples, kept between frames: allocating new memory costs as much as filling it.
 
-    The two of a row that lie in one pixel are the halves of one number, the first the lower half:
-    most of the work is storing samples, and so they are stored two at a time.
+    The two samples of a row in one pixel are the halves of one number, the first the lower half:
+    most of the work is storing samples, so they are stored two at a time.
     """
     return np.empty((FINE * height, width), dtype=np.int64)
 
 
 def _bands(height: int, threads: int | None) -> list[int]:
-    """How many bands to cut the picture into, and the loop iterations per band."""
+    """Number of bands that the picture is cut into, and loop iterations per band."""
     settings = runtime.settings()
     if settings["arch"] == "cpu":
         # a single band stays on a single thread
@@ -118,14 +118,14 @@ def _inset(outline: NDArray[np.float64], by: float) -> NDArray[np.float64]:
     area -= np.sum(outline[:, 1] * np.roll(outline[:, 0], -1))
     normal = np.sign(area) * np.column_stack([-ahead[:, 1], ahead[:, 0]])
     before = np.roll(normal, 1, axis=0)
-    # The corner of two shifted edges; a sharp corner would be thrown far, so it is held back.
+    # The corner of two shifted edges; a sharp corner would move far, so the shift is limited.
     corner = (normal + before) / np.maximum(1 + np.sum(normal * before, axis=1), 0.1)[:, None]
     return outline + by * corner
 
 
 @ti.func
 def _sample(edge: ti.f64) -> ti.i32:
-    """First sample whose middle is at or beyond `edge`."""
+    """First sample whose centre is at or beyond `edge`."""
     return ti.cast(ti.ceil(ti.min(ti.max(edge, -1e6), 1e6) - 0.5), ti.i32)
 
 
@@ -158,7 +158,7 @@ def _fill_row(samples: ti.template(), row: int, start: float, end: float, clip, 
 @ti.func
 def _fill_quad(samples: ti.template(), x, y, clip, colour: int):
     """Fill a convex quadrilateral with corners x, y (4-vectors) in samples, within `clip`."""
-    # Each edge from its upper end: rows meet it at the same number for both cells that share it.
+    # Each edge from its upper end: both cells that share it get the same crossing in each row.
     start_x, start_y, slope = ti.Vector([0.0] * 4), ti.Vector([0.0] * 4), ti.Vector([0.0] * 4)
     for k in ti.static(range(4)):
         n = ti.static((k + 1) % 4)
@@ -192,7 +192,7 @@ def _fill_outline(
         level = row + 0.5
         before, last, inside = -1e9, -1, False
         for _ in range(n):
-            start, edge = 1e9, -1  # the next crossing: further right, or as far by a later edge
+            start, edge = 1e9, -1  # the next crossing: further right, or equal with a later edge
             for k in range(n):
                 m = (k + 1) % n
                 if (points[which, k, 1] <= level) != (points[which, m, 1] <= level):
@@ -211,7 +211,7 @@ def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, cra
     """One cell: grid line and colour, then a crack line inside each open side.
 
     Lines are strips in the cell's own coordinates, each a bounded share of its width or height:
-    they close up with a cell that is crushed flat and leave its colour to be seen.
+    they get thinner as a cell is crushed flat, and leave its colour visible.
     """
     across, upright, width, height = 0.0, 0.0, 1.0, 1.0
     first, last = 1, 2
@@ -257,9 +257,9 @@ def _paint_cell(samples: ti.template(), x, y, clip, fill, edge, sides, grid, cra
 
 @ti.func
 def _stroke(samples: ti.template(), x, y, side, width, clip, colour: int):
-    """A line of `width` samples along one side of a cell, half of it on either side of the edge.
+    """A line of `width` samples along one side of a cell, centred on the edge.
 
-    It reaches half its width beyond both ends, so that sides shorter than a sample join up.
+    It extends half its width beyond both ends, so that sides shorter than a sample join up.
     """
     start_x, start_y, end_x, end_y = x[0], y[0], x[3], y[3]
     for n in ti.static(range(1, 4)):
@@ -289,7 +289,7 @@ def _corners(shapes: ti.template(), p, place):
 
 @ti.func
 def _average(image: ti.template(), samples: ti.template(), row, column):
-    """The mean of a pixel's samples, those that are clear being the picture below."""
+    """The mean of a pixel's samples, with the picture below for empty samples."""
     above, under = samples[FINE * row, column], samples[FINE * row + 1, column]
     c0, c1 = ti.cast(above, ti.i32), ti.cast(above >> 32, ti.i32)
     c2, c3 = ti.cast(under, ti.i32), ti.cast(under >> 32, ti.i32)
@@ -343,7 +343,7 @@ def _paint(
             for row in range(clip[1], clip[3]):
                 for column in range(clip[0] // FINE, clip[2] // FINE):
                     samples[row, column] = -1
-            # what is touched, in samples: only that is averaged, half of a usual frame
+            # the painted range, in samples: only this is averaged, half of a typical frame
             low, high = ti.Vector([1e9, 1e9]), ti.Vector([-1e9, -1e9])
             for s in range(shapes.shape[0]):
                 p = order[s]

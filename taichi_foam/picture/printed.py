@@ -1,7 +1,7 @@
-"""Figures for print, as vectors at the width of a journal's column: a montage, and a run's curves.
+"""Vector figures for print, as wide as a journal's column: a montage, and a run's curves.
 
 Text is 7 to 8 points high and lines are 0.6 to 1 point wide on the page. `style.save` writes a
-figure with `look=style.PRINT`, as PDF with its fonts inside, or as SVG.
+figure with `look=style.PRINT`, as PDF with embedded fonts, or as SVG.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 #: Widths of a journal's columns [mm].
 COLUMNS: Mapping[str, float] = {"single": 84.0, "double": 174.0}
-#: With more cells than this in a figure they are an image inside the vector file.
+#: If a figure has more cells than this, they are drawn as an image inside the vector file.
 MOST_VECTORS = 10_000
 
 _INCH = 25.4  # mm
@@ -49,9 +49,9 @@ _GAP = 1.5  # between panels [mm]
 _RIM = 0.2  # around them all, for the outer half of their frames [mm]
 _FOOT = 8.5  # below them, for scale bar and key [mm]
 _LINE = 0.6  # points
-#: Neighbours of one colour would show a bright seam between them without a stroke [points].
+#: Stroke without which neighbours of one colour would show a bright seam between them [points].
 _SEAM = 0.2
-#: Cells at least this large have a grid line for a stroke [points], of this strength.
+#: Cells at least this large [points] have a grid line as their stroke, of this strength.
 _GRID_CELL, _GRID_STRENGTH = 1.5, 0.5
 #: Pairs of corners of a cell that are its sides.
 _SIDES = (
@@ -74,10 +74,10 @@ def montage(
 
     Args:
         snapshots: the run's instants, in order of time.
-        scene: what was run.
-        mode: what the colours show, key of `modes.MODES`; default that of the scene.
+        scene: the run's scene.
+        mode: quantity that the colours show, key of `modes.MODES`; default that of the scene.
         column: key of COLUMNS.
-        n: how many instants, evenly from the first snapshot to the last.
+        n: number of instants, evenly spaced from the first snapshot to the last.
 
     Raises:
         UserError: unknown column or mode, no snapshots.
@@ -90,9 +90,9 @@ def montage(
     world = around(scene, snapshots)
     wide = (width - 2 * _RIM - _GAP * (across - 1)) / across
     tall = wide * (world.y_max - world.y_min) / (world.x_max - world.x_min)
-    # as in the montage on screens: neither slivers nor towers
+    # as in the montage for screens: panels neither too flat nor too tall
     tall = float(np.clip(tall, 6.0, 1.5 * wide))
-    # a time stands above the block, where impactors come from
+    # the time is written above the block, where the impactor starts
     tall += 0.0 if scene.impactor is not None else 3.5
     height = _RIM + down * (tall + _GAP) + _FOOT
     dense = len(chosen) * scene.block.columns * scene.block.rows > MOST_VECTORS
@@ -118,12 +118,12 @@ def montage(
 def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single") -> Figure:
     """Deceleration, velocity, displacement and energies of a run over time.
 
-    The deceleration has a second axis in g; of a crosshead the contact force is in its place.
+    The deceleration has a second axis in g; for a crosshead it is replaced by the contact force.
 
     Args:
         history: columns of `records.history.COLUMNS`.
-        scene: what was run; without an impactor there are only the energies.
-        column: key of COLUMNS; in a double one the panels stand two by two.
+        scene: the run's scene; without an impactor only the energies are shown.
+        column: key of COLUMNS; in a double column the panels are arranged two by two.
 
     Raises:
         UserError: unknown column, a history without rows or energy.
@@ -150,7 +150,7 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
             values = factor * history[quantity.name]
             axis.plot(time, values, color=BLUE)
             axis.set_ylabel(label)
-            # smoothing rings a little where a deceleration sets in
+            # the filter rings a little at the onset of a deceleration
             if np.nanmin(values) < -0.01 * np.nanmax(values):
                 axis.axhline(0, color=INK, linewidth=_LINE)
             else:
@@ -186,21 +186,21 @@ def _to_g(value: Array) -> Array:
 
 
 def column_width(column: str) -> float:
-    """The width of a column [mm]. Raises UserError for one that there is not."""
+    """The width of a column [mm]. Raises UserError for an unknown column."""
     if column not in COLUMNS:
         raise UserError(f"column = {column!r}: must be one of {', '.join(COLUMNS)}")
     return COLUMNS[column]
 
 
 def _blank(width: float, height: float) -> Figure:
-    """An empty figure [mm]; its parts are placed by hand unless it gets a layout."""
+    """An empty figure [mm]; its parts are placed explicitly unless it gets a layout."""
     figure = Figure(figsize=(width / _INCH, height / _INCH))
     FigureCanvasAgg(figure)
     return figure
 
 
 def _axes(figure: Figure, left: float, bottom: float, wide: float, tall: float) -> Axes:
-    """Axes without ticks at a place from the figure's lower left corner [mm]."""
+    """Axes without ticks, positioned from the figure's lower left corner [mm]."""
     width, height = _INCH * figure.get_size_inches()
     axis = figure.add_axes((left / width, bottom / height, wide / width, tall / height))
     axis.set(xticks=[], yticks=[])
@@ -209,7 +209,7 @@ def _axes(figure: Figure, left: float, bottom: float, wide: float, tall: float) 
 
 
 def _show(axis: Axes, world: Window, wide: float, tall: float) -> float:
-    """Set the limits so that `world` fills a panel [mm] down to its foot; return mm per m."""
+    """Set the limits so that `world` fills a panel [mm] down to its bottom; return mm per m."""
     scale = min(wide / (world.x_max - world.x_min), tall / (world.y_max - world.y_min))
     middle, half = (world.x_min + world.x_max) / 2, wide / (2 * scale)
     axis.set_xlim(middle - half, middle + half)
@@ -222,7 +222,7 @@ def _show(axis: Axes, world: Window, wide: float, tall: float) -> float:
 def _draw(
     axis: Axes, snapshot: Snapshot, scene: Scene, look: Look, scale: float, dense: bool
 ) -> None:
-    """Cells in their colours, lines along open sides, support and impactor; `scale` in mm per m."""
+    """Draw coloured cells, lines along open sides, support and impactor; `scale` in mm per m."""
     block, key, tones = scene.block, look.shown.key(scene), look.tones
     there, shown = filling(block).there, Shown.of(snapshot, scene, look, key)
     shapes, sides, level = shown.shapes[there], shown.sides[there], shown.level[there]
@@ -255,7 +255,7 @@ def _draw(
             autolim=False,
         )  # fmt: skip
     if dense:
-        # a loose cell shows as a speck of its colour: lines around it would hide that
+        # a loose cell appears as a speck of its colour, which lines around it would hide
         sides = np.where(sides == cell_shapes.ALL_SIDES, 0, sides)
     lines = [shapes[(sides & bit) > 0][:, (start, end)] for bit, start, end in _SIDES]
     axis.add_collection(
@@ -279,7 +279,7 @@ def _tone(colour: Rgb) -> tuple[float, float, float]:
 
 
 def _scale_bar(figure: Figure, scale: float, longest: float) -> None:
-    """A bar of a round length, at most `longest` mm, at the lower left."""
+    """Draw a bar of a round length, at most `longest` mm, at the lower left."""
     length = annotate.round_length(longest / scale)
     axis = _axes(figure, 0.5, 0.0, longest + 10, _FOOT)
     axis.set(xlim=(0, longest + 10), ylim=(0, _FOOT))
@@ -291,7 +291,7 @@ def _scale_bar(figure: Figure, scale: float, longest: float) -> None:
 
 
 def _with_room(key: Key, wide: float) -> list[tuple[float, str]]:
-    """The ticks of a key `wide` mm wide that stand clear of the next one kept; the last stays."""
+    """The ticks of a key `wide` mm wide that do not overlap the next one kept; the last stays."""
     kept: list[tuple[float, str]] = []
     reach = math.inf
     for value, text in reversed(key.ticks):
@@ -303,17 +303,17 @@ def _with_room(key: Key, wide: float) -> list[tuple[float, str]]:
 
 
 def _width(text: str) -> float:
-    """Of a tick's text on the page [mm]; a letter's shape does not depend on its size."""
+    """Width of a tick's text on the page [mm]; the shape of letters does not depend on size."""
     return annotate.font(100).getlength(text) / 100 * PRINT["font.size"] * _INCH / 72
 
 
 def _key(figure: Figure, key: Key, width: float) -> None:
-    """The key's bar at the lower right, with its ticks below and its title on the left."""
+    """Draw the key's bar at the lower right, with its ticks below and its title on the left."""
     wide, tall, right = 0.46 * width, 2.2, 5.5
     axis = _axes(figure, width - right - wide, _FOOT - 1.2 - tall, wide, tall)
     tones = shades(key.shades) / 255
     edges = np.linspace(key.bottom, key.top, len(tones) + 1)
-    # each reaches to the end, under those that follow, so that there are no seams
+    # each bar extends to the end, under the following ones, so that there are no seams
     bars = [[(start, 0), (key.top, 0), (key.top, 1), (start, 1)] for start in edges[:-1]]
     axis.add_collection(PolyCollection(bars, facecolors=tones, edgecolors="none"), autolim=False)
     axis.set(xlim=(key.bottom, key.top), ylim=(0, 1))

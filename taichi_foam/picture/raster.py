@@ -1,8 +1,8 @@
-"""The one renderer: a snapshot of a lattice becomes an RGB picture.
+"""The renderer: draws a snapshot of a lattice as an RGB picture.
 
-Cells are deformed quadrilaterals in the colour of what is shown of them, with the grid of the
-foam as it is deformed and a dark line along the sides that face a crack or the outside. Nothing
-here needs a display or a graphics device.
+Cells are deformed quadrilaterals, coloured by the quantity shown, with the deformed grid of the
+foam and a dark line along sides that face a crack or the outside. No display or graphics device
+is needed.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 Image8 = NDArray[np.uint8]
 Ints = NDArray[np.int32]
 
-#: Widths of grid and crack lines on a picture of 720 rows [pixels].
+#: Widths of grid and crack lines in a picture with 720 rows [pixels].
 GRID_LINE, CRACK_LINE = 1.0, 1.5
-#: Smaller cells [pixels] have strokes for lines: those inside a cell would be thinner than samples.
+#: Smaller cells [pixels] have strokes as lines: lines inside a cell would be thinner than samples.
 SMALL_CELL = 5.0
 #: Below this size each cell's grid line gets fainter [pixels].
 GRID_FULL, GRID_NONE = 9.0, 3.0
-#: Small cells have the grid of so many of them together that its lines lie this far apart [pixels].
+#: Small cells share a coarser grid, with lines at least this far apart [pixels].
 GRID_APART = 16.0
 SMALLEST = (64, 64)
-#: Below this size there is no room for words beside the field.
+#: Below this size there is no room for text beside the field.
 SMALLEST_WITH_TEXT = (512, 288)
 
 
@@ -66,17 +66,18 @@ def frame(
 
     Args:
         snapshot: the instant.
-        scene: what was run; block, impactor and start fix the window over a whole run.
+        scene: the run's scene; block, impactor and start determine the window for the whole run.
         size: width and height [pixels].
         look: mode, theme and grid; default those of the scene.
         title: text above the picture; default the name of the scene.
         note: a few words at the right of the title.
-        displacement: of the impactor from its start, downwards [m]; default from the snapshot.
+        displacement: downward displacement of the impactor from its start [m]; default from the
+            snapshot.
         world: the part of the world to show; default `view.window(scene)`.
-        curve: the deceleration until now, drawn into the field's upper left corner.
-        threads: CPU threads to draw on; default all. A live view leaves the others to the run.
+        curve: the deceleration so far, drawn into the field's upper left corner.
+        threads: CPU threads to draw with; default all. A live view leaves the others to the run.
 
-        shown: what `Shown.of` gives, where an instant is drawn at several sizes.
+        shown: result of `Shown.of`, if an instant is drawn at several sizes.
 
     Returns:
         uint8 (height, width, 3). Below 512 x 288 pixels there is no text.
@@ -112,33 +113,33 @@ def frame(
 
 
 def support_of(scene: Scene) -> Corners | None:
-    """Corners [m] of the support that is drawn in place of the floor; None: it is the floor."""
+    """Corners [m] of the support that is drawn instead of the floor; None: draw the floor."""
     outline = scene.support.outline_under(scene.block)
     return None if outline is None else tuple((x, y) for x, y in outline.tolist())
 
 
 def check_size(size: tuple[int, int]) -> None:
-    """Raises UserError for a picture that would be too small to show anything [pixels]."""
+    """Raise UserError for a picture [pixels] that is too small to show anything."""
     width, height = size
     if width < SMALLEST[0] or height < SMALLEST[1]:
         raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
 
 
 def sunk(snapshot: Snapshot, scene: Scene) -> float:
-    """Displacement of the impactor from its start, downwards [m]; NaN without one."""
+    """Downward displacement of the impactor from its start [m]; NaN without an impactor."""
     if scene.impactor is None:
         return math.nan
     return scene.contact_height + scene.impactor.gap - snapshot.impactor_y
 
 
 def depth_text(displacement: float) -> str:
-    """A displacement [m] as pictures show it."""
+    """A displacement [m], formatted for pictures."""
     # Adding 0 turns -0.00 into 0.00.
     return f"{round(1e2 * displacement, 2) + 0.0:.2f} cm"
 
 
 class Layout:
-    """Where the parts of a frame lie [pixels]; with `words`, if they have room."""
+    """Positions of the parts of a frame [pixels]; text only with `words`, and if there is room."""
 
     def __init__(self, size: tuple[int, int], words: bool = True) -> None:
         width, height = self.size = (int(size[0]), int(size[1]))
@@ -175,7 +176,7 @@ def _page(
     falls: bool,
     support: Corners | None,
 ) -> tuple[Image8, View]:
-    """All of a frame that does not change over a run, read-only, and the view of its field."""
+    """The constant parts of a run's frames, read-only, and the view of the field."""
     layout, tones = Layout(size, look.words), look.tones
     unit = layout.unit
     image = annotate.blank(*size, tones.page)
@@ -198,11 +199,11 @@ def _page(
 
 @dataclass(frozen=True)
 class Shown:
-    """What is seen of an instant in any place and at any size.
+    """The data of an instant to draw at any position and size.
 
-    shapes, sides  of cells, as `cell_shapes.shapes_of` gives them
-    level          place of each cell's figure in the key's colours (columns, rows), 0 to 255
-    impactor       its outline (m, 2) [m]; None: there is none
+    shapes, sides  of cells, as returned by `cell_shapes.shapes_of`
+    level          index of each cell's colour in the key's map (columns, rows), 0 to 255
+    impactor       outline of the impactor (m, 2) [m]; None: there is none
     """
 
     shapes: NDArray[np.float64]
@@ -214,7 +215,7 @@ class Shown:
     def of(
         cls, snapshot: Snapshot, scene: Scene, look: Look | None = None, key: Key | None = None
     ) -> Shown:
-        """Of a snapshot; `look` and `key` by default those of the scene."""
+        """The data of a snapshot; `look` and `key` default to those of the scene."""
         look = look or Look.of(scene)
         key = key or look.shown.key(scene)
         shapes, sides = cell_shapes.shapes_of(snapshot, scene.block)
@@ -236,7 +237,7 @@ def draw(
     """Draw cells and impactor over `image` (h, w, 3) within the view's box, in place.
 
     `unit` is the width of a thin line in pixels; each pixel is the mean of 2 x 2 samples. `key`
-    gives the colours; default that of the scene. `shown` as for `frame`.
+    defines the colours; default that of the scene. `shown` as for `frame`.
     """
     look = look or Look.of(scene)
     block = scene.block
@@ -249,12 +250,12 @@ def draw(
     small = smallest < SMALL_CELL
     if small:
         strength = 1.0
-        # a loose cell shows as a speck of its colour: lines around it would hide that
+        # a loose cell appears as a speck of its colour, which lines around it would hide
         strokes = np.where(sides == cell_shapes.ALL_SIDES, 0, sides)
         sides = np.zeros_like(sides)
         if look.grid:
             strokes |= _coarse_grid(*level.shape, GRID_APART / smallest) << GRID_BITS
-    # a line inside a cell narrows where two sides of it lie on one line
+    # a line inside a cell gets thinner where two sides of the cell are collinear
     rim = along_outline(block)
     strokes[rim] |= sides[rim]
     sides[rim] = 0
@@ -284,19 +285,18 @@ def draw(
 
 
 def _even(width: float) -> float:
-    """A line width [pixels] of whole samples: such a line is equally strong wherever it falls.
+    """A line width [pixels] of a whole number of samples: equally strong at any position.
 
-    The trifle above that settles the case in which both edges fall on samples.
+    The small excess resolves the case in which both edges fall on samples.
     """
     return (max(1, round(FINE * width)) + 0.02) / FINE
 
 
 @lru_cache(maxsize=8)
 def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
-    """Which sides lie on a grid of every so many cells, at least `apart` of them, (columns, rows).
+    """Sides of cells on a coarse grid with a spacing of at least `apart` cells, (columns, rows).
 
-    Counted from the middle and drawn by the outer cell: the same from left and right where the
-    number of columns is even.
+    Counted from the middle and drawn by the outer cell: symmetric if the number of columns is even.
     """
     steps = (step * 10**power for power in range(7) for step in (1, 2, 5))
     stride = next(step for step in steps if step >= apart)
@@ -311,7 +311,7 @@ def _coarse_grid(columns: int, rows: int, apart: float) -> Ints:
 
 
 def _order(block: Block) -> tuple[slice | NDArray[np.intp], Ints]:
-    """Which cells hold foam, of all in a row, and the painter's order among these."""
+    """Selection of the cells with foam, from all cells flattened, and their painting order."""
     order = _outside_in(block.columns, block.rows)
     if block.is_rectangle:
         return slice(None), order
@@ -321,7 +321,7 @@ def _order(block: Block) -> tuple[slice | NDArray[np.intp], Ints]:
 
 @lru_cache(maxsize=8)
 def _outside_in(columns: int, rows: int) -> Ints:
-    """Painter's order by columns from both ends to the middle: the same from left and right."""
+    """Painting order by columns from both ends to the middle, so that pictures are symmetric."""
     column = np.argsort(-np.abs(2 * np.arange(columns) - (columns - 1)), kind="stable")
     order = (column[:, None] * rows + np.arange(rows)).astype(np.int32).ravel()
     order.setflags(write=False)

@@ -1,4 +1,4 @@
-"""The look that all figures share, labels beside their curves, and how figures are saved."""
+"""The common style of all figures, labels beside curves, and saving of figures."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ STYLE: Any = {
     "grid.linewidth": 0.8,
     "lines.linewidth": 2.0,
     "svg.fonttype": "path",
-    "pdf.fonttype": 42,  # TrueType: text stays text, and publishers take it
+    "pdf.fonttype": 42,  # TrueType: text stays text, and publishers accept it
     "svg.hashsalt": "taichi-foam",  # the same figure gives the same file
     "figure.dpi": 100,
 }
 
-#: The look of figures for print, at their size on the page: text of 7 to 8 points.
+#: The style of figures for print, at their size on the page: text of 7 to 8 points.
 PRINT: Any = {
     **STYLE,
     "font.size": 7,
@@ -63,32 +63,32 @@ PRINT: Any = {
     "ytick.major.pad": 2.0,
 }
 
-#: What a format's file says of when it was written: nothing, so that it is the same each time.
+#: Metadata that removes the date from each format, so that files are reproducible.
 _DATELESS = {".png": None, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-#: Of PNGs, and of what is an image inside a vector file.
+#: Resolution of PNGs, and of images inside vector files.
 _SCREEN_DPI, _PRINT_DPI = 120, 600
 
-#: What keeps a label apart from the lines under it.
+#: Halo that separates a label from the lines under it.
 HALO = [withStroke(linewidth=3, foreground="white")]
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": "linecolor"}
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure [inches] that makes room for what is written on it."""
+    """An empty figure [inches] with an automatic layout."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STYLE) -> list[Path]:
-    """Write the figure as PNG, SVG or PDF, by the path's ending; return the paths.
+    """Write the figure as PNG, SVG or PDF, by the path's extension; return the paths.
 
     Args:
-        svg: write an SVG beside the PNG, too.
+        svg: also write an SVG beside the PNG.
         look: the settings that the figure was made with, `STYLE` or `PRINT`.
 
     Raises:
-        UserError: another ending, or a file that cannot be written.
+        UserError: another extension, or a file that cannot be written.
     """
     first = Path(path)
     if first.suffix.lower() not in _DATELESS:
@@ -111,7 +111,7 @@ def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STY
 
 
 def spread(wanted: Sequence[float], apart: float) -> list[float]:
-    """Positions as near as possible to `wanted` (any order), at least `apart` from one another."""
+    """Positions as near as possible to `wanted` (any order), at least `apart` from each other."""
     from scipy.optimize import isotonic_regression
 
     order = np.argsort(wanted, kind="stable")
@@ -131,7 +131,7 @@ def beside(
     vertical: str,
     horizontal: str = "left",
 ) -> None:
-    """A label in the colour of its curve, `offset` points from (x, y), on a white halo."""
+    """Write a label in the colour of its curve, `offset` points from (x, y), on a white halo."""
     axis.annotate(
         text,
         (x, y),

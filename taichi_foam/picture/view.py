@@ -1,4 +1,4 @@
-"""Where things lie on a picture: the part of the world that is shown, and its scale."""
+"""Coordinates of a picture: the part of the world that is shown, and its scale."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from taichi_foam.scene import Scene
 
 _AROUND = 1.05
-"""A body that is shown whole has this share of its size to the picture's edge."""
+"""Size of the region shown around a body that is shown whole, relative to the body's size."""
 
 _FURTHEST = 2.0
-"""A body that flies off is followed so many times its own size away from the block."""
+"""A body that flies off is followed up to this many times its size away from the block."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ def window(
 ) -> Window:
     """The window of a run, the same for all of its frames.
 
-    Holds the block as it starts, `side` of its width on each side, a strip of floor, or of a
-    support with an outline as much as reaches half of the block's height down, and `above` of its
-    height for the impactor (a seventh of it where there is no impactor). An impactor that is tilted
-    or turns is held whole, as it starts and at each of `snapshots`.
+    Contains the block in its initial state, a margin of `side` times its width on each side, a
+    strip of floor (or the part of a support with an outline down to half the block's height), and
+    `above` times its height for the impactor (a seventh of that without an impactor). A tilted or
+    rotating impactor is contained whole, at its start and in each of `snapshots`.
     """
     block, impactor = scene.block, scene.impactor
     base = np.array([0.0, block.foot])
@@ -78,7 +78,7 @@ def window(
     (x_min, y_min), (x_max, y_max) = start.min(axis=0), start.max(axis=0)
     margin = side * (x_max - x_min)
     if impactor is not None:
-        # A platen is shown to its ends, a much wider one is cut.
+        # A platen is shown up to its ends; a much wider one is cut.
         ends = impactor.x + _AROUND * impactor.outline()[:, 0]
         span = x_max - x_min
         x_min, x_max = (
@@ -104,9 +104,9 @@ def window(
 def _with_whole(
     shown: Window, impactor: Impactor, scene: Scene, snapshots: Sequence[Snapshot]
 ) -> Window:
-    """A window that also holds a body, as it starts and at all instants.
+    """A window that also contains a body, at its start and at all instants.
 
-    Of one that turns wherever it turns to; but for a gap, and on flights, of more than its size.
+    A rotating body is contained at any angle. Gaps and flights are limited by the body's size.
     """
     size = 2 * impactor.reach
     start = impactor.outline_at(scene.contact_height + min(impactor.gap, size))
@@ -118,7 +118,7 @@ def _with_whole(
     left, low = np.concatenate(points).min(axis=0)
     right, high = np.concatenate(points).max(axis=0)
     room, most = (_AROUND - 1) * size, _FURTHEST * size
-    if not snapshots:  # how far down it will turn nobody knows
+    if not snapshots:  # it is unknown how far down it will turn
         low = shown.y_min + room
     return Window(
         float(max(min(shown.x_min, left - room), shown.x_min - most)),
@@ -129,7 +129,7 @@ def _with_whole(
 
 
 def fit(world: Window, box: Box) -> View:
-    """Show all of `world` in `box` as large as it goes, centred, and at the foot of the box."""
+    """Show all of `world` in `box`, as large as possible, centred, at the bottom of the box."""
     scale = min(box.width / (world.x_max - world.x_min), box.height / (world.y_max - world.y_min))
     x_middle = (world.x_min + world.x_max) / 2
     return View(

@@ -1,1 +1,1 @@
-"""What a run records: instants of the lattice, the history, and both together."""
+"""Data recorded by a run: instants of the lattice, the history, and both together."""

@@ -1,4 +1,4 @@
-"""What a run leaves of its block: what the next impact on it starts with."""
+"""The block as a run has left it: the initial state of the next impact on it."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from taichi_foam.scene import Block
 
 Array = NDArray[np.float64]
 
-# What an array has a place for each of, as how many columns and rows it has less than mass points.
+# Where the entries of an array live, as (columns, rows) fewer than those of the mass points.
 NODES, BONDS_A, BONDS_B, CELLS = (0, 0), (1, 0), (0, 1), (1, 1)
 
 
 @dataclass(frozen=True)
 class Per:
-    """Declares an array of a block by its annotation.
+    """Annotation that declares the shape of an array of a block.
 
-    places   what it has a place for each of; None: it is one alone
-    numbers  shape of what is in each
+    places   NODES, BONDS_A, BONDS_B or CELLS: one entry for each; None: a single entry
+    numbers  shape of each entry
     """
 
     places: tuple[int, int] | None
     numbers: tuple[int, ...] = ()
 
     def shape(self, columns: int, rows: int) -> tuple[int, ...]:
-        """In a block of so many mass points."""
+        """Shape of the array in a block of `columns` x `rows` mass points."""
         if self.places is None:
             return self.numbers
         return (columns - self.places[0], rows - self.places[1], *self.numbers)
 
 
 def declared(kind: type) -> dict[str, Any]:
-    """The `Per` of each member of a class that has one, in order."""
+    """The `Per` of each member of a class that is annotated with one, in order."""
     hints = get_type_hints(kind, include_extras=True)
     return {
         name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated
@@ -48,23 +48,22 @@ def declared(kind: type) -> dict[str, Any]:
 class Cushion:
     """A block of I x J mass points as a run has left it, between two steps. SI units.
 
-    Nothing in it depends on what has computed it, so that a block may be hit on a CPU first and on
-    a GPU next.
+    It does not depend on the device, so a block may be hit on a CPU first and on a GPU next.
 
     position, velocity  (I, J, 2)
-    increment       (I, J, 2) motion in the last step, which the floor's friction springs follow [m]
-    floor_stretch   (I, J) of these springs [m]
-    room            (I, J) most that a mass point's contact radius may be [m]
-    surface         (I, J) whether it can touch others
-    hold            (I-1, J-1) what a cell holds of its forces, 1 to 0
+    increment       (I, J, 2) displacement in the last step, for the floor's friction springs [m]
+    floor_stretch   (I, J) stretch of these springs [m]
+    room            (I, J) upper limit of a mass point's contact radius [m]
+    surface         (I, J) whether a mass point can touch others
+    hold            (I-1, J-1) share of its forces that a cell still carries, 1 to 0
     worst_a, worst_b    (I-1, J), (I, J-1) most compressive strain so far
-    broken_a, broken_b  the same, 1 where a bond is broken, else 0
-    intact_a, intact_b  the same, share of a whole bond's face that carries tension and shear
-    stiffest        stiffened bond [N/m], which the step size depends on
-    crush           largest of any bond, which it depends on, too
-    speed           of the fastest mass point in the last step [m/s]
-    broken          bonds broken so far
-    held            (3,) energy that contacts store: base, its friction, pieces [J]
+    broken_a, broken_b  same shapes, 1 where a bond is broken, else 0
+    intact_a, intact_b  same shapes, share of a bond's face that carries tension and shear
+    stiffest        stiffness of the stiffest bond [N/m], on which the step size depends
+    crush           largest compressive strain of any bond, on which the step size depends, too
+    speed           speed of the fastest mass point in the last step [m/s]
+    broken          number of bonds broken so far
+    held            (3,) energy stored in contacts: base, its friction, pieces [J]
     """
 
     position: Annotated[Array, Per(NODES, (2,))]
@@ -88,7 +87,7 @@ class Cushion:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of all of it: equal cushions have equal ones."""
+        """SHA-256 of the whole state: equal cushions have equal hashes."""
         digest = hashlib.sha256()
         for name, array in self.to_arrays().items():
             digest.update(name.encode())
@@ -96,17 +95,17 @@ class Cushion:
         return digest.hexdigest()
 
     def to_arrays(self) -> dict[str, Array]:
-        """Everything as arrays by name, as `numpy.savez` takes them."""
+        """Everything as arrays by name, for `numpy.savez`."""
         return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Cushion:
-        """The cushion that `to_arrays` gave. Raises KeyError: an array is missing."""
+        """The cushion from the arrays of `to_arrays`. Raises KeyError: an array is missing."""
         found: dict[str, Any] = {field.name: arrays[field.name] for field in fields(cls)}
         return cls(**{name: a if a.ndim else a.item() for name, a in found.items()})
 
     @classmethod
     def shapes(cls, block: Block) -> dict[str, tuple[int, ...]]:
-        """Shape of each array of the cushion that a block becomes."""
+        """Shape of each array of a block's cushion."""
         told = declared(cls).items()
         return {name: each.shape(block.columns, block.rows) for name, each in told}

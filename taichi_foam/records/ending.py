@@ -6,10 +6,10 @@ from enum import Enum
 
 
 class Ending(str, Enum):
-    """How a run ended; its value is the word in summary.json (`run.ended_by`), and equal to it.
+    """How a run ended. Its value is the word in summary.json (`run.ended_by`), and compares equal.
 
     meaning  the ending in words
-    remedy   what to do about an ending that is a failure, else empty
+    remedy   what to do about a failure; empty for other endings
     """
 
     meaning: str
@@ -41,5 +41,5 @@ class Ending(str, Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether the run ended before its time by itself: its last values are of no use."""
+        """Whether the run failed: its last values are then of no use."""
         return bool(self.remedy)

@@ -1,7 +1,7 @@
 """The history of a run: one row per history interval, one column for each of `COLUMNS`.
 
-This is the one place that says what a history holds. The files, the ledger of energies in pictures,
-tables and on the page, and what the engine writes on the device follow from it.
+The content of a history is defined only here. Its files, the energy ledger in pictures, tables and
+on the page, and the rows that the engine writes on the device follow from these definitions.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ENERGIES_NOW: tuple[str, ...] = ("kinetic", "potential", "in_bonds", "in_shear", "in_room")
-"""Energies [J] of the nodes, and stored ones of the bonds and of the cells' shear and room."""
+"""Energies [J] of the nodes, and energies stored in the bonds and in the cells' shear and room."""
 
 BOOKED: tuple[str, ...] = (
     "bonds", "shear", "room", "dashpots",       # works: of bonds and cells, of their parts [J]
@@ -31,7 +31,7 @@ BOOKED: tuple[str, ...] = (
     "held_by_base", "held_by_base_friction",    # of floor and support,
     "held_by_pieces",                           # and of pieces
 )  # fmt: skip
-"""What strips of nodes book as they step."""
+"""Quantities that strips of nodes accumulate as they step."""
 
 ROW_COLUMNS: tuple[str, ...] = (
     "time", "step",                             # s
@@ -40,17 +40,17 @@ ROW_COLUMNS: tuple[str, ...] = (
     *ENERGIES_NOW,
     *BOOKED,
 )  # fmt: skip
-"""What the engine writes on the device in each row, in order."""
+"""Entries of each row that the engine writes on the device, in order."""
 
 TURN_COLUMNS: tuple[str, ...] = (
     "x", "u",                                   # impactor: sideways since the start [m], m/s
     "angle", "spin",                            # rad, rad/s
 )  # fmt: skip
-"""What follows in the rows of an impactor that turns."""
+"""Further entries of the rows for an impactor that can rotate."""
 
 
 def row_columns(turns: bool) -> tuple[str, ...]:
-    """What the engine writes for an impactor that turns, or for any other scene."""
+    """Entries of the engine's rows; `turns`: the scene's impactor can rotate."""
     return ROW_COLUMNS + TURN_COLUMNS if turns else ROW_COLUMNS
 
 
@@ -58,16 +58,16 @@ def row_columns(turns: bool) -> tuple[str, ...]:
 class Column:
     """One column of the history.
 
-    name        in history.csv, the unit at its end
-    unit        SI; empty for a count
-    label       in tables and on the page
-    meaning     what it is, with its sign
-    source      members of the device's row that it comes from, see `row_columns`; their sum unless
-                `analysis.columns.history_of` says otherwise
-    turns       whether only a history with an impactor that turns has it
-    dissipates  whether it is energy that is lost for good, and can only grow
+    name        name in history.csv, ending in the unit
+    unit        SI unit; empty for a count
+    label       label in tables and on the page
+    meaning     definition, including the sign
+    source      entries of the device's row that it is computed from, see `row_columns`; their sum
+                unless `analysis.columns.history_of` says otherwise
+    turns       whether it exists only for an impactor that can rotate
+    dissipates  whether it is dissipated energy, which can only grow
     is_integer  whether history.csv holds whole numbers
-    shown       on the axes of figures: unit, and how many of it one SI unit is
+    shown       unit on the axes of figures, and the factor from the SI unit to it
     """
 
     name: str
@@ -82,12 +82,12 @@ class Column:
 
     @property
     def in_ledger(self) -> bool:
-        """Whether it counts, positive, in the sum of energies that stays what it was."""
+        """Whether it is a positive term in the sum of energies that is conserved."""
         return self.unit == "J" and self.name != "residual_J"
 
     @property
     def axis(self) -> tuple[str, float]:
-        """Label of an axis, and what to multiply values by for it."""
+        """Label of an axis, and the factor that converts values to its unit."""
         unit, factor = self.shown or (self.unit, 1.0)
         return f"{self.label} ({unit})", factor
 
@@ -162,15 +162,15 @@ HISTORY_COLUMNS = tuple(name for name, column in COLUMNS.items() if not column.t
 """Names of the columns that every history has, in order."""
 
 DISSIPATIONS = tuple(column for column in COLUMNS.values() if column.dissipates)
-"""The ledger's entries that can only grow."""
+"""Ledger entries that can only grow."""
 
 ENERGIES = tuple(column for column in COLUMNS.values() if column.unit == "J")
-"""The ledger's entries in order, and last what they leave unaccounted for."""
+"""Ledger entries in order, and last the residual."""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """One part of the ledger as people see it: the columns that add up to it."""
+    """One part of the ledger as it is displayed: the columns that add up to it."""
 
     label: str
     colour: str
@@ -187,18 +187,18 @@ LEDGER = (
           ("friction_J", "damping_J", "contact_loss_J", "self_contact_J")),
     Layer("base", "#5A5A5A", ("base_J",)),
 )  # fmt: skip
-"""Parts of the ledger in its pictures, bottom to top, and on the page; gravity can lie below zero
-and has none."""
+"""Parts of the ledger in pictures, bottom to top, and on the page; gravity can be negative and is
+left out."""
 
 
 class History(dict[str, Array]):
     """Columns (n,) by name, in SI units; `history["time_s"]` is also `history.time_s`.
 
-    Those of COLUMNS come first. A history that another version has written may lack some of them,
-    and has others besides: these are kept.
+    The columns of COLUMNS come first. A history written by another version may lack some of them
+    and have others; these are kept.
 
-    Raises ValueError without the column of the time, or when one is of another length; UserError
-    where a column is asked for that is not there.
+    Raises ValueError if the time column is missing or a column has another length; UserError on
+    access to a column that does not exist.
     """
 
     def __init__(self, columns: Mapping[str, Array]) -> None:
@@ -237,11 +237,11 @@ class History(dict[str, Array]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column by its name; empty for a count, and where it is not known."""
+        """Unit of each column by name; empty for a count, or if unknown."""
         return {name: COLUMNS[name].unit if name in COLUMNS else "" for name in self}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The history as a frame, a column for each of `COLUMNS`; `frame.attrs["units"]` has units.
+        """The history as a data frame; `frame.attrs["units"]` holds the units.
 
         Raises UserError if pandas is not installed.
         """

@@ -1,4 +1,4 @@
-"""What a run leaves in memory: its scene, history, snapshots and how it was computed."""
+"""The data of a run in memory: scene, history, snapshots and how it was computed."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 class Record:
     """A finished (or interrupted) run.
 
-    scene      what was run, with every default filled in
-    history    arrays (n,) by the names of COLUMNS; made a `History` if it is a plain mapping
-    snapshots  instants in order of time; of a long run they may lie on disk
+    scene      the scene, with every default filled in
+    history    arrays (n,) by the names of COLUMNS; a plain mapping is converted to `History`
+    snapshots  instants in order of time; for a long run they may be on disk
     run        how it was computed: ended_by, interrupted, steps, dt_min_s, dt_max_s,
                dt_stable_min_s, wall_s, node_stages_per_s, max_overlap_m, versions,
-               ...; values that JSON can hold. `after` is there if it did not start on a fresh
-               block: scene and state_sha256 of the run that came before, number of this drop on
-               the block, contact_height_m
-    cushion    the block as the run has left it; None of one that did not come to its end
+               ...; values that JSON can hold. `after` exists if the run did not start on a fresh
+               block: scene and state_sha256 of the previous run, number of this drop on the
+               block, contact_height_m
+    cushion    the block as the run has left it; None if the run did not reach its end
 
-    Raises ValueError when the history has no time, or a column of another length, and when
-    `ended_by` is no `Ending`.
+    Raises ValueError if the history has no time or a column of another length, or if `ended_by` is
+    not an `Ending`.
     """
 
     scene: Scene
@@ -52,28 +52,28 @@ class Record:
 
     @property
     def ending(self) -> Ending | None:
-        """How the run ended; None if that is not known, as while it goes on."""
+        """How the run ended; None if unknown, as while it is running."""
         word = self.run.get("ended_by")
         return None if word is None else Ending(word)
 
     @property
     def contact_height(self) -> float:
-        """Height of the impactor's lowest point at first contact [m]; its start has a gap more."""
+        """Height of the impactor's lowest point at first contact [m]; it starts a gap above it."""
         after = self.run.get("after") or {}
         height = after.get("contact_height_m")
         return self.scene.contact_height if height is None else height
 
     def displacement(self, snapshot: Snapshot) -> float | None:
-        """Of the impactor from its start, downwards [m], at an instant; None without one."""
+        """Downward displacement of the impactor from its start [m]; None without an impactor."""
         impactor = self.scene.impactor
         return impactor and self.contact_height + impactor.gap - snapshot.impactor_y
 
     @property
     def drop(self) -> int:
-        """How many drops the block has had with this one: 1 on a fresh block."""
+        """Number of drops on the block including this one: 1 on a fresh block."""
         after = self.run.get("after")
         return 1 if after is None else after["drop"]
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The history as a frame; see `History.to_pandas`."""
+        """The history as a data frame; see `History.to_pandas`."""
         return self.history.to_pandas()

@@ -15,16 +15,16 @@ class Snapshot:
     """One instant of one lattice of I x J mass points.
 
     time          s
-    impactor_y    m, height of the impactor's lowest point; NaN without one. Of an impactor that
-                  turns: of the point that was its lowest, carried along with its centre of mass
+    impactor_y    m, height of the impactor's lowest point; NaN without one. For an impactor that
+                  rotates: of its initially lowest point, moved with its centre of mass
     position      (I, J, 2) m, x and y of mass point (i, j)
     velocity      (I, J, 2) m/s
     e_min_a       (I-1, J), worst compressive strain so far of bond A(i,j), <= 0
-    e_min_b       (I, J-1), the same of B(i,j)
+    e_min_b       (I, J-1), the same for bond B(i,j)
     break_time_a  (I-1, J) s, when bond A(i,j) broke; NaN while intact
-    break_time_b  (I, J-1) s, the same of B(i,j)
+    break_time_b  (I, J-1) s, the same for bond B(i,j)
     impactor_shift  m, how far the impactor's centre of mass has moved sideways since the start
-    impactor_angle  rad, how far it has turned about it, counter-clockwise
+    impactor_angle  rad, its rotation about its centre of mass, counter-clockwise
     stress        (I, J, 3) Pa, xx, yy and xy about mass point (i, j), tension positive, 32 bits;
                   see `engine.virial`. None if the run does not keep it
     """

@@ -1,1 +1,1 @@
-"""What a run leaves on disk: results, and the folders that they are saved to and loaded from."""
+"""Results of runs, and the folders that they are saved to and loaded from."""

@@ -1,4 +1,4 @@
-"""Single files and names: written whole, called so that every system takes them."""
+"""Single files, written as a whole, and names that are valid on every system."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 
 LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.partial(\..+)?$")
-"""Names that `partial_name` gives: what has one is of a process that was killed."""
+"""Names from `partial_name`; such a file, if it remains, is left by a killed process."""
 
 
 def partial_name(path: Path) -> Path:
-    """A name beside `path` for what is not complete, or about to go."""
+    """A name beside `path` for a file that is incomplete, or about to be removed."""
     return path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")
 
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Write one file as a whole: the block writes what is yielded, which is then renamed to `path`.
+    """Write a file as a whole: the block writes to the yielded path, which is renamed to `path`.
 
-    When the block fails, nothing is left, and an older file is as before. Raises OSError.
+    If the block fails, nothing is left, and an older file stays unchanged. Raises OSError.
     """
     partial = partial_name(path)
     try:
@@ -40,18 +40,18 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def synced(path: Path) -> None:
-    """See that a file survives the machine's end, not only the process's. Raises OSError."""
+    """Flush a file to disk, so that it survives a crash of the machine. Raises OSError."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 def file_name(name: str) -> str:
-    """A scene's name as that of a folder: letters, digits and .+- stay, all else becomes -."""
+    """A scene's name as a folder name: letters, digits and .+- stay, all else becomes -."""
     return re.sub(r"[^\w.+-]+", "-", name).strip("-.") or "scene"
 
 
 def next_numbered(stem: Path, suffix: str = "", digits: int = 3, first: int = 1) -> Path:
-    """`STEM-001SUFFIX`, or with one more than the highest number there is: none is given twice."""
+    """`STEM-001SUFFIX`, or with the next number after the highest existing one."""
     names = [path.name for path in stem.parent.iterdir()] if stem.parent.is_dir() else []
     tails = (
         name[len(stem.name) + 1 : len(name) - len(suffix)]
@@ -63,13 +63,13 @@ def next_numbered(stem: Path, suffix: str = "", digits: int = 3, first: int = 1)
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON, indented; NumPy values become plain ones, and NaN and infinity null."""
+    """Write JSON, indented; NumPy values become plain ones, NaN and infinity become null."""
     text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
 
 
 def write_csv(path: Path, columns: Mapping[str, Iterable[Any]]) -> None:
-    """Write columns of equal length under their names; floats read back exactly. Raises OSError."""
+    """Write named columns of equal length; floats read back exactly. Raises OSError."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
@@ -77,9 +77,9 @@ def write_csv(path: Path, columns: Mapping[str, Iterable[Any]]) -> None:
 
 
 def plain(value: Any, digits: int | None = None) -> Any:
-    """A value that JSON can hold: NumPy's become Python's, what is not finite None.
+    """A value that JSON can hold: NumPy values become Python's, non-finite ones None.
 
-    `digits` are those that floats keep; default all.
+    Floats are rounded to `digits` significant digits; None: not rounded.
     """
     if isinstance(value, dict):
         return {str(key): plain(item, digits) for key, item in value.items()}

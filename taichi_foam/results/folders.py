@@ -1,12 +1,12 @@
-"""Output folders: claimed before anything is computed, filled by whole files, never anybody else's.
+"""Output folders: claimed before anything is computed, and never overwriting other files.
 
-A folder that is claimed has a folder `unfinished` in it. There lie the lock, what was asked for
-(`request.json`), and everything that is not complete yet. When the result is complete, its files
-move up, the manifest last, and `unfinished` goes. Wherever a process is killed, the same request
-finds what there is and goes on; an older result in the folder stays until the new one is complete.
+A claimed folder contains a folder `unfinished`. It holds the lock, the request (`request.json`),
+and everything that is not complete yet. When the result is complete, its files move up, the
+manifest last, and `unfinished` is removed. If a process is killed at any point, the same request
+continues from what is there; an older result in the folder stays until the new one is complete.
 
-Folders of sweeps and of pictures, which are no such results, are kept with the same pieces: `made`,
-`locked`, `check_writable`, `remove_leftovers`, `explained`.
+Folders of sweeps and of pictures work differently, but use the same functions: `made`, `locked`,
+`check_writable`, `remove_leftovers`, `explained`.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from taichi_foam.units import si_scale
 from taichi_foam.version import version
 
 UNFINISHED = "unfinished"
-"""Name of the folder, in that of a result, of what is not complete yet."""
+"""Name of the subfolder of a result's folder for everything that is not complete yet."""
 
 LOCK = "lock"
-"""Name of the file in a folder that whoever works in it holds locked."""
+"""Name of the file that a process holds locked while it works in the folder."""
 
-# what a request has beside what was asked for: the version
+# key of a request under which the version is stored
 _MARK = "taichi_foam"
 
 _REQUEST, _MOVING, _STAGING = "request.json", "moving.json", "result"
 
-# What the system says, and what to do about it.
+# System errors: what they mean, and what to do.
 _REASONS = {
     errno.ENOSPC: ("the disk is full", "free some space or choose a folder on another disk"),
     errno.EDQUOT: ("the disk quota is used up", "free some space or choose another disk"),
@@ -54,17 +54,17 @@ _REASONS = {
     errno.ELOOP: ("the path runs through a loop of links", "choose another path"),
     errno.EFBIG: ("a file would exceed the size limit", "raise the limit or write fewer snapshots"),
 }
-# Whatever raised these wrote to the folder.
+# Errors that come from writing to the folder, whatever raised them.
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @dataclass
 class Claim:
-    """A folder that is this process's to fill.
+    """A folder that only this process may fill.
 
     folder  where the result will be
-    work    for what is not complete yet; kept for the next process of the same request unless
-            `finish` is called
+    work    folder for everything that is not complete yet; kept for the next process with the same
+            request unless `finish` is called
     """
 
     folder: Path
@@ -74,12 +74,12 @@ class Claim:
 
     @contextlib.contextmanager
     def publishing(self) -> Iterator[Path]:
-        """Files of the result: what the block writes into the folder yielded moves into place.
+        """Publish files of the result: files written into the yielded folder move into place.
 
-        The first time this replaces the older result, if there is one; later it adds to the new
-        one. When the block fails, nothing has changed.
+        The first call replaces an older result, if there is one; later calls add to the new one.
+        If the block fails, nothing changes.
 
-        Raises UserError: somebody has put a file of that name there meanwhile; nothing is lost.
+        Raises UserError: a file of the same name has appeared meanwhile; nothing is lost.
         """
         staging = self.work / _STAGING
         shutil.rmtree(staging, ignore_errors=True)
@@ -102,7 +102,7 @@ class Claim:
         before = self._published or Manifest()
         self._published = before | new
         self._published.write(staging)
-        # a process that is killed from here on leaves files without a manifest: these
+        # if the process is killed from here on, this file lists the files without a manifest
         new.write(self.work, _MOVING)
         if not before.files and (older := Manifest.read(self.folder)) is not None:
             older.remove(self.folder)
@@ -111,12 +111,12 @@ class Claim:
         (self.work / _MOVING).unlink()
 
     def finish(self) -> None:
-        """Say that the result is complete, and nothing remains to be continued."""
+        """Declare the result complete: nothing remains to be continued."""
         self._finished = True
 
     def _clear(self) -> None:
-        """Take away what nobody will continue, at once: what is renamed is litter by its name."""
-        with contextlib.suppress(OSError):  # somebody has taken it away, or it is not to be moved
+        """Remove `work` if nobody will continue it: renamed first, so that its name marks it."""
+        with contextlib.suppress(OSError):  # it has been removed already, or cannot be moved
             found = {path.name for path in self.work.iterdir()}
             if self._finished or found <= {LOCK, _REQUEST}:
                 litter = partial_name(self.work)
@@ -131,18 +131,20 @@ def claimed(
     overwrite: bool = False,
     needed_bytes: int = 0,
 ) -> Iterator[Claim]:
-    """Keep a folder for one result, from before it is computed until it is complete.
+    """Reserve a folder for one result, from before it is computed until it is complete.
 
     Args:
-        path: the folder that the result shall become; it need not exist, nor its parents.
-        request: everything that decides the result, by dotted key; another process with the same
-            request goes on with what this one leaves in `Claim.work`. None: nothing is continued.
-        overwrite: replace the result of another request; its files stay until then.
-        needed_bytes: room (bytes) that result and unfinished work need.
+        path: the folder of the result; neither it nor its parents need to exist.
+        request: everything that determines the result, by dotted key; another process with the
+            same request continues from what this one leaves in `Claim.work`. None: nothing is
+            continued.
+        overwrite: replace the result of another request; its files stay until the new result is
+            complete.
+        needed_bytes: disk space (bytes) that result and unfinished work need.
 
     Raises:
         UserError: as `check_output_folder`; another process is at work in the folder; the disk
-            fills up or refuses while the block writes. Other exceptions pass through.
+            is full or fails while the block writes. Other exceptions pass through.
     """
     wanted = _marked(request)
     target = resolved(path)
@@ -154,7 +156,7 @@ def claimed(
             stack.enter_context(made(target))
             work.mkdir(exist_ok=True)
             stack.enter_context(locked(work, shown=target))
-            _check_target(target, overwrite, wanted)  # it may have been filled meanwhile
+            _check_target(target, overwrite, wanted)  # the folder may have changed meanwhile
             _tidy(target, wanted)
         claim = Claim(target, work)
         try:
@@ -172,8 +174,8 @@ def claimed(
 def output_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Write a folder as a whole: `with output_folder("runs/a") as folder: ...`.
 
-    Yields an empty folder; when the block ends well, what it has written is the content of `path`,
-    with a manifest. When the block fails in any way (Ctrl-C too), what was at `path` is as before.
+    Yields an empty folder. If the block succeeds, the files written into it become the content of
+    `path`, with a manifest. If it fails in any way (including Ctrl-C), `path` stays unchanged.
 
     Raises UserError as `claimed` does.
     """
@@ -192,9 +194,9 @@ def check_output_folder(
     """Refuse a folder that could not be claimed, before anything is computed.
 
     Arguments as for `claimed`. Raises UserError: the path is a file or malformed; the folder holds
-    a result and `overwrite` is false; it holds unfinished work of another request, and `overwrite`
-    is false; it holds what this program has not written, and no result of it; a file of the result
-    has been changed since; the folder cannot be written to; too little room.
+    a result or unfinished work of another request, and `overwrite` is false; it holds no result,
+    but files that this program has not written; a file of the result has been changed since; the
+    folder cannot be written to; there is too little disk space.
     """
     target = resolved(path)
     with explained(target):
@@ -217,17 +219,17 @@ def check_output_folder(
 def check_writable(
     target: Path, needed_bytes: float = 0, what: str = "", fix: str = "", there: int = 0
 ) -> None:
-    """Refuse a folder, which need not exist, that nothing can be written to, or too little.
+    """Refuse a folder that is not writable, or has too little disk space; it need not exist.
 
     Args:
         target: the folder.
-        needed_bytes: what shall be written into it, of which `there` are there already.
-        what, fix: how messages call that, and what makes it smaller.
+        needed_bytes: bytes to be written into it, of which `there` are there already.
+        what, fix: for messages: what these bytes are, and how to make them fewer.
 
-    Raises OSError; UserError: too little room.
+    Raises OSError; UserError: too little disk space.
     """
     parent = next((path for path in (target, *target.parents) if path.exists()), target)
-    # The permission bits do not tell all (root, /proc, read-only disks, quotas): try it.
+    # Permission bits do not tell everything (root, /proc, read-only disks, quotas): try it.
     probe = partial_name(parent / "probe")
     probe.mkdir()
     probe.rmdir()
@@ -241,9 +243,9 @@ def check_writable(
 
 @contextlib.contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """A folder for as long as the block lasts, made with its parents where it is absent.
+    """Create a folder, with its parents, if it does not exist.
 
-    Those that were made and are empty at the end go again. Raises OSError.
+    Folders that were created and are empty when the block ends are removed. Raises OSError.
     """
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -257,10 +259,10 @@ def made(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def locked(folder: Path, shown: Path | None = None) -> Iterator[None]:
-    """Keep all other processes out of `folder`, which must exist, for as long as the block lasts.
+    """Lock `folder`, which must exist, against all other processes while the block runs.
 
-    `shown` is the folder that messages name, by default `folder`. The system itself gives the lock
-    back when the process ends, however it ends: the file that is then left locks nobody out.
+    `shown` is the folder that messages name, by default `folder`. The system releases the lock
+    however the process ends: a lock file that is left behind locks nobody out.
 
     Raises:
         UserError: another process is at work in the folder.
@@ -278,7 +280,7 @@ def locked(folder: Path, shown: Path | None = None) -> Iterator[None]:
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process is at work in `folder`; one that does not exist is not."""
+    """Whether a process is at work in `folder`; False if the folder does not exist."""
     if not (folder / LOCK).is_file():
         return False
     try:
@@ -289,7 +291,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def remove_leftovers(folders: Iterable[Path]) -> None:
-    """Take away what killed processes were writing into folders, as far as that can be."""
+    """Remove files that killed processes were writing into folders, as far as possible."""
     for path in [path for folder in folders if folder.is_dir() for path in folder.iterdir()]:
         if LEFTOVER.match(path.name):
             with contextlib.suppress(OSError):
@@ -297,7 +299,7 @@ def remove_leftovers(folders: Iterable[Path]) -> None:
 
 
 def request_in(folder: Path) -> dict[str, Any] | None:
-    """What the unfinished work in `folder` is of; None if there is none that could go on."""
+    """The request of the unfinished work in `folder`; None if none can be continued."""
     found = _request(folder)
     return found if found is not None and len(found) > 1 else None
 
@@ -317,7 +319,7 @@ def _marked(request: Mapping[str, Any] | None) -> dict[str, Any]:
 def resolved(path: str | Path) -> Path:
     """The absolute path of an output folder, with links followed.
 
-    Raises UserError: it is malformed, or that of a file.
+    Raises UserError: it is malformed, or the path of a file.
     """
     text = os.fspath(path)
     if not text.strip() or "\0" in text:
@@ -330,16 +332,16 @@ def resolved(path: str | Path) -> Path:
 
 
 def size_text(count: float) -> str:
-    """A number of bytes for people."""
+    """A number of bytes with an SI prefix."""
     scale, prefix = si_scale(count, least=0, digits=3)
     return f"{count / scale:.3g} {prefix}B" if prefix else f"{count:.3g} bytes"
 
 
 @contextlib.contextmanager
 def explained(target: str | Path, how: str = "") -> Iterator[None]:
-    """Turn every system error of the block into a UserError about `target`.
+    """Turn every system error in the block into a UserError about `target`.
 
-    `how` ends what there is to do about it: by which option one chooses another folder.
+    `how` is appended to the proposed fix: it names the option that chooses another folder.
     """
     try:
         yield
@@ -348,19 +350,19 @@ def explained(target: str | Path, how: str = "") -> Iterator[None]:
 
 
 def is_disk_error(error: BaseException) -> bool:
-    """Whether a disk is full or refuses: such errors come without a file name."""
+    """Whether an error is due to a full or failing disk; such errors carry no file name."""
     return isinstance(error, OSError) and error.errno in _DISK_ERRORS
 
 
 def _explain(error: OSError, target: str | Path, how: str = "") -> UserError:
-    """The user's message for a system error on the way to `target`."""
+    """The user message for a system error while writing to `target`."""
     default = (error.strerror or str(error), "choose another folder")
     reason, fix = _REASONS.get(error.errno or 0, default)
     return UserError(f"output folder {target}: cannot be written, {reason}. Fix: {fix}{how}.")
 
 
 def _busy(folder: Path) -> str:
-    """What to say of a folder that another process is at work in."""
+    """The message for a folder that another process is at work in."""
     return (
         f"{folder}: another process is at work in it. Fix: wait until it has ended, or choose "
         "another folder."
@@ -368,7 +370,7 @@ def _busy(folder: Path) -> str:
 
 
 def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> None:
-    """Refuse what is at `target` if it may not be replaced. Raises UserError, OSError."""
+    """Raise UserError if what is at `target` may not be replaced. Raises OSError."""
     if not target.exists():
         return
     result, before = Manifest.read(target), request_in(target)
@@ -395,7 +397,7 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
 
 
 def _is_litter(path: Path) -> bool:
-    """Whether that is what a process of this program leaves when it is killed."""
+    """Whether a killed process of this program may have left the file or folder."""
     if path.name != UNFINISHED or not path.is_dir() or path.is_symlink():
         return LEFTOVER.match(path.name) is not None
     names = {inner.name for inner in path.iterdir() if not LEFTOVER.match(inner.name)}
@@ -403,17 +405,17 @@ def _is_litter(path: Path) -> bool:
 
 
 def _difference(before: Mapping[str, Any], request: Mapping[str, Any]) -> str:
-    """The first value by which a request differs from the one that was begun."""
+    """The first value in which a request differs from the earlier one."""
     key = next(key for key in sorted({*before, *request}) if before.get(key) != request.get(key))
     return f"{key} = {before.get(key)!r} instead of {request.get(key)!r}"
 
 
 def _tidy(target: Path, request: Mapping[str, Any]) -> None:
-    """Take away what a killed process has left and nobody will continue. Raises OSError."""
+    """Remove what killed processes left, unless this request continues it. Raises OSError."""
     work = target / UNFINISHED
     moved = Manifest.read(work, _MOVING)
     if moved is not None and Manifest.read(target) is None:
-        # it was killed while the files moved up; without a manifest they are no result
+        # it was killed while moving files up; without a manifest they are no result
         moved.remove(target)
     goes_on = request_in(target) == request
     remove_leftovers([*_written_into(work), *_written_into(target)])
@@ -425,14 +427,14 @@ def _tidy(target: Path, request: Mapping[str, Any]) -> None:
 
 
 def _remove_cleared(target: Path) -> None:
-    """Take away what a process was removing as its last act when it was killed."""
+    """Remove what a process was removing when it was killed."""
     for path in target.glob(f".{UNFINISHED}.*.partial"):
         if LEFTOVER.match(path.name) and Manifest.read(target) is not None:
             shutil.rmtree(path, ignore_errors=True)
 
 
 def _written_into(folder: Path) -> Iterator[Path]:
-    """A folder, and those in it that its manifest lists, at any depth."""
+    """A folder, and the subfolders that its manifest lists, at any depth."""
     if folder.is_dir() and not folder.is_symlink():
         yield folder
         for name in (Manifest.read(folder) or Manifest()).folders:
@@ -447,7 +449,7 @@ def _remove(path: Path) -> None:
 
 
 def _move(source: Path, target: Path, replaceable: Collection[Path]) -> None:
-    """Move what lies in a folder into another, manifests last. Raises UserError, OSError."""
+    """Move the content of a folder into another, manifests last. Raises UserError, OSError."""
     for path in sorted(source.iterdir(), key=lambda path: path.name == MANIFEST):
         place = target / path.name
         if path.is_dir():

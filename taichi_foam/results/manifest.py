@@ -1,8 +1,8 @@
-"""What a folder holds that this program has written: names and checksums.
+"""Names and checksums of the files that this program has written into a folder.
 
-`manifest.json` is written last, so that a folder that has one is complete. It is also what tells
-the program's own files from all others: only what a manifest lists, and is as it was written, is
-ever replaced or removed.
+`manifest.json` is written last, so a folder that has one is complete. It also tells the program's
+own files from all others: only files that a manifest lists, and that are unchanged, are ever
+replaced or removed.
 
     {"program": "taichi_foam", "version": "0.2.0",
      "files": {"history.csv": {"bytes": 8123, "sha256": "..."}, ...},
@@ -44,7 +44,7 @@ class Entry:
             return cls(file.tell(), digest.hexdigest())
 
     def fits(self, path: Path) -> bool:
-        """Whether the file is there, and as it was written."""
+        """Whether the file exists and is unchanged."""
         try:
             if path.is_symlink() or path.stat().st_size != self.size:
                 return False
@@ -55,14 +55,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The files of one folder, by path in it, and its folders that have manifests of their own."""
+    """The files of a folder, by relative path, and its subfolders that have their own manifests."""
 
     files: dict[str, Entry] = field(default_factory=dict)
     folders: frozenset[str] = frozenset()
 
     @classmethod
     def read(cls, folder: Path, name: str = MANIFEST) -> Manifest | None:
-        """That of `folder`; None if it has none, or one that is damaged or another program's."""
+        """The manifest of `folder`; None if it is missing, damaged, or of another program."""
         try:
             found = json.loads((folder / name).read_text(encoding="utf-8"))
             if found["program"] != _PROGRAM:
@@ -80,7 +80,7 @@ class Manifest:
 
     @classmethod
     def of(cls, folder: Path) -> Manifest:
-        """What lies in `folder` now. Raises OSError."""
+        """A manifest of what is in `folder` now. Raises OSError."""
         files, folders = _contents(folder)
         return cls({name: Entry.of(folder / name) for name in files}, frozenset(folders))
 
@@ -101,7 +101,7 @@ class Manifest:
             write_json(partial, content)
 
     def changed(self, folder: Path) -> list[str]:
-        """Of its files, also in its folders, those that are missing, cut or changed."""
+        """Its files, including those in its subfolders, that are missing or changed."""
         found = [name for name, entry in self.files.items() if not entry.fits(folder / name)]
         for name in sorted(self.folders):
             inner = Manifest.read(folder / name) or Manifest()
@@ -109,11 +109,11 @@ class Manifest:
         return found
 
     def edited(self, folder: Path) -> list[str]:
-        """Of its files, also in its folders, those that are there and not as they were written."""
+        """Its files, including those in its subfolders, that exist but are changed."""
         return [name for name in self.changed(folder) if os.path.lexists(folder / name)]
 
     def remove(self, folder: Path) -> None:
-        """Delete what it lists and is as it was written, and folders that this leaves empty.
+        """Delete the listed files that are unchanged, and folders that become empty.
 
         Links are not followed. Raises OSError.
         """
@@ -128,12 +128,12 @@ class Manifest:
                 path.unlink()
                 emptied |= {folder / parent for parent in PurePosixPath(name).parents[:-1]}
         for inner in sorted(emptied, key=lambda path: -len(path.parts)):
-            with contextlib.suppress(OSError):  # others have put something there
+            with contextlib.suppress(OSError):  # it holds other files
                 inner.rmdir()
 
 
 def add(folder: Path, names: Iterable[str]) -> None:
-    """List more files of a folder that has a manifest, or folders; of one without, do nothing.
+    """Add files or subfolders to a folder's manifest; do nothing if it has none.
 
     Raises OSError.
     """
@@ -149,7 +149,7 @@ def add(folder: Path, names: Iterable[str]) -> None:
 
 
 def _contents(folder: Path) -> tuple[list[str], list[str]]:
-    """Paths in `folder`: of files, and of folders with manifests of their own or with nothing."""
+    """Paths of files in `folder`, and of subfolders that are empty or have their own manifests."""
     files, folders = [], []
     for path in sorted(folder.iterdir()):
         if path.name == MANIFEST:
@@ -164,6 +164,6 @@ def _contents(folder: Path) -> tuple[list[str], list[str]]:
 
 
 def _is_inside(name: str) -> bool:
-    """Whether it is a path below the folder itself: a manifest reaches nowhere else."""
+    """Whether a listed path lies within the folder; a manifest must not reach elsewhere."""
     path = PurePosixPath(name)
     return bool(path.parts) and not path.is_absolute() and ".." not in path.parts

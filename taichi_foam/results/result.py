@@ -1,6 +1,6 @@
-"""What a run leaves: its scene, histories, snapshots and run figures, in memory and on disk.
+"""The result of a run: scene, history, snapshots and run figures, in memory and on disk.
 
-`OUTPUTS` has what a result's folder holds; docs/architecture.md (Files) says what is in each file.
+`OUTPUTS` lists the files of a result's folder; docs/architecture.md (Files) describes each file.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from taichi_foam.scene.values import by_key
 
 _FORMAT = 2
 _STATE = "state.npz"
-# What the readers of csv, npz and json raise on a file that is missing, cut or something else.
+# What the readers of csv, npz and json raise on a missing, truncated or foreign file.
 _DAMAGE = (
     OSError,
     EOFError,
@@ -49,18 +49,18 @@ _DAMAGE = (
 
 
 class Result(Record):
-    """A `Record` that measures itself, and can be stored and loaded."""
+    """A `Record` with measures, which can be saved and loaded."""
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Its measures by the keys of summary.json; see `analysis.measures.summary`."""
+        """Measures by the keys of summary.json; see `analysis.measures.summary`."""
         from taichi_foam.analysis.measures import summary
 
         return summary(self)
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Sentences about what makes its figures doubtful; see `analysis.soundness.warnings_of`."""
+        """What makes its figures doubtful, in sentences; see `analysis.soundness.warnings_of`."""
         from taichi_foam.analysis.soundness import warnings_of
 
         return warnings_of(self)
@@ -68,7 +68,7 @@ class Result(Record):
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Write the files of a run into a new folder, all or nothing, and return its path.
 
-        A checkpoint of the run in that folder goes. Raises UserError as
+        Removes a checkpoint of the run in that folder. Raises UserError as
         `taichi_foam.results.folders.claimed` does.
         """
         with claimed(folder, request_of(self.scene, self.run.get("after")), overwrite) as claim:
@@ -111,18 +111,19 @@ load = Result.load
 
 
 def request_of(scene: Scene, after: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """What stands for a run where its folder is claimed: all values of the scene, by key.
+    """The request that identifies a run when its folder is claimed: the scene's values, by key.
 
-    Of one on a block that another run has left (`run["after"]`) the state of that, too.
+    For a run on a block that another run has left, it includes the hash of the block's state;
+    `after` is `run["after"]`.
     """
     wanted = by_key(scene.model_dump(mode="json"))
     return wanted if after is None else {**wanted, "after": after["state_sha256"]}
 
 
 def storage_bytes(scene: Scene) -> int:
-    """The most that a run's files take, without frames and films (bytes).
+    """Upper bound on the size of a run's files, without frames and films (bytes).
 
-    Snapshots count twice, since they are stored as they come before they are packed.
+    Snapshots count twice: they are first stored as they are recorded, then packed.
     """
     rows = scene.numerics.latest_end / scene.output.history_interval + 2
     state = 16 * 8 * scene.block.columns * scene.block.rows
@@ -130,13 +131,13 @@ def storage_bytes(scene: Scene) -> int:
 
 
 def snapshots_bytes(scene: Scene) -> int:
-    """The most that a run's snapshots take, in memory or as a file (bytes)."""
+    """Upper bound on the size of a run's snapshots, in memory or as a file (bytes)."""
     count = scene.numerics.latest_end / scene.output.snapshot_interval + 2
     return int(count * record_type(scene).itemsize)
 
 
 def _check_whole(root: Path) -> None:
-    """Raises UserError for a folder that holds no complete result."""
+    """Raise UserError if the folder holds no complete result."""
     manifest = Manifest.read(root)
     if manifest is None:
         reason = "has not ended. Fix: `taichi-foam resume` continues it"
@@ -170,7 +171,7 @@ def _write_history(result: Result, path: Path) -> None:
 
 
 def _write_curve(result: Result, path: Path) -> None:
-    """A compression test, as `foam.curve` and `taichi-foam foam import` take it."""
+    """Write a compression test as `foam.curve` and `taichi-foam foam import` accept it."""
     from taichi_foam.analysis.loads import compression_curve
 
     if curve := compression_curve(result):
@@ -189,16 +190,16 @@ def _write_cracks(result: Result, path: Path) -> None:
 
     try:
         found = cracks(result.snapshots[-1], result.scene.block) if result.snapshots else []
-    except Exception:  # what it is stands in the summary
+    except Exception:  # the summary reports it
         found = []
     write_json(path, {"polylines_m": found})
 
 
 def _write_summary(result: Result, path: Path) -> None:
-    """The measures; the reason as `not_measured` if that fails: the data are complete."""
+    """Write the measures, or, if measuring fails, the reason as `not_measured`."""
     try:
         measures = result.summary
-    except Exception as error:  # whatever it is, hours of computing are worth more
+    except Exception as error:  # no error here may cost hours of computing
         reason = f"{type(error).__name__}: {error}"
         measures = {"scene": result.scene.name, "not_measured": reason}
     write_json(path, {**measures, "run": result.run})
@@ -221,9 +222,9 @@ def _read_run(path: Path) -> dict[str, Any]:
 
 
 def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
-    """The block as the run has left it; None where there is none.
+    """The block as the run has left it, or None.
 
-    Nor is there one where another version remembered less of it: the rest of its result loads.
+    Also None if another version stored less of it, so that the rest of its result still loads.
     """
     if not path.is_file():
         return None
@@ -234,13 +235,13 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
 
 
 def _words(error: BaseException) -> str:
-    """What a reader says, cut to a line's share: it may repeat what it has read."""
+    """A reader's message, shortened, since it may repeat what it has read."""
     text = str(error) or type(error).__name__
     return text if len(text) <= 300 else text[:297] + "..."
 
 
 def _write_snapshots(result: Result, path: Path) -> None:
-    """Write an .npz, array by array and instant by instant: one snapshot is in memory at a time."""
+    """Write an .npz array by array, instant by instant: one snapshot is in memory at a time."""
     snapshots, scene = result.snapshots, result.scene
     record = record_type(scene)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -270,10 +271,10 @@ def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
 def _read_arrays(
     path: Path, shapes: Mapping[str, tuple[int, ...]], series: str | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of numbers from an .npz, as many of each shape as `series` has entries.
+    """Arrays of numbers from an .npz; their first axis is as long as the array `series`, if given.
 
     Raises ValueError, KeyError, zipfile.BadZipFile, zlib.error, OSError: it is damaged, or holds
-    others than these.
+    other arrays.
     """
     with zipfile.ZipFile(path) as archive:
         if (written := _read_array(archive, "format", ())) != _FORMAT:
@@ -285,7 +286,7 @@ def _read_arrays(
 def _read_array(
     archive: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None = None
 ) -> NDArray[Any]:
-    """One array. Of one that is larger than its shape takes nothing is unpacked."""
+    """One array. An array larger than `shape` is not unpacked."""
     entry = archive.getinfo(f"{name}.npy")
     if shape is not None and entry.file_size > 8 * math.prod(shape) + 1000:
         raise ValueError(f"{name} is longer than its shape {shape}")
@@ -317,7 +318,7 @@ DROP_COLUMNS = (
 
 
 def write_drops(path: Path, summaries: Sequence[Mapping[str, Any]]) -> None:
-    """Write a CSV with a row for each drop, in order; what has no answer is empty.
+    """Write a CSV with a row for each drop, in order; undefined measures are empty.
 
     Raises OSError.
     """
@@ -337,10 +338,10 @@ def write_drops(path: Path, summaries: Sequence[Mapping[str, Any]]) -> None:
 class RunFile:
     """One file of a run's folder.
 
-    write   writes it, or nothing where there is nothing to say
-    needed  whether there is no result without it
-    link    its link where results are downloaded; empty: there is none
-    about   what it holds, for people who see the link
+    write   function that writes it, or nothing if there is nothing to store
+    needed  whether a result is invalid without it
+    link    link text for downloads; empty: no link
+    about   what it holds, shown with the link
     """
 
     write: Callable[[Result, Path], None]
@@ -349,7 +350,7 @@ class RunFile:
     about: str = ""
 
 
-# What measures brings SciPy along, which takes half a second to load: these import it themselves.
+# The measures import SciPy, which takes half a second to load: these functions import them late.
 OUTPUTS: dict[str, RunFile] = {
     "history.csv": RunFile(_write_history, True, "CSV", "histories"),
     "scene.toml": RunFile(_write_scene, True, "TOML", "the scene; it runs again by itself"),
@@ -361,4 +362,4 @@ OUTPUTS: dict[str, RunFile] = {
     "cracks.json": RunFile(_write_cracks, True),
     "summary.json": RunFile(_write_summary, True, "JSON", "all measures"),
 }
-"""What a run's folder holds beside its manifest, by file name, in order."""
+"""Files of a run's folder besides its manifest, by name, in order."""

@@ -1,8 +1,8 @@
-"""Snapshots as they come: appended to one file, read back one at a time.
+"""Snapshots of a run in progress: appended to one file, read back one at a time.
 
-A run of millions of mass points has more snapshots than fit into memory. Each is a record of fixed
-size, as the bytes of its arrays in the machine's order: a file for work in progress, on one
-machine. A result has them in `snapshots.npz`.
+A run of millions of mass points has more snapshots than fit into memory. Each snapshot is a record
+of fixed size: the bytes of its arrays, in native byte order. The file is for work in progress on
+one machine; a result has its snapshots in `snapshots.npz`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from taichi_foam.results.files import synced
 from taichi_foam.scene import Scene
 
 NAMES = tuple(field.name for field in fields(Snapshot))
-"""What a snapshot may consist of, in order."""
+"""Names of all fields that a snapshot may have, in order."""
 
 
 def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Shape of each array of a snapshot: what a snapshot consists of, in order.
+    """Shape of each field of a snapshot, in order.
 
-    Stresses are among them if the run keeps them.
+    Stresses are included if the run keeps them.
     """
     columns, rows = scene.block.columns, scene.block.rows
     nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
@@ -36,9 +36,9 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
-    """A snapshot of `scene` as one record: times in 64 bits, arrays as precise as it asks for.
+    """Data type of a snapshot of `scene`: scalars in 64 bits, arrays in the scene's precision.
 
-    Stresses, which pictures show, have 32 bits.
+    Stresses, which are used in pictures only, have 32 bits.
     """
     precise = np.float32 if scene.output.snapshot_precision == "single" else np.float64
     kinds = {"stress": np.float32}
@@ -51,7 +51,7 @@ def record_type(scene: Scene) -> np.dtype[Any]:
 
 
 def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
-    """The snapshot as precise as its scene asks for."""
+    """The snapshot in its scene's precision."""
     if scene.output.snapshot_precision == "double":
         return snapshot
     values = vars(snapshot)
@@ -60,7 +60,7 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
 
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
-    """The snapshot of its numbers and arrays by name."""
+    """A snapshot from its numbers and arrays by name."""
     given: dict[str, Any] = {
         name: each if np.ndim(each) else float(each) for name, each in values.items()
     }
@@ -76,11 +76,11 @@ class _Records:
         self._mapped: tuple[mmap.mmap, NDArray[Any]] | None = None
 
     def count(self) -> int:
-        """How many whole records the file has now."""
+        """Number of complete records in the file."""
         return self.path.stat().st_size // self.kind.itemsize if self.path.is_file() else 0
 
     def write(self, place: int, record: NDArray[Any]) -> None:
-        """Write a record to a place; what lay behind it is gone. Raises OSError."""
+        """Write the record at index `place`; later records are dropped. Raises OSError."""
         self._mapped = None
         with self.path.open("r+b" if self.path.is_file() else "w+b") as file:
             file.seek(place * self.kind.itemsize)
@@ -88,9 +88,9 @@ class _Records:
             file.truncate()
 
     def read(self, place: int) -> Any:
-        """A record, of which only what is looked at is read.
+        """A record; its data is read from disk on access.
 
-        Once one has been read they all stay readable, also when the file has been removed.
+        After the first read, all records stay readable even if the file is removed.
         """
         if self._mapped is None:
             with self.path.open("rb") as file:
@@ -99,7 +99,7 @@ class _Records:
             self._mapped = mapping, np.frombuffer(mapping, self.kind, self.count())
         mapping, records = self._mapped
         if hasattr(mapping, "madvise"):
-            # what was read before stays on the disk, and is read again if it is looked at again
+            # drop pages from memory; they are read from disk again when accessed
             mapping.madvise(mmap.MADV_DONTNEED)
         return records[place]
 
@@ -108,7 +108,7 @@ class SnapshotFile(Sequence[Snapshot]):
     """The snapshots of a run, on disk. None is held in memory."""
 
     def __init__(self, path: Path, scene: Scene, count: int = 0) -> None:
-        """The first `count` snapshots of the file; what may lie behind them counts for nothing.
+        """The first `count` snapshots of the file; any later ones are ignored.
 
         The folder must exist. Raises OSError; ValueError: the file is shorter.
         """
@@ -133,7 +133,7 @@ class SnapshotFile(Sequence[Snapshot]):
         return snapshot_of({name: record[name] for name in self._records.names})
 
     def append(self, snapshot: Snapshot) -> None:
-        """Write one more. Raises OSError: those before it stay as they are."""
+        """Append a snapshot. Raises OSError; earlier snapshots then stay intact."""
         record = np.zeros(1, self._records.kind)
         for name in self._records.names:
             record[name] = getattr(snapshot, name)
@@ -141,6 +141,6 @@ class SnapshotFile(Sequence[Snapshot]):
         self._chosen = range(len(self) + 1)
 
     def sync(self) -> None:
-        """See that what has been written survives the machine's end. Raises OSError."""
+        """Flush to disk, so that the data survives a crash of the machine. Raises OSError."""
         if self._records.path.is_file():
             synced(self._records.path)

@@ -1,4 +1,4 @@
-"""A run on a block that another run has left: whether it can be, and what it starts with."""
+"""A run on a block that an earlier run has left: checks, and the initial state."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
 SAME = ("block", "foam", "across", "model", "base", "support", "start")
-"""Parts of a scene that a run has in common with the one that left its block.
+"""Parts of a scene that must be the same in a run and in the one that left its block.
 
-A pulse of the base may be another one.
+The pulse of the base may differ.
 """
 
 
 @dataclass(frozen=True)
 class After:
-    """What came before a run.
+    """The earlier run on the block of a run.
 
-    told     `run["after"]` of its result: what it starts with, in a few figures
-    cushion  the block; None of a run that has begun, and goes on from its checkpoint
+    told     `run["after"]` of its result: the initial state, in a few figures
+    cushion  the block; None for a run that has begun already and continues from its checkpoint
     """
 
     told: Mapping[str, Any]
@@ -36,10 +36,10 @@ class After:
 
     @classmethod
     def of(cls, scene: Scene, before: Result | str | Path) -> After:
-        """A run of `scene` on the block that `before` has left, a result or its folder.
+        """A run of `scene` on the block left by `before`, a result or its folder.
 
-        Raises UserError: there is no such result, it did not come to its end, its block is not that
-        of the scene, or the impactor would not meet it.
+        Raises UserError: there is no such result, its run did not reach its end, its block differs
+        from the scene's, or the impactor would miss the block.
         """
         result = before if isinstance(before, Result) else Result.load(before)
         name = result.scene.name if before is result else str(before)
@@ -76,7 +76,7 @@ class After:
 
 
 def _differences(before: Scene, scene: Scene) -> list[str]:
-    """What differs of two scenes in the parts that should not."""
+    """The differences of two scenes in the parts that must be the same."""
     there, here = (by_key(each.model_dump(include={*SAME})) for each in (before, scene))
     keys = [
         key

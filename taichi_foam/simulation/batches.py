@@ -1,6 +1,6 @@
-"""Calls of the engine: scenes on the device, call by call, and what comes back of them.
+"""Calls of the engine: scenes on the device, advanced call by call, and the data they return.
 
-`simulate` runs scenes to their ends on this, `stepwise` advances one a little at a time.
+`simulate` uses this to run scenes to their ends, `stepwise` to advance one a little at a time.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from taichi_foam.simulation.after import After
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints
 from taichi_foam.simulation.provenance import provenance
 
-# A kernel call holds the interpreter: it is kept this short, so that Ctrl-C and progress work.
+# A kernel call blocks the interpreter: it is kept this short [s], so that Ctrl-C and progress work.
 CALL_SECONDS = 0.075
 MOST_STEPS = 1_000_000
 
-# A run that needs more than this is told when it begins: a small block takes a day for it.
+# A run that needs more steps than this gives a warning when it begins: a small block takes a day.
 MANY_STEPS = 1e9
 
-# Most nodes and lattices that are on the device at a time. Lattices that end make room for others.
+# Most nodes and lattices on the device at a time. Lattices that end make room for others.
 MOST_NODES = {"cpu": 200_000, "gpu": 16_000_000}
 MOST_LATTICES = {"cpu": 64, "gpu": 4096}
-# On a CPU so many for each thread: enough that no thread waits for long when a lattice pauses, and
-# few enough that some scenes end long before others begin.
+# Lattices for each CPU thread: enough that no thread waits for long when a lattice pauses, and few
+# enough that some scenes end long before others begin.
 LATTICES_PER_THREAD = 8
 
 ENDINGS = {
@@ -61,15 +61,15 @@ ENDINGS = {
     DIVERGED: Ending.DIVERGED,
     CROWDED: Ending.CROWDED,
 }
-"""How a run ends, by the status that the engine leaves."""
+"""How a run ended, by the status that the engine returns."""
 
 LEAVING = (AT_END_TIME, AT_REBOUND)
-"""Of these the endings that leave a block for the next impact."""
+"""Those of them that leave a block for the next impact."""
 
 
 @dataclass
 class Wall:
-    """What the engine has done so far: seconds, and steps and stages of nodes of all lattices."""
+    """Work of the engine so far: seconds, and the steps and node stages of all lattices."""
 
     seconds: float = 0.0
     steps: int = 0
@@ -78,7 +78,7 @@ class Wall:
 
 @dataclass
 class Run:
-    """What one lattice has given so far."""
+    """The data of one lattice's run so far."""
 
     scene: Scene
     index: int
@@ -92,13 +92,13 @@ class Run:
     report: dict[str, float] = field(default_factory=dict)
     resumed: int = 0
     after: After | None = None
-    cushion: Cushion | None = None  # what it leaves, once it has ended well
+    cushion: Cushion | None = None  # the block it leaves, once it has ended well
 
     @classmethod
     def stored(cls, checkpoint: Checkpoint, index: int, wall: Wall, batch: int) -> Run:
-        """The run of a checkpoint as it stands, to go on in a batch of so many unless it has ended.
+        """The run of a checkpoint, to be continued in a batch of size `batch` unless it has ended.
 
-        `wall` is what the engine has done so far, of which the checkpoint's own is taken off.
+        `wall` is the engine's work so far; the checkpoint's own work is subtracted from it.
         """
         state = checkpoint.state
         run = cls(
@@ -122,7 +122,7 @@ class Run:
 
     @property
     def ended(self) -> bool:
-        """Whether it takes no more steps, for good or for ill."""
+        """Whether it takes no more steps, after success or failure."""
         return self.status != RUNNING
 
     @property
@@ -133,7 +133,7 @@ class Run:
 
     @property
     def fraction(self) -> float:
-        """How much of the run is done: by time, or by how much of the velocity is spent."""
+        """Fraction of the run that is done: by time, or by the share of the velocity lost."""
         numerics, impactor = self.scene.numerics, self.scene.impactor
         if self.ended:
             return 1.0
@@ -161,14 +161,14 @@ class Run:
         )
 
     def record(self, snapshot: Snapshot) -> None:
-        """Keep a snapshot, unless that instant is kept already. Raises OSError."""
+        """Store a snapshot, unless that instant is stored already. Raises OSError."""
         if snapshot.time > self.recorded:
             self.snapshots.append(rounded(snapshot, self.scene))
             self.recorded = snapshot.time
 
     @property
     def length(self) -> str | None:
-        """What to say of a run that needs a very great number of steps, once it has begun."""
+        """The warning for a run that needs a very large number of steps; None if it does not."""
         step = self.report["shortest"]
         ahead = (self.scene.numerics.latest_end - self.time) / step
         if ahead <= MANY_STEPS:
@@ -180,7 +180,7 @@ class Run:
         )
 
     def rows_since(self, since: int) -> np.ndarray:
-        """The rows (n, `row_columns`) that have come after the first `since`."""
+        """The rows (n, `row_columns`) after the first `since`."""
         late: list[np.ndarray] = []
         before = sum(map(len, self.rows))
         for rows in reversed(self.rows):
@@ -193,8 +193,8 @@ class Run:
         return np.empty((0, len(row_columns(self.scene.turns))))
 
     def checkpoint(self, state: State, wall: Wall) -> Checkpoint:
-        """The run as it stands, in the state that its lattice has."""
-        assert isinstance(self.snapshots, SnapshotFile)  # of a run that has a folder
+        """A checkpoint of the run now; `state` is the state of its lattice."""
+        assert isinstance(self.snapshots, SnapshotFile)  # the run has a folder
         return Checkpoint(
             scene=self.scene,
             state=state,
@@ -209,25 +209,25 @@ class Run:
 
 
 class Slots:
-    """The places of a borrowed lattice's batch, the runs in them, and the size of calls.
+    """The slots of a borrowed lattice's batch, the runs in them, and the length of calls.
 
-    runs  those in their places, in order, also what has ended and was not cleared
+    runs  the runs in the slots, in order, including ended ones that were not cleared
     """
 
     def __init__(
         self, lattice: Lattice, wall: Wall, kept: Checkpoints | None, after: After | None
     ) -> None:
-        """What the engine does is added to `wall`.
+        """The engine's work is added to `wall`.
 
-        Runs go on from the checkpoints that are `kept`, and leave some. All start `after` another
-        run, if that is given.
+        Runs continue from the checkpoints in `kept` and write new ones. If `after` is given, all
+        start on the block that it describes.
         """
         self._lattice = lattice
         self._wall = wall
         self._kept, self._after = kept, after
         self._advance = transfer.advance_of(lattice)
         self._places: list[Run | None] = [None] * lattice.size.batch
-        # of the whole batch, from the last call that took all the steps it was to take
+        # of the whole batch, from the last call that took all its steps
         self._steps_per_second = 0.0
         self._is_compiled = False
 
@@ -236,23 +236,23 @@ class Slots:
         return [run for run in self._places if run is not None]
 
     def fill(self, waiting: list[tuple[int, Scene]]) -> None:
-        """Load scenes, each with its index, from the end of `waiting` into empty places.
+        """Load scenes, each with its index, from the end of `waiting` into empty slots.
 
-        One that has a checkpoint goes on from there. Raises UserError: it cannot.
+        A scene with a checkpoint continues from it. Raises UserError if it cannot.
         """
         lattice = self._lattice
         for b in range(lattice.size.batch):
             if self._places[b] is None and waiting:
                 self._places[b] = self._loaded(b, *waiting.pop())
         if not self._is_compiled:
-            # a call that steps nothing, and is not counted
+            # a call that takes no steps, and is not counted
             transfer.set_pause(lattice, np.zeros(lattice.size.batch))
             self._advance(lattice, 1)
             transfer.harvest(lattice)
             self._is_compiled = True
 
     def _loaded(self, b: int, index: int, scene: Scene) -> Run:
-        """The run of a scene in place `b`: from its checkpoint on, else from its start."""
+        """The run of a scene in slot `b`: from its checkpoint, if it has one, or from its start."""
         lattice, wall, kept, after = self._lattice, self._wall, self._kept, self._after
         stored = kept and kept.stored(index, scene, _arch(), after)
         if stored is not None:
@@ -268,7 +268,7 @@ class Slots:
         return run
 
     def save(self, only_ended: bool = False) -> None:
-        """Write checkpoints of the runs as they stand, if any are kept, and there are such runs."""
+        """Write checkpoints of all runs, or of the ended ones only, if checkpoints are kept."""
         if self._kept is None:
             return
         standing = [
@@ -282,10 +282,10 @@ class Slots:
     def advance(self, seconds: float, until: float = math.inf) -> bool:
         """One call of the engine, which takes about `seconds` of wall time.
 
-        It ends sooner for a run whose next snapshot is due or whose rows on the device are full,
-        or that has come to the simulated time `until` [s]. Rows and snapshots go to the runs, and
-        checkpoints that are due are written. Ctrl-C waits until rows and snapshots have got there;
-        the answer is whether it was pressed.
+        A run stops earlier when its next snapshot is due, when its rows on the device are full, or
+        at the simulated time `until` [s]. Rows and snapshots are added to the runs, and checkpoints
+        that are due are written. Ctrl-C waits until rows and snapshots are stored; the return value
+        says whether it was pressed.
         """
         pauses = [0.0 if run is None else min(run.next_snapshot, until) for run in self._places]
         transfer.set_pause(self._lattice, np.array(pauses))
@@ -297,8 +297,7 @@ class Slots:
             took = time.perf_counter() - start
             self._wall.seconds += took
             taken = self._collect()
-        # what one call costs apart from its steps says little of how fast these go, so that calls
-        # cut short by a pause do not count
+        # a call that a pause cut short is mostly overhead, so it does not count for the step rate
         if taken >= most_steps or took > seconds:
             self._steps_per_second = taken / max(took, 1e-6)
         if self._kept is not None and self._kept.are_due():
@@ -306,9 +305,9 @@ class Slots:
         return pressed.is_set()
 
     def _collect(self) -> int:
-        """Take the rows that a call has left, and the snapshots that are due.
+        """Fetch the rows of the last call, and the snapshots that are due.
 
-        Returns the most steps that it has taken with any run.
+        Returns the largest number of steps that any run took in that call.
         """
         standing, rows = transfer.harvest(self._lattice)
         most = 0
@@ -333,7 +332,7 @@ class Slots:
         return most
 
     def now(self, b: int) -> Snapshot:
-        """The run in place `b` at this instant; it is not recorded."""
+        """A snapshot of the run in slot `b` now; it is not recorded."""
         run = self._places[b]
         assert run is not None
         return self._snapshot(b, run)
@@ -345,7 +344,7 @@ class Slots:
         )
 
     def clear_ended(self) -> None:
-        """Make room where runs have ended."""
+        """Free the slots of runs that have ended."""
         for b, run in enumerate(self._places):
             if run is not None and run.ended:
                 transfer.unload(self._lattice, b)
@@ -360,7 +359,7 @@ def borrowed_slots(
     checkpoints: Checkpoints | None = None,
     after: After | None = None,
 ) -> Iterator[Slots]:
-    """So many slots for scenes like this one, on a lattice which goes back empty.
+    """`batch` slots for scenes like `scene`, on a lattice that is returned empty.
 
     See `Slots` for the other arguments.
     """
@@ -379,11 +378,11 @@ def advance_all(
     checkpoints: Checkpoints | None = None,
     after: After | None = None,
 ) -> Iterator[list[Run]]:
-    """Advance scenes call by call; yields the runs on the device after each.
+    """Advance scenes call by call; yields the runs on the device after each call.
 
-    A run is yielded for the last time with the status that ended it. With `checkpoints` runs go on
-    from those that are there, and leave some: as time goes by, when they are interrupted, and when
-    they have ended. All start `after` another run, if that is given.
+    A run is last yielded with the status that ended it. With `checkpoints`, runs continue from
+    existing ones, and write new ones at intervals, on interruption and at the end. If `after` is
+    given, all start on the block that it describes.
 
     Raises UserError: a checkpoint cannot be continued.
     """
@@ -407,7 +406,7 @@ def advance_all(
                     pressed = slots.advance(CALL_SECONDS)
                     slots.save(only_ended=True)
                     yield slots.runs
-                    if pressed:  # what has ended has been taken
+                    if pressed:  # the caller has taken the ended runs
                         raise KeyboardInterrupt
                     slots.clear_ended()
             except (KeyboardInterrupt, GeneratorExit):
@@ -416,12 +415,12 @@ def advance_all(
 
 
 def _arch() -> str:
-    """What is computed on."""
+    """The arch that computes."""
     return str(runtime.settings()["arch"])
 
 
 def _batch_size(scenes: int, nodes: int) -> int:
-    """Lattices at a time: a power of two, so that few sizes are ever compiled."""
+    """Number of lattices at a time: a power of two, so that few sizes are ever compiled."""
     settings = runtime.settings()
     device = "cpu" if settings["arch"] == "cpu" else "gpu"
     most = min(MOST_LATTICES[device], MOST_NODES[device] // nodes)
@@ -432,9 +431,9 @@ def _batch_size(scenes: int, nodes: int) -> int:
 
 
 def result_of(run: Run, wall: Wall) -> Result:
-    """Everything that a run has given, and how it was computed. It must have taken a call.
+    """The result of a run, with how it was computed. The run must have had at least one call.
 
-    One that has not ended counts as interrupted.
+    A run that has not ended counts as interrupted.
     """
     ending = ENDINGS[run.status]
     seconds = wall.seconds - run.begun.seconds

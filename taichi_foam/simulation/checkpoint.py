@@ -1,9 +1,9 @@
-"""Checkpoints: a run as far as it has come, stored so that it can go on in another process.
+"""Checkpoints: the state of a run, stored so that another process can continue it.
 
-A checkpoint is a file, `checkpoint.npz` in a folder of the run's own, replaced as a whole. It
-holds the scene, the state of the lattice, and the rows so far. Snapshots lie beside it, in
-`snapshots.bin`, written as they come; a checkpoint knows how many of them are its own. What follows
-from it is the same to the last bit as if the run had never stopped, whatever the number of threads,
+A checkpoint is a file, `checkpoint.npz`, in the run's own folder, always replaced as a whole. It
+holds the scene, the state of the lattice, and the rows so far. Snapshots are written beside it, to
+`snapshots.bin`, as they are recorded; the checkpoint stores how many of them belong to it. A run
+continued from a checkpoint equals an uninterrupted run to the last bit, for any number of threads,
 alone or in a batch.
 """
 
@@ -40,10 +40,10 @@ CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
 """Names of the two files in a folder of checkpoints."""
 
 EVERY = 60.0
-"""Wall time between two checkpoints, and before the first, unless told otherwise [s]."""
+"""Default wall time between two checkpoints, and before the first [s]."""
 
 LARGEST_SHARE = 0.05
-"""Writing takes no more than this share of the time: checkpoints of large runs are rarer."""
+"""Largest share of the time spent on writing: checkpoints of large runs are rarer."""
 
 _DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error)
 
@@ -52,13 +52,13 @@ _DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFil
 class Checkpoint:
     """A run between two calls of the engine.
 
-    arch         what it is computed on: states of a CPU and of a GPU are laid out differently
+    arch         device that computes: states of a CPU and of a GPU are laid out differently
     rows         (n, `row_columns`) of the history so far
-    snapshots    so far, on disk
+    snapshots    snapshots so far, on disk
     seconds      wall time that the engine has taken
-    node_stages  that it has computed
+    node_stages  number of node stages computed
     resumed      how often the run has been continued
-    after        what came before on its block, as `Record.run` tells it; None: nothing did
+    after        the previous run on its block, as in `Record.run`; None on a fresh block
     """
 
     scene: Scene
@@ -72,7 +72,7 @@ class Checkpoint:
     after: Mapping[str, Any] | None = None
 
     def save(self, folder: Path) -> None:
-        """Write it into `folder`, which is made if need be. Raises OSError."""
+        """Write it into `folder`, which is created if necessary. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = {
             "format": FORMAT,
@@ -85,14 +85,14 @@ class Checkpoint:
             "after": json.dumps(self.after and dict(self.after)),
             "ended": self.state.clock["status"] != RUNNING,
         }
-        self.snapshots.sync()  # what the checkpoint counts has to be there
+        self.snapshots.sync()  # the snapshots that the checkpoint counts must be on disk
         arrays |= {f"state.{name}": array for name, array in self.state.to_arrays().items()}
         with whole_file(folder / CHECKPOINT) as partial:
             np.savez(partial, **arrays)
 
     @staticmethod
     def head(folder: Path) -> tuple[Scene, str, Mapping[str, Any] | None]:
-        """Scene, arch and `after` of the checkpoint in `folder`, the rest unread.
+        """Scene, arch and `after` of the checkpoint in `folder`; the rest is not read.
 
         Raises as `load`.
         """
@@ -104,7 +104,7 @@ class Checkpoint:
     def load(cls, folder: Path) -> Checkpoint:
         """Read the checkpoint in `folder`.
 
-        Raises UserError: it is not there or damaged, or another version has written it.
+        Raises UserError: it is missing or damaged, or was written by another version.
         """
         path = folder / CHECKPOINT
         with _opened(folder) as archive:
@@ -154,9 +154,9 @@ def _parts(arrays: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def work_in(folder: Path) -> Path:
-    """Where the checkpoint lies of the run whose folder that is.
+    """The folder of the checkpoint of the run in `folder`.
 
-    Raises UserError: there is none, and why.
+    Raises UserError if there is none, with the reason.
     """
     work = folder / UNFINISHED
     if (work / CHECKPOINT).is_file():
@@ -175,12 +175,12 @@ def work_in(folder: Path) -> Path:
 class Checkpoints:
     """Where the runs of a batch keep their checkpoints, and when.
 
-    folders  one for each scene, in their order
+    folders  a folder for each scene, in order
     every    wall time between two checkpoints [s], by default EVERY
     """
 
     def __init__(self, folders: Sequence[Path], every: float | None = None) -> None:
-        """Raises UserError for an interval that is not above 0."""
+        """Raises UserError if `every` is not above 0."""
         every = EVERY if every is None else every
         if not every > 0:
             raise UserError(
@@ -191,9 +191,9 @@ class Checkpoints:
         self._next = time.perf_counter() + every
 
     def has_ended(self, index: int) -> bool:
-        """Whether the checkpoint of scene number `index` is of a run that had ended.
+        """Whether scene number `index` has a checkpoint, and its run had ended.
 
-        Raises UserError: it is damaged, or of another version.
+        Raises UserError: it is damaged, or from another version.
         """
         folder = self.folders[index]
         if not (folder / CHECKPOINT).is_file():
@@ -206,7 +206,7 @@ class Checkpoints:
     ) -> Checkpoint | None:
         """The checkpoint of scene number `index`, None if there is none.
 
-        Raises UserError: it is damaged, or of another version, scene, block or kind of device.
+        Raises UserError: it is damaged, or from another version, scene, block or kind of device.
         """
         folder = self.folders[index]
         if not (folder / CHECKPOINT).is_file():
@@ -233,20 +233,20 @@ class Checkpoints:
         return found
 
     def snapshots(self, index: int, scene: Scene) -> SnapshotFile:
-        """Where the snapshots of scene number `index`, which begins, are stored. Raises OSError."""
+        """The file for snapshots of scene number `index`, whose run begins. Raises OSError."""
         folder = self.folders[index]
         folder.mkdir(parents=True, exist_ok=True)
         return SnapshotFile(folder / SNAPSHOTS, scene)
 
     def are_due(self) -> bool:
-        """Whether it is time for the next ones."""
+        """Whether it is time for the next checkpoints."""
         return time.perf_counter() >= self._next
 
     def save(self, checkpoints: Sequence[tuple[int, Checkpoint]]) -> None:
-        """Write checkpoints, each with its scene's number. A disk that refuses stops no run."""
+        """Write checkpoints, each with its scene's number. Disk errors do not stop the run."""
         start = time.perf_counter()
         for index, checkpoint in checkpoints:
-            with contextlib.suppress(OSError):  # the run itself is worth more
+            with contextlib.suppress(OSError):  # the run itself matters more
                 checkpoint.save(self.folders[index])
         now = time.perf_counter()
         self._next = now + max(self.every, (now - start) / LARGEST_SHARE)

@@ -1,6 +1,6 @@
 """Progress on a terminal: bars with the rate and the time left, and a line for each stage done.
 
-Without a terminal (a log, a pipe) there are only the lines, and of a count one every half minute.
+Without a terminal (a log, a pipe) only the lines are written, and for counts one every half minute.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 
 LINE_S = 30.0
-"""How often a line in a log says how far a count is [s]."""
+"""Interval between lines of a count in a log [s]."""
 
 
 class Bars:
-    """Shows how far each stage of a long piece of work is.
+    """Shows the progress of each stage of a long task.
 
-    seconds  wall time of each stage so far, by its name, in the order in which they ended
+    seconds  wall time of each finished stage, by name, in order
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        """`console` None: show nothing, only keep the time."""
+        """`console` None: show nothing, only record times."""
         self._console = console
         self.seconds: dict[str, float] = {}
 
@@ -59,7 +59,10 @@ class Bars:
     def counting(
         self, name: str, what: str, total: int, unit: str
     ) -> Iterator[Callable[..., None]]:
-        """A bar for `total` equal pieces of work; call what it yields after each, or after n."""
+        """A bar for `total` equal pieces of work.
+
+        Yields a function to call after each piece, or with n after n pieces.
+        """
         with self._stage(name, what, what, total) as (show, close):
             done, start = 0, time.perf_counter()
 
@@ -83,7 +86,7 @@ class Bars:
 
     @contextlib.contextmanager
     def _lines(self, line: Callable[[], str]) -> Iterator[None]:
-        """Where there is no terminal, say what `line` gives every so often until the block ends."""
+        """Without a terminal, print `line()` at intervals until the block ends."""
         if self._console is None or self._console.is_terminal:
             yield
             return
@@ -105,9 +108,9 @@ class Bars:
     def _stage(
         self, name: str, short: str, what: str, total: float
     ) -> Iterator[tuple[Callable[[float, str], None], Callable[[str], None]]]:
-        """Yields what moves the bar, and what sets the words in brackets of the closing line.
+        """Yield two functions: one moves the bar, one sets the closing line's words in brackets.
 
-        Bars fit 80 columns: `short` stands beside them, `what` in the closing line.
+        Bars fit 80 columns: `short` is shown beside them, `what` in the closing line.
         """
         start, closing = time.perf_counter(), ""
 
@@ -128,7 +131,7 @@ class Bars:
         )
         try:
             with bar:
-                # Without a total the bar swings until the first news, as while kernels compile.
+                # Without a total the bar swings until the first update, as while kernels compile.
                 task = bar.add_task(_cut(short), total=None, detail="preparing")
                 yield (
                     lambda done, detail: bar.update(
@@ -142,13 +145,13 @@ class Bars:
         self.say(f"{what}: {took:.1f} s" + (f" ({closing})" if closing else ""))
 
     def say(self, text: str) -> None:
-        """A line of plain text, whole where there is no terminal to fit it to."""
+        """Print a line of plain text, unwrapped if there is no terminal."""
         if self._console is not None:
             self._console.print(Text(text), soft_wrap=not self._console.is_terminal)
 
 
 def _count(number: float) -> str:
-    """A number of steps for people: 940, 9.4k, 1.2M."""
+    """A number of steps, abbreviated: 940, 9.4k, 1.2M."""
     scale, prefix = si_scale(number, least=0, digits=3)
     return f"{number / scale:.3g}{prefix}"
 

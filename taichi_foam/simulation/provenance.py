@@ -1,4 +1,4 @@
-"""Where a result comes from: what computed it, when, by which command, and from what."""
+"""Provenance of a result: software, machine, date, command and scene."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _LIBRARIES = ("taichi", "numpy", "scipy", "matplotlib", "imageio-ffmpeg", "pillo
 
 
 def provenance(scene: Scene) -> dict[str, str]:
-    """The stamp of a run that ends now, for `run` in summary.json.
+    """Provenance of a run that ends now, for `run` in summary.json.
 
-    taichi_foam   version; of a development version with its commit
+    taichi_foam   version; for a development version with its commit
     taichi, numpy, python
     machine, processor
     date          UTC, ISO 8601
-    command       of the process, as a line of the shell
+    command       command line of the process, quoted for a shell
     scene_sha256  see `content_hash`
     """
     return {
@@ -48,9 +48,9 @@ def provenance(scene: Scene) -> dict[str, str]:
 
 
 def content_hash(scene: Scene) -> str:
-    """SHA-256 of a scene's values, every default filled in: equal scenes have equal ones.
+    """SHA-256 of a scene's values, with every default filled in: equal scenes have equal hashes.
 
-    What was measured in it is not among them.
+    Measured values (the scene's reference) are left out.
     """
     data = scene.model_dump(mode="json", exclude={"reference"})
     text = json.dumps(data, sort_keys=True, separators=(",", ":"))
@@ -59,7 +59,7 @@ def content_hash(scene: Scene) -> str:
 
 @cache
 def processor() -> str:
-    """The processor's name; Python itself knows it on some systems only."""
+    """The processor's name; Python itself knows it only on some systems."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -79,7 +79,7 @@ def machine() -> dict[str, str | int]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries it stands on."""
+    """Versions of this package, Python and the libraries it depends on."""
     found = {"taichi_foam": version(), "python": platform.python_version()}
     for name in _LIBRARIES:
         try:

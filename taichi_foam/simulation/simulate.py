@@ -3,10 +3,10 @@
     from taichi_foam import paper_scene, run
     result = run(paper_scene("paper/wedge-2.86"))
 
-`simulate` yields snapshots of one scene as they come, `simulate_many` results of many scenes as
-they come; `run` and `run_many` return results, `run_drops` those of drops on one block, one after
-the other. All take `arch` and `threads`, which start Taichi as
-`init` does; None takes what already runs, else the CPU with all its cores.
+`simulate` yields snapshots of one scene as they are recorded, and `simulate_many` results of many
+scenes as the scenes end. `run` and `run_many` return results; `run_drops` returns the results of
+successive drops on one block. All take `arch` and `threads`, which start Taichi as `init` does;
+None keeps what already runs, else uses the CPU with all its cores.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints, work_in
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run or a batch of runs stands, once per call of the engine."""
+    """How far a run or a batch of runs is; reported after each call of the engine."""
 
     time: float  # of the slowest lattice on the device [s]
     fraction: float  # 0 to 1; an impact ends when its velocity is spent
@@ -48,15 +48,15 @@ ProgressCallback = Callable[[Progress], None]
 
 
 def init(arch: str | None = None, threads: int | None = None) -> None:
-    """Say what to compute on, for all runs of this process; without it the first run decides.
+    """Choose the device for all runs of this process; without this call the first run decides.
 
     Args:
         arch: "cpu", "cuda", "vulkan" or "metal"; None: what already runs, else the CPU.
         threads: CPU threads; None: what already runs, else all cores.
 
     Raises:
-        UserError: an arch that is unknown or cannot be had here, a bad number of threads, or others
-            than those that this process already runs with.
+        UserError: the arch is unknown or not available here, the number of threads is invalid, or
+            this process already runs with other settings.
     """
     runtime.start(arch, threads)
 
@@ -74,7 +74,7 @@ def simulate(
     for (run,) in batches.advance_all([scene], Wall()):
         assert isinstance(run.snapshots, list)
         yield from run.snapshots
-        run.snapshots.clear()  # they are the caller's now
+        run.snapshots.clear()  # the caller has them now
         _raise_on_failure([run])
 
 
@@ -89,18 +89,18 @@ def simulate_many(
 ) -> Generator[tuple[int, Result], None, None]:
     """Run scenes side by side, yielding each one's place in `scenes` and its result as it ends.
 
-    They may differ in everything. Those with the same lattice counts share a batch, one lattice on
-    each CPU thread, and a lattice that has ended makes room for the next. Nothing is kept of what
-    has been yielded. A result does not depend, to the last bit, on what else is run.
+    Scenes may differ in everything. Those with equal lattice sizes share a batch, one lattice on
+    each CPU thread, and a lattice that has ended makes room for the next. Yielded results are not
+    kept. A result does not depend, to the last bit, on what else is run.
 
-    A run that fails is yielded like any other; its `ending` says so. Ctrl-C is heard when all that
-    has ended has been yielded.
+    A run that fails is yielded like any other; its `ending` says so. Ctrl-C takes effect once all
+    runs that have ended have been yielded.
 
     Args:
         scenes: what to run.
         on_progress: called after each call of the engine.
-        checkpoint: folder for checkpoints, or a claim of one that is held. Runs go on from those
-            that are there; what has ended is yielded and not computed again.
+        checkpoint: folder for checkpoints, or a claim that is already held on one. Runs continue
+            from the checkpoints in it; runs that have ended are yielded, not computed again.
         every, arch, threads: as `run`.
 
     Raises:
@@ -108,7 +108,7 @@ def simulate_many(
     """
     init(arch, threads)
     if checkpoint is None:
-        _check_memory(scenes[:1])  # how many are held at a time is the caller's
+        _check_memory(scenes[:1])  # the caller decides how many are held at a time
     with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
         kept = _numbered(claim, len(scenes), every)
         for _, ended in _advanced(scenes, Wall(), on_progress, kept):
@@ -125,23 +125,25 @@ def run(
     arch: str | None = None,
     threads: int | None = None,
 ) -> Result:
-    """Run `scene` to its end and return everything it gave.
+    """Run `scene` to its end and return its result.
 
-    Ctrl-C ends it early: the result then holds what there is, and its ending is INTERRUPTED. A
-    `RunWarning` says what makes its figures doubtful, if anything does (`Result.warnings`).
+    Ctrl-C ends it early: the result then holds what was computed so far, and its ending is
+    INTERRUPTED. A `RunWarning` says what makes its figures doubtful, if anything does
+    (`Result.warnings`).
 
     Args:
         scene: what to run.
         on_progress: called after each call of the engine.
-        after: the result of a run, or its folder, on whose block this one is to go on: it starts
-            as that has ended, to the last bit. The impactor, which may be another one, or none,
-            starts its gap above the foam as it lies. Block, foam, model, base and start have to be
-            those of that run. None: a fresh block.
-        checkpoint: folder for a checkpoint of the run, from which it goes on if there is one:
-            written every `every` seconds of wall time, when it is interrupted and when it ends.
-            Snapshots lie there too, instead of in memory. The folder is that of the result to come:
-            `Result.save` to it takes the checkpoint away. A claim that is held will do too.
-        every: see `checkpoint` [s]; None: a minute; inf: only when it ends or is interrupted.
+        after: the result of an earlier run, or its folder. This run continues on the same block,
+            which starts exactly (to the last bit) as that run left it. The impactor may be a
+            different one, or none; it starts its gap above the foam as it lies. Block, foam, model,
+            base and start must be those of the earlier run. None: a fresh block.
+        checkpoint: folder for a checkpoint of the run. The run continues from a checkpoint that is
+            there. One is written every `every` seconds of wall time, on interruption and at the
+            end. Snapshots are stored there too, instead of in memory. Use the folder that the
+            result will be saved to: `Result.save` then removes the checkpoint. May also be a claim
+            that is already held.
+        every: see `checkpoint` [s]; None: a minute; inf: only on interruption and at the end.
         arch, threads: as `init`.
 
     Raises:
@@ -167,20 +169,20 @@ def run_drops(
 ) -> list[Result]:
     """Drop the impactor `count` times on one block, and return the results in order.
 
-    Each drop starts as the one before has left the block, as `run` does `after` it. Ctrl-C ends the
-    series early: the last result is then an interrupted one.
+    Each drop starts with the block as the previous drop left it, as with `after` in `run`. Ctrl-C
+    ends the series early; the last result is then an interrupted one.
 
     Args:
-        scene: of the first drop.
+        scene: scene of the first drop.
         count: how many drops, 1 to MOST_DROPS.
         on_progress: called after each call of the engine; the drops that are over count as
             finished.
-        checkpoint: folder for checkpoints of the series, or a claim of one that is held. Drops go
-            on from those that are there; what has ended is not computed again.
+        checkpoint: folder for checkpoints of the series, or a claim that is already held on one.
+            Drops continue from the checkpoints in it; those that have ended are not computed again.
         every, arch, threads: as `run`.
 
     Raises:
-        UserError: as `run`, or a count that cannot be.
+        UserError: as `run`, or the count is out of range.
         RunError: as `run`; its `results` are those of all drops so far.
     """
     check_drops(count)
@@ -219,18 +221,18 @@ MOST_DROPS = 1000
 
 
 def check_drops(count: int) -> None:
-    """Refuse a number of drops that cannot be. Raises UserError."""
+    """Raise UserError if the number of drops is out of range."""
     if not 1 <= count <= MOST_DROPS:
         raise UserError(f"drops = {count}: must be at least 1 and at most {MOST_DROPS}")
 
 
 def drops_request(scene: Scene, count: int) -> dict[str, Any]:
-    """What stands for a series of drops where a folder is claimed for it."""
+    """The request that identifies a series of drops when a folder is claimed for it."""
     return {**request_of(scene), "drops": count}
 
 
 def drop_name(number: int) -> str:
-    """Folder of a drop of a series, counted from 1."""
+    """Name of the folder of a drop in a series, counted from 1."""
     return f"drop-{number}"
 
 
@@ -244,10 +246,12 @@ def resume(
 ) -> Result:
     """Continue the run whose checkpoint lies in the folder `path`, and return its result.
 
-    It is the result of an unbroken run, to the last bit; `arch` is by default that of the run.
+    The result equals that of an uninterrupted run to the last bit. `arch` defaults to that of the
+    checkpoint.
 
     Raises:
-        UserError: there is no checkpoint, it is damaged, or of another version or kind of device.
+        UserError: there is no checkpoint, it is damaged, or it comes from another version or kind
+            of device.
         RunError: as `run`.
     """
     scene, kept_arch, told = Checkpoint.head(work_in(Path(path)))
@@ -277,8 +281,8 @@ def run_many(
 
     Raises:
         UserError: as `run`.
-        Interrupted: Ctrl-C; its `results` hold those of the scenes that were begun, by place; the
-            ending of those that had not ended is INTERRUPTED.
+        Interrupted: on Ctrl-C. Its `results` hold the results of all scenes that had begun, by
+            place; unfinished ones have the ending INTERRUPTED.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
     with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
@@ -290,7 +294,7 @@ def run_many(
 def _claimed(
     checkpoint: str | Path | Claim | None, request: Callable[[], dict[str, Any]]
 ) -> Iterator[Claim | None]:
-    """The claim of a folder for checkpoints, which may be held already. None: none are wanted."""
+    """The claim on a folder for checkpoints, which may be held already; None if none are wanted."""
     if checkpoint is None or isinstance(checkpoint, Claim):
         yield checkpoint
         return
@@ -299,7 +303,7 @@ def _claimed(
 
 
 def _requests_of(scenes: Sequence[Scene]) -> dict[str, Any]:
-    """What stands for many scenes where a folder is claimed for their checkpoints."""
+    """The request that identifies many scenes when a folder is claimed for their checkpoints."""
     digest = hashlib.sha256()
     for scene in scenes:
         digest.update(scene_to_toml(scene).encode())
@@ -321,7 +325,7 @@ def _run_one(
     threads: int | None,
     after: After | None,
 ) -> Result:
-    """The result of one scene, which Ctrl-C may have ended early."""
+    """The result of one scene; an interrupted one after Ctrl-C."""
     try:
         return _run_all([scene], on_progress, checkpoints, arch, threads, after)[0]
     except Interrupted as interrupted:
@@ -336,7 +340,7 @@ def _run_all(
     threads: int | None,
     after: After | None = None,
 ) -> list[Result]:
-    """All results in order. Raises Interrupted once there is anything."""
+    """All results in order. On Ctrl-C raises Interrupted if there are any results."""
     init(arch, threads)
     if checkpoints is None:
         _check_memory(scenes)
@@ -368,9 +372,9 @@ def _advanced(
     checkpoints: Checkpoints | None,
     after: After | None = None,
 ) -> Iterator[tuple[list[Run], dict[int, Result]]]:
-    """After each call of the engine the runs on the device, and results of those that ended.
+    """Yield, after each call of the engine, the runs on the device and the results of ended runs.
 
-    Progress is told when both have been taken.
+    Progress is reported once the caller has taken both.
     """
     finished = 0
     for runs in batches.advance_all(scenes, wall, checkpoints, after):
@@ -382,14 +386,14 @@ def _advanced(
 
 
 def _warn(result: Result) -> None:
-    """Warn once of what there is to say against a result."""
+    """Warn once of everything that makes a result doubtful."""
     if not result.warnings or (result.ending is not None and result.ending.failed):
-        return  # of a failure its error tells
+        return  # a failure is reported by its error
     warn_of_run("\n  ".join((f"{result.scene.name}:", *result.warnings)))
 
 
 def _check_memory(scenes: Sequence[Scene]) -> None:
-    """Refuse snapshots that would not fit into memory. Raises UserError."""
+    """Raise UserError if the snapshots would not fit into memory."""
     needed, free = sum(map(snapshots_bytes, scenes)), psutil.virtual_memory().available
     if needed > free:
         raise UserError(
@@ -413,7 +417,7 @@ def _progress(runs: list[Run], wall: Wall, finished: int, of: int) -> Progress:
 
 
 def _raise_on_failure(runs: Sequence[Run], results: Sequence[Result] = ()) -> None:
-    """Say when and where a run failed, with what it left."""
+    """Raise RunError if a run failed: when and where, with the results so far."""
     for run in runs:
         if run.failure is not None:
             raise RunError(run.failure, list(results))

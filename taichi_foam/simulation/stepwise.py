@@ -1,4 +1,4 @@
-"""One scene, advanced a little at a time: what a live view stands on.
+"""One scene, advanced a little at a time: the basis of live views.
 
     with Drop(scene) as drop:
         while not drop.ended:
@@ -6,8 +6,8 @@
             show(drop.now())
     result = drop.result()
 
-Steps, rows and snapshots are those of `simulation.run(scene)` to the last bit, wherever the pauses
-lie: a step's size does not look at them.
+Steps, rows and snapshots equal those of `simulation.run(scene)` to the last bit, wherever it
+pauses: the step size does not depend on pauses.
 """
 
 import contextlib
@@ -24,21 +24,21 @@ from taichi_foam.scene import Scene
 from taichi_foam.simulation.batches import CALL_SECONDS, ENDINGS, Wall, borrowed_slots, result_of
 from taichi_foam.simulation.checkpoint import Checkpoints
 
-# Less than this part of what `advance` was given is not worth another call of the engine.
+# `advance` makes no further call of the engine when less than this part of its time is left.
 REST = 0.2
 
 
 class Drop:
-    """A scene on a borrowed lattice. What it has recorded stays readable when it is closed."""
+    """A scene on a borrowed lattice. Recorded data stays readable after `close`."""
 
     def __init__(
         self, scene: Scene, *, checkpoint: Path | None = None, every: float | None = None
     ) -> None:
-        """Load the scene and compile what it needs; starts Taichi unless that runs already.
+        """Load the scene and compile its kernels; starts Taichi unless it runs already.
 
         Args:
             scene: what is dropped.
-            checkpoint: folder for a checkpoint, from which it goes on if there is one.
+            checkpoint: folder for a checkpoint; the run continues from one that is there.
             every: wall time between two checkpoints [s]; None: as `simulate.run`.
 
         Raises:
@@ -66,10 +66,10 @@ class Drop:
         self._borrowed.close()
 
     def advance(self, seconds: float, until: float = math.inf) -> None:
-        """Go on for about `seconds` of wall time (inf: without limit), at most to time `until` [s].
+        """Advance for about `seconds` of wall time (inf: no limit), at most to time `until` [s].
 
-        It stops at the first step's end at or after `until`, and when the run ends. What has ended
-        stays as it is. Raises ValueError once closed.
+        Stops at the end of the first step that reaches `until`, and when the run ends. A run that
+        has ended stays unchanged. Raises ValueError after `close`.
         """
         self._check_open()
         start = time.perf_counter()
@@ -80,16 +80,16 @@ class Drop:
             spent = time.perf_counter() - start
 
     def save_checkpoint(self) -> None:
-        """Write a checkpoint of this instant, if it has a folder for one and something to keep."""
+        """Write a checkpoint now, if there is a folder for it and something to store."""
         self._check_open()
         if self._run.rows:
             self._slots.save()
 
     def catch(self, seconds: float, until: float = math.inf) -> Snapshot | None:
-        """As `advance`, but stop where a row of the history is due, and return that instant.
+        """Like `advance`, but stop where a row of the history is due, and return that instant.
 
-        The row is there then: the one step that follows has written it. None if the instant has
-        not come yet. The last instant of a run has a row of its own.
+        One further step is taken, which writes the row. None if the instant has not been reached.
+        The last instant of a run has its own row.
         """
         if self.has_last_row:
             self.advance(seconds, min(until, self._next_row))
@@ -102,7 +102,7 @@ class Drop:
 
     @property
     def has_last_row(self) -> bool:
-        """Whether no row is due: what is due at an instant is written by the next step."""
+        """Whether no row is due; a row that is due is written by the next step."""
         return self.time < self._next_row
 
     @property
@@ -118,7 +118,7 @@ class Drop:
         return interval * (math.floor(self.last_row / interval + 1e-9) + 1) if rows else 0.0
 
     def now(self) -> Snapshot:
-        """This instant, which is not recorded. Raises ValueError once closed."""
+        """The present instant; it is not recorded. Raises ValueError after `close`."""
         self._check_open()
         return self._slots.now(0)
 
@@ -127,7 +127,7 @@ class Drop:
         return self._run.rows_since(since)
 
     def result(self) -> Result:
-        """What there is so far, interrupted if it has not ended.
+        """The result so far; an interrupted one if the run has not ended.
 
         Raises ValueError before the first row.
         """
@@ -142,7 +142,7 @@ class Drop:
 
     @property
     def ended(self) -> bool:
-        """Whether it takes no more steps, for good or for ill."""
+        """Whether it takes no more steps, after success or failure."""
         return self._run.ended
 
     @property
@@ -152,12 +152,12 @@ class Drop:
 
     @property
     def failure(self) -> str | None:
-        """What a RunError would say, if the run has failed."""
+        """The message of a RunError, if the run has failed."""
         return self._run.failure
 
     @property
     def fraction(self) -> float:
-        """How much of it is done, 0 to 1."""
+        """Fraction of the run that is done, 0 to 1."""
         return self._run.fraction
 
     @property

@@ -1,1 +1,1 @@
-"""Sweeps: many drops that differ in a few values, in one folder, which survive what comes."""
+"""Sweeps: many drops that differ in a few values, in one folder, resumable after any failure."""

@@ -1,9 +1,9 @@
-"""The chunks of a sweep: what computes one, and who computes which.
+"""Computing the chunks of a sweep, in this process or on workers.
 
-They are computed one by one in this process, or as tasks of Dask in others. Dask decides who
-computes what, and computes again what was on a worker that died. Only so many chunks are handed to
-it at a time as workers can compute: neither the scheduler nor this process grows with the sweep.
-`compute_chunk` writes where the worker is; nothing travels back.
+Chunks are computed one by one in this process, or as Dask tasks in others. Dask assigns tasks to
+workers, and computes a task again if its worker dies. No more chunks are submitted at a time than
+workers can compute, so that neither the scheduler nor this process grows with the sweep.
+`compute_chunk` writes files on the worker; no data is sent back.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from taichi_foam.sweeps.store import LOST, SCRATCH, Sweep
 if TYPE_CHECKING:
     from distributed import Client
 
-# A chunk whose worker has died so many times is not tried again in this go ...
+# A chunk whose worker has died this many times is not tried again in this call ...
 _MOST_DEATHS = 4
-# ... and after so many such chunks on end nothing is.
+# ... and after this many such chunks in a row the call gives up.
 _MOST_LOST = 3
 
-# The option of Linux's prctl by which a process asks for a signal at the death of its parent.
+# The option of Linux's prctl by which a process requests a signal when its parent dies.
 _PR_SET_PDEATHSIG = 1
 
 # How long to wait for an answer of the scheduler [s].
@@ -59,10 +59,10 @@ _PATIENCE = 15
 def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> None:
     """Compute some members of the sweep in a folder and write them, complete or not at all.
 
-    A drop that fails, or whose values make no scene, has a row with the reason.
+    A drop that fails, or whose values make an invalid scene, gets a row with the reason.
 
     Raises:
-        UserError: the folder is not seen from here, or not by the same versions.
+        UserError: the folder is not visible from here, or the versions differ.
         OSError: it cannot be written.
     """
     sweep = _opened(folder, plan_hash)
@@ -86,7 +86,7 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
             histories[member.number] = result
         if kept.full == "all" or member.number in kept.full:
             _save(sweep, member.number, result)
-        # without what its kernels took to compile
+        # without the time to compile its kernels
         seconds += result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
         seconds += time.perf_counter() - begun
     if len(rows) < len(chunk):
@@ -108,7 +108,7 @@ def _opened(folder: str, plan_hash: str) -> Sweep:
 
 
 def _save(sweep: Sweep, number: int, result: Result) -> None:
-    """Keep a whole result; one that a killed chunk had saved has the same bits already."""
+    """Save a whole result, unless a killed chunk has already saved the same one."""
     folder = sweep.run_folder(number)
     if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
         result.save(folder, overwrite=True)
@@ -123,19 +123,19 @@ def compute(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> None:
-    """Compute all drops of a sweep that are not there yet, and write them into its folder.
+    """Compute all missing drops of a sweep, and write them into its folder.
 
     Args:
         sweep: the sweep, claimed.
-        solve: what computes scenes; it is sent to workers that are other processes.
-        on_drops: called in this thread with how many more drops have been computed.
-        side_by_side: how many drops a worker computes at a time, at no more time than one.
-        workers: processes on this machine; None: in this thread.
+        solve: function that computes scenes; it is sent to workers in other processes.
+        on_drops: called in this thread with the number of drops computed since the last call.
+        side_by_side: number of drops that a worker computes together in the time of one.
+        workers: number of processes on this machine; None: compute in this thread.
         scheduler: address of a Dask scheduler whose workers share the folder; instead of `workers`.
 
     Raises:
-        UserError: no scheduler there, or the disk is full.
-        RunError: chunks could not be computed, or the scheduler was lost. What was complete stays.
+        UserError: there is no scheduler at the address, or the disk is full.
+        RunError: chunks could not be computed, or the scheduler was lost. Complete chunks stay.
         KeyboardInterrupt: Ctrl-C; likewise.
     """
     if workers is None and scheduler is None:
@@ -150,7 +150,7 @@ def compute(
 def _compute_here(
     sweep: Sweep, solve: Solve, on_drops: Callable[[int], None], side_by_side: int
 ) -> None:
-    """Chunk after chunk in this thread."""
+    """Compute chunk after chunk in this thread."""
 
     def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
         for place, result in solve(scenes):
@@ -169,9 +169,9 @@ def _compute_here(
 
 
 class _Course:
-    """The chunks of a sweep, and what becomes of them wherever they are computed.
+    """The chunks of a sweep, and their outcomes, wherever they are computed.
 
-    chunks  those that are yet to be dealt out
+    chunks  chunks that have not been assigned yet
     """
 
     def __init__(self, sweep: Sweep, side_by_side: int, workers: int = 1) -> None:
@@ -181,17 +181,17 @@ class _Course:
         self._count = self._on_end = 0
 
     def take(self, chunk: range) -> None:
-        """Note that one has been computed."""
+        """Record that a chunk has been computed."""
         self._on_end = 0
-        with contextlib.suppress(OSError):  # a disk that is slow to show it
+        with contextlib.suppress(OSError):  # the file may become visible late
             self._dealer.learn(chunk, table.seconds_of(self._sweep.chunk_file(chunk)))
 
     def lose(self, chunk: range, error: BaseException, reason: str = "") -> None:
-        """Note one that could not be, and why: the error's own words unless there are better ones.
+        """Record that a chunk could not be computed; `reason` defaults to the error's message.
 
         Raises:
             UserError: nothing can be computed, or the disk is full.
-            RunError: so many on end that there is no point in going on.
+            RunError: too many chunks failed in a row.
         """
         if isinstance(error, UserError):
             raise error
@@ -208,7 +208,7 @@ class _Course:
             self.end(f"\ngiven up: {reason}")
 
     def end(self, why: str = "") -> None:
-        """Raises RunError if any could not be computed."""
+        """Raise RunError if any chunk could not be computed."""
         if self._count:
             chunks = "1 chunk" if self._count == 1 else f"{self._count} chunks"
             lost = self._sweep.folder / LOST
@@ -218,7 +218,7 @@ class _Course:
 
 
 class _Computing:
-    """Chunks on their way through Dask."""
+    """Chunks submitted to Dask."""
 
     def __init__(
         self,
@@ -248,15 +248,15 @@ class _Computing:
         except CommClosedError:
             raise self._gone() from None
         finally:
-            with contextlib.suppress(Exception):  # nobody may be there any more
+            with contextlib.suppress(Exception):  # the scheduler may be gone
                 self._client.cancel(list(self._flying.values()), force=True)
         self._course.end()
 
     def _hand_over(self) -> None:
-        """Keep the workers busy: those that are there now, and at least one that may come.
+        """Submit a chunk for each free worker; one chunk even if there is no worker yet.
 
-        None gets a second chunk to wait: news travel in no time beside what a chunk takes, and one
-        that waits at a worker that dies would count as one that may have killed it.
+        No worker gets a second chunk in advance: communication is fast compared with a chunk, and a
+        chunk waiting at a worker that dies would be suspected of having killed it.
         """
         room = self._workers() - len(self._flying)
         for chunk in itertools.islice(self._course.chunks, max(0, room)):
@@ -270,10 +270,10 @@ class _Computing:
         future.add_done_callback(lambda done: self._inbox.put((chunk, done)))
 
     def _take(self, chunk: range, future: Any) -> None:
-        """Note what has become of a chunk, and hand over the next."""
+        """Process the outcome of a chunk, and submit the next."""
         there = future.status == "finished" or self._sweep.chunk_file(chunk).exists()
         if not there and future.status in ("lost", "pending"):
-            # its worker died when it had said that it was done: it is computed again
+            # its worker died after reporting it as done: it is computed again
             self._await(chunk, future)
             return
         if there:
@@ -303,13 +303,13 @@ class _Computing:
             raise self._gone()
 
     def _workers(self) -> int:
-        """How many chunks can be computed at a time now, or at least when one worker has come.
+        """Number of chunks that can be computed at a time now, at least 1.
 
         Raises RunError: the scheduler is gone.
         """
         try:
             workers: Any = self._client.nthreads()
-        except OSError:  # whatever it was, nobody answers
+        except OSError:  # in any case there is no answer
             raise self._gone() from None
         return max(1, sum(workers.values()))
 
@@ -328,8 +328,8 @@ _making = threading.Lock()
 def _in_one_thread(driver: int | None, *args: Any, solve: Solve) -> None:
     """Compute a chunk in the one thread of this process that calls Taichi.
 
-    A worker may have several threads: Taichi takes calls of one. The process ends with that of
-    `driver`, if it is given.
+    A worker may have several threads, but Taichi accepts calls from one only. If `driver`, a
+    process id, is given, this process ends when that one does.
     """
     global _alone
     with _making:
@@ -339,32 +339,31 @@ def _in_one_thread(driver: int | None, *args: Any, solve: Solve) -> None:
 
 
 def _end_with(driver: int | None) -> None:
-    """Have the system kill this process when the one that started it has died.
+    """Have the system kill this process when its parent dies; Linux only.
 
-    A thread of Dask's sees to the same, but not while a kernel compiles: that lets no other thread
-    run, for a minute on a busy machine. Where the system cannot (it is Linux that can), that thread
-    is what there is.
+    On other systems only a thread of Dask's does this. That thread cannot run while a kernel
+    compiles, which may take a minute on a busy machine.
     """
     if driver is None or not sys.platform.startswith("linux"):
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != driver:  # it had died before
+    if os.getppid() != driver:  # the parent had died before
         os.kill(os.getpid(), signal.SIGKILL)
 
 
 @contextlib.contextmanager
 def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterator[Client]:
-    """A client of the scheduler that is wanted."""
+    """A client of the requested scheduler, or of a local cluster."""
     import dask.config
     from distributed import Client, LocalCluster
 
     scratch = sweep.folder / SCRATCH
     settings = {
         "distributed.scheduler.allowed-failures": _MOST_DEATHS - 1,
-        # no pages about the cluster
+        # no web pages about the cluster
         "distributed.scheduler.http.routes": [],
         "distributed.worker.http.routes": [],
-        # a worker's parent is this process, and not one that forks for it
+        # a worker's parent must be this process, not a fork server
         "distributed.worker.multiprocessing-method": "spawn",
     }
     stack = contextlib.ExitStack()
@@ -383,7 +382,7 @@ def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterato
         stack.enter_context(dask.config.set(settings))
         stack.callback(shutil.rmtree, scratch, ignore_errors=True)
         with _interrupts_for_this_thread_only():
-            # over TLS, with a key that is made now: nobody else on this machine may join
+            # over TLS, with a new key: no other user of this machine may join
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -397,21 +396,21 @@ def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterato
         stack.enter_context(cluster)
         yield stack.enter_context(Client(cluster, set_as_default=False))
     finally:
-        with held_interrupts():  # workers take a moment to end
+        with held_interrupts():  # workers take a moment to exit
             stack.close()
 
 
 @contextlib.contextmanager
 def _interrupts_for_this_thread_only() -> Iterator[None]:
-    """Threads and processes that begin in the block never hear of Ctrl-C or a closed terminal.
+    """Block Ctrl-C and the signal of a closed terminal in threads and processes started inside.
 
-    The whole group of processes gets these; workers would die of them, and write about it. They
-    end with this process.
+    These signals go to the whole process group; workers would die of them with tracebacks. Instead
+    they end with this process.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # where it is not, starting a process unblocks them again
+    resource_tracker.ensure_running()  # else starting a process unblocks the signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         yield
@@ -421,8 +420,8 @@ def _interrupts_for_this_thread_only() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask's logs say nothing: what matters comes as an error."""
-    # Dask gives several of them levels of their own
+    """Silence Dask's logs: what matters is raised as an error."""
+    # Dask sets the levels of several loggers separately
     loggers = [
         logging.getLogger(name)
         for name in list(logging.root.manager.loggerDict)

@@ -1,7 +1,7 @@
-"""What drops take: chunks of about so long each are dealt out by it, and a sweep is estimated.
+"""The cost of drops: it determines the sizes of chunks, and the estimate for a sweep.
 
-A chunk is a row of consecutive members. Nothing but how much a kill loses hangs on where it ends:
-a drop has the same numbers in any.
+A chunk is a range of consecutive members. Its size affects only how much is lost when a worker is
+killed: a drop's numbers do not depend on its chunk.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.store import MARK
 
 Solve = Callable[[Sequence[Scene]], Iterable[tuple[int, Result]]]
-"""Computes scenes, and gives each one's place and result as it ends."""
+"""Computes scenes, yielding each one's index and result as it ends."""
 
 LIMIT_S = 30.0
-"""How long a chunk of several drops should take at most; a kill loses no more of a worker."""
+"""Longest time that a chunk of several drops should take [s]; a kill loses no more per worker."""
 
-# What is aimed at: drops last unevenly, and machines have other things to do.
+# Target time of a chunk: drops vary in length, and machines may be busy.
 _AIM_S = LIMIT_S / 2
-# As long as the sizes so far keep between these they stay: a kernel is compiled for each batch.
+# Chunk sizes stay while their times lie between these: each batch size needs its own kernels.
 _KEPT_S = (_AIM_S / 3, LIMIT_S * 0.75)
 
-# Work of a first chunk on one core [node steps]: a quarter of the limit on a core of 2020 or so.
+# Work of a first chunk on one core [node steps]: a quarter of the limit on a core of about 2020.
 _FIRST_WORK = 1e8
 
 MOST = 256
-"""Most drops of a chunk that is not given: what a chunk costs besides is then next to nothing."""
+"""Most drops of a chunk whose size is not given: the overhead per chunk is then negligible."""
 
-# A chunk has at most so many times the drops of those that are known to have kept the limit.
+# A chunk has at most this many times the drops of earlier chunks that kept the limit.
 _GROWTH = 4
 
-# Members that are looked at for a mean.
+# Number of members sampled for a mean.
 _LOOKED_AT = 200
 
-# A row in its shard, in results.parquet and in results.csv; a shard besides its rows [bytes].
+# Bytes of a row in its shard, results.parquet and results.csv together; overhead of a shard.
 _ROW, _SHARD = 2_000, 40_000
 
 
 class Dealer:
-    """Deals out the members that are missing, in chunks by how long earlier ones have taken."""
+    """Divides the missing members into chunks, sized by the times that earlier ones took."""
 
     def __init__(
         self, design: Design, missing: Sequence[range], side_by_side: int = 1, workers: int = 1
@@ -61,9 +61,9 @@ class Dealer:
         """
         Args:
             design: the drops of the sweep.
-            missing: rows of members that are to be computed, in order.
-            side_by_side: how many drops a worker computes at a time, at no more time than one.
-            workers: how many there are; each has something to do from the start.
+            missing: ranges of members to be computed, in order.
+            side_by_side: number of drops that a worker computes together in the time of one.
+            workers: number of workers; each gets work from the start.
         """
         self._design = design
         self._missing = list(missing)[::-1]
@@ -72,28 +72,28 @@ class Dealer:
         self._least = min(side_by_side, self._most)
         self._first_work = _FIRST_WORK * side_by_side
         self._size = 0
-        self._pace: float | None = None  # seconds of a node step
+        self._pace: float | None = None  # seconds per node step
 
     def next(self) -> range | None:
-        """The next chunk; None: all have been dealt out."""
+        """The next chunk; None if there are no more."""
         if not self._missing:
             return None
         row = self._missing.pop()
         size = self._evenly(row, self._sized(self._work(row[0])))
         last = self._work(row[size - 1])
-        if last > self._work(row[0]):  # other lattices begin in it
+        if last > self._work(row[0]):  # larger lattices begin in it
             size = min(size, self._evenly(row, self._sized(last)))
         if len(row) > size:
             self._missing.append(row[size:])
         return row[:size]
 
     def learn(self, chunk: range, seconds: float) -> None:
-        """Take note of how long a chunk has taken, without what its kernels took to compile [s]."""
+        """Use the time that a chunk has taken, without compiling its kernels [s]."""
         self._size = max(self._size, len(chunk))
         self._pace = seconds / (len(chunk) * self._work(chunk[0], chunk[-1]))
 
     def _sized(self, each: float) -> int:
-        """Drops of the next chunk, whose work is `each` [node steps]: a power of two or a limit."""
+        """Drops in the next chunk, at `each` node steps per drop: a power of two, or a limit."""
         if self._pace is None:
             wanted = self._first_work / each
         else:
@@ -106,11 +106,11 @@ class Dealer:
         return max(self._least, min(size, self._most))
 
     def _evenly(self, row: range, size: int) -> int:
-        """As many chunks as the size asks for, but of equal sizes: no small one is left over."""
+        """The size that divides the row into equal chunks, as many as `size` would give."""
         return -(-len(row) // -(-len(row) // size))
 
     def _work(self, *numbers: int) -> float:
-        """Mean work of members [node steps]; one whose values make no scene takes none."""
+        """Mean work of members [node steps]; zero for values that make an invalid scene."""
         total = 0.0
         for number in numbers:
             with contextlib.suppress(UserError):
@@ -120,7 +120,7 @@ class Dealer:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sweep needs: drops, bytes on disk; seconds on one core, if they were tried."""
+    """Cost of a sweep: drops, bytes on disk, and seconds on one core if there was a trial."""
 
     drops: int
     bytes: int
@@ -128,7 +128,7 @@ class Estimate:
 
 
 def room(design: Design) -> Estimate:
-    """How many drops a sweep has, and how much disk it takes at most (before compression)."""
+    """Number of drops of a sweep, and an upper bound on its disk space (before compression)."""
     plan, size = design.plan, 0.0
     some = _some(design, _LOOKED_AT)
     if plan.keep.histories != "none":
@@ -137,16 +137,17 @@ def room(design: Design) -> Estimate:
         size += len(design) * rows * (8 + width * len(HISTORY_COLUMNS))
     full = len(design) if plan.keep.full == "all" else len(plan.keep.full)
     size += full * float(np.mean([storage_bytes(scene) for scene in some]))
-    # about as many chunks at most as on one core, if none ever grows
+    # upper estimate of the number of chunks: that on one core, if they never grow
     first = Dealer(design, [range(len(design))]).next() or range(1)
     size += _ROW * len(design) + _SHARD * math.ceil(len(design) / len(first))
     return Estimate(len(design), int(size))
 
 
 def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int = 2) -> Estimate:
-    """The same, and how long it takes: from a few drops, taken to last as their scenes' work says.
+    """As `room`, with the time, extrapolated from a few drops by the work of their scenes.
 
-    `solve` is called for each of the drops alone. A first call is not counted: kernels compile.
+    `solve` is called for each of these drops separately. A first call, which compiles kernels, is
+    not counted.
     """
     found = room(design)
     chosen = _some(design, drops)
@@ -164,29 +165,29 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
 
 
 def check_room(folder: Path, plan: Plan) -> None:
-    """Refuse a sweep that the disk cannot hold, as UserError. What is there of it counts."""
+    """Raise UserError if the disk cannot hold a sweep; the space it already takes is included."""
     there = bytes_in(folder) if (folder / MARK).is_file() else 0
     with explained(folder):
         check_writable(folder, room(Design(plan)).bytes, "the sweep", "or keep less", there)
 
 
 def bytes_in(folder: Path) -> int:
-    """What a folder takes on disk."""
+    """Disk space of a folder."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def cores(workers: int | None, threads: int | None) -> int:
-    """How many cores of this machine compute."""
+    """Number of cores of this machine in use."""
     here = os.cpu_count() or 1
     return min(here, (workers or 1) * (threads or (1 if workers else here)))
 
 
 def _some(design: Design, most: int) -> list[Scene]:
-    """Scenes of members, spread evenly; those that cannot be are left out."""
+    """Scenes of evenly spread members; invalid ones are left out."""
     scenes = []
     for number in design.spread(most):
         with contextlib.suppress(UserError):
             scenes.append(design.member(number).scene)
     if not scenes:
-        design.member(0)  # says what is wrong with it
+        design.member(0)  # raises the error
     return scenes

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-# Points that a sample's drops are gathered into, along an axis.
+# Number of bins along an axis for the drops of a sample.
 _BINS = 12
 
 _MOST_CURVES = 12
 _MOST_TICKS = 9
 
-# A map of so few columns and rows is drawn as a table: cells of one size, with their numbers.
+# A map with at most this many columns and rows is drawn as a table: equal cells with numbers.
 _MOST_COLUMNS, _MOST_ROWS = 12, 20
 
-# What the names of figures and keys of a scene end in, and how people write it.
+# Unit suffixes in the names of measures and keys, and how they are displayed.
 _UNITS = {
     "per_s": "1/s", "m_s2": "m/s²", "rad_s": "rad/s", "m_s": "m/s", "J_m3": "J/m³",
     "m3": "m³", "Pa": "Pa", "rad": "rad", "kg": "kg", "J": "J", "g": "g", "m": "m", "s": "s",
@@ -47,10 +47,10 @@ _UNITS = {
 
 
 class _Axis:
-    """An axis of a sweep: the value on it of each drop that has a row.
+    """An axis of a sweep: its value for each drop that has a row.
 
-    names   of its different values, in rising order where they are numbers
-    places  where each of these stands: numbers at themselves, others side by side
+    names   labels of its distinct values; numbers are in rising order
+    places  position of each: numbers at their value, others side by side
     """
 
     def __init__(self, key: str, values: list[Any], plan: Plan) -> None:
@@ -63,7 +63,7 @@ class _Axis:
         self.is_numeric = all(map(_is_number, different))
         order = sorted(different) if self.is_numeric else [*different]
         self.names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
-        if len(set(self.names.values())) < len(order):  # closer together than four digits tell
+        if len(set(self.names.values())) < len(order):  # four digits do not distinguish them
             self.names = {v: str(v) for v in order}
         self.places = {v: float(v if self.is_numeric else k) for k, v in enumerate(order)}
 
@@ -72,8 +72,8 @@ class _Axis:
 class _Drops:
     """The drops of a sweep that have a row: values on the axes, by key, and of the measure.
 
-    A value of the measure is None for no answer. Of one that is true or false it is 100 or 0, and
-    the mean of many is the share of drops [%] that it is true of.
+    A value of the measure is None if undefined. A boolean measure has values 100 or 0, so that a
+    mean is the percentage of drops for which it is true.
     """
 
     axes: Mapping[str, _Axis]
@@ -90,11 +90,11 @@ def shown(
     by: str | None = None,
     as_map: bool = False,
 ) -> Figure:
-    """A measure over the axis `x`, a curve for each value of `by`; or over both as a map.
+    """A measure over the axis `x`, with a curve for each value of `by`; or over both as a map.
 
-    Medians, and bands from 5 to 95 %, over all drops that share these values. A drop without an
-    answer counts as larger than any. Of what is true or false the share of drops that it is true
-    of. Drops of a sample are gathered into bins along `x`, and stand as points of their own.
+    Shows medians, and bands from 5 to 95 %, over all drops that share these values. An undefined
+    value counts as larger than any other. For a boolean measure, shows the share of drops for which
+    it is true. Drops of a sample are collected into bins along `x`, and also drawn as points.
 
     Args:
         measure: a column of the table that holds numbers, or true and false.
@@ -141,7 +141,7 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     factor = 100.0 if shares else MEASURES[measure].factor if measure in MEASURES else 1.0
     plan = sweep.plan
     return _Drops(
-        # of repeats alone each is a place of its own
+        # if there are only repeats, each has its own place
         {key: _Axis(key, found[key].to_pylist(), plan) for key in keys or [table.MEMBER]},
         [None if value is None else factor * float(value) for value in values],
         shares,
@@ -150,9 +150,9 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
 
 
 def _guess(measure: str, shards: Sequence[table.Shard], keys: Sequence[str]) -> str:
-    """What may have been meant by the name of no column: those with its words, or one like it.
+    """Suggestions for an unknown column: columns that contain its words, or a similar one.
 
-    Of the former only such as have answers: a box that rails guide has no peak of its resultant.
+    The former only if they have values: a box guided on rails has no peak of its resultant.
     """
     names = table.measures(shards, keys)
     words = measure.split("_")
@@ -205,10 +205,10 @@ def _draw_curves(axis: Axes, drops: _Drops, x: _Axis, by: _Axis | None) -> None:
 
 
 def _name_curves(axis: Axes, ends: Sequence[tuple[float, float, str, Any]], words: str) -> None:
-    """Write each curve's value beside its end, and above them what it is a value of."""
+    """Write each curve's value beside its end, and above these the name of the key."""
     low, high = axis.get_ylim()
     heights = np.array(spread([end[1] for end in ends], 0.055 * (high - low)))
-    margin = 0.02 * (high - low)  # as many as there can be have room between the ends of the axis
+    margin = 0.02 * (high - low)  # the axis has room for the largest number of curves
     heights -= max(0.0, heights.max() + margin - high)
     heights += max(0.0, low + margin - heights.min())
     for height, (x, _, name, colour) in zip(heights, ends, strict=True):
@@ -223,7 +223,7 @@ def _name_curves(axis: Axes, ends: Sequence[tuple[float, float, str, Any]], word
 
 
 def _cells(places: Sequence[Any], values: Sequence[float | None]) -> dict[Any, list[float | None]]:
-    """The values at each place, in rising order of these."""
+    """The values at each place, in rising order of places."""
     found: dict[Any, list[float | None]] = {place: [] for place in sorted(set(places))}
     for place, value in zip(places, values, strict=True):
         found[place].append(value)
@@ -231,9 +231,9 @@ def _cells(places: Sequence[Any], values: Sequence[float | None]) -> dict[Any, l
 
 
 def _summed_up(values: Sequence[float | None], shares: bool) -> tuple[float, float, float]:
-    """Low end of the band, median, high end; of what is true or false its mean share, thrice.
+    """Low end of the band, median, high end; for a boolean measure three times the mean share.
 
-    NaN where most drops have no answer, or a share has none at all.
+    NaN if the measure is undefined for most drops, or for a share if it is undefined for all.
     """
     if not shares:
         low, median, high = (end if math.isfinite(end) else math.nan for end in band(values))
@@ -278,7 +278,7 @@ def _draw_map(axis: Axes, drops: _Drops, x: _Axis, by: _Axis, label: str) -> Non
 def _print_numbers(
     axis: Axes, drawn: Any, columns: Sequence[float], rows: Sequence[float], values: Floats
 ) -> None:
-    """Write its number into each cell of a map, as colours are hard to read off."""
+    """Write its number into each cell of a map, since colours are hard to read."""
     top = float(np.abs(values[np.isfinite(values)]).max(initial=1e-9))
     digits = max(0, 2 - math.floor(math.log10(top)))
     for (j, i), value in np.ndenumerate(values):
@@ -295,7 +295,7 @@ def _print_numbers(
 
 
 def _scale(axis: Axes, which: str, given: _Axis) -> None:
-    """Give an axis of the figure the scale and the ticks of the sweep's."""
+    """Give an axis of the figure the scale and the ticks of the sweep's axis."""
     own = getattr(axis, f"{which}axis")
     if given.is_log:
         getattr(axis, f"set_{which}scale")("log")
@@ -307,7 +307,7 @@ def _scale(axis: Axes, which: str, given: _Axis) -> None:
 
 
 def _groups(drops: _Drops, by: _Axis | None) -> dict[str, list[int]]:
-    """Places of drops by the value of an axis, in rising order; of a sampled range by its bin."""
+    """Indices of drops by the value of an axis, in rising order, or by bin for a sampled range."""
     if by is None:
         return {"": list(range(len(drops.values)))}
     if drops.sampled and by.is_numeric and len(by.places) > _MOST_CURVES:
@@ -322,7 +322,7 @@ def _groups(drops: _Drops, by: _Axis | None) -> dict[str, list[int]]:
 
 
 def _binned(at: Floats) -> list[float]:
-    """The centre of the bin of each value: bins of equally many."""
+    """The centre of the bin of each value; bins hold equally many values."""
     count = max(1, min(_BINS, len(at) // 5))
     order = np.array_split(np.argsort(at, kind="stable"), count)
     centres = np.empty(len(at))

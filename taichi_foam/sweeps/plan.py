@@ -1,4 +1,4 @@
-"""What a sweep is: a base scene, the axes along which it varies, repeats, and what to keep.
+"""The plan of a sweep: a base scene, the axes along which it varies, repeats, and what to keep.
 
 A plan is a TOML file, or the same as a mapping:
 
@@ -39,13 +39,13 @@ from taichi_foam.scene.toml import read_toml
 from taichi_foam.scene.values import by_key, settings
 
 MOST = 10_000_000
-"""Most drops of a sweep."""
+"""Largest number of drops in a sweep."""
 
-# When an impact that ends by itself mostly does [s].
+# Typical end of an impact that ends by itself [s].
 _USUAL_END = 0.06
 
 _Count = Annotated[int, Field(ge=1, le=MOST)]
-# Lists are as good as tuples here: TOML has no others.
+# Lists are accepted as tuples here, since TOML has only lists.
 _Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=MOST)]
 _Numbers = Annotated[tuple[int, ...], Field(strict=False)]
 Spacing = Literal["linear", "log"]
@@ -55,8 +55,8 @@ Method = Literal["latin-hypercube", "sobol"]
 class Axis(Part):
     """One key of the scene and the values that it takes: listed, or a range.
 
-    A range has `count` values, both its ends among them. Where the plan has a `sample`, that draws
-    them.
+    A range has `count` values, including both ends. If the plan has a `sample`, the sample draws
+    the values instead.
     """
 
     key: str = Field(description="dotted key of the scene")
@@ -101,7 +101,7 @@ class Axis(Part):
 
 
 class Sample(Part):
-    """All ranges of the plan at once: points that fill the space between them, no grid."""
+    """A space-filling sample over all ranges of the plan at once, instead of a grid."""
 
     method: Method
     count: _Count
@@ -109,7 +109,7 @@ class Sample(Part):
 
 
 class Repeats(Part):
-    """Each combination so many times, with a difference that no measurement could tell."""
+    """Repeats of each combination, with differences too small to be measured."""
 
     count: int = Field(default=1, ge=1, le=100_000)
     vary: Literal["velocity", "seed"] = "velocity"
@@ -119,7 +119,7 @@ class Repeats(Part):
 
 
 class Keep(Part):
-    """What is kept of a drop besides its row in the table."""
+    """Data of a drop that is kept besides its row in the table."""
 
     histories: Literal["none", "float32", "float64"] = "none"
     full: _Numbers | Literal["all"] = Field(
@@ -128,7 +128,7 @@ class Keep(Part):
 
 
 class Plan(Part):
-    """A whole sweep, checked as far as it can be without its scene."""
+    """A whole sweep, checked as far as possible without its scene."""
 
     name: str | None = Field(None, min_length=1, max_length=100)
     scene: str | dict[str, Any] = Field(
@@ -171,7 +171,7 @@ class Plan(Part):
 
     @property
     def count(self) -> int:
-        """How many drops it has."""
+        """Number of drops."""
         sizes = [
             len(axis.values) if axis.values is not None else axis.count or 1 for axis in self.axes
         ]
@@ -179,7 +179,7 @@ class Plan(Part):
 
     @property
     def notes(self) -> list[str]:
-        """What is known of it before it is computed, and may not have been meant."""
+        """Remarks, made before anything is computed, on what may not be intended."""
         scatter = next((axis for axis in self.axes if axis.key == "foam.strength_scatter"), None)
         if scatter is None or self.repeats.count == 1 or self.repeats.vary != "seed":
             return []
@@ -191,17 +191,17 @@ class Plan(Part):
 
     @property
     def hash(self) -> str:
-        """Of everything in it that a row hangs on; 16 hexadecimal digits."""
+        """Hash of everything in the plan that rows depend on; 16 hexadecimal digits."""
         text = json.dumps(_without_chunk(self.data()), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def data(self) -> dict[str, Any]:
-        """As plain data, which `Plan.checked` takes back."""
+        """The plan as plain data that `Plan.checked` accepts."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], source: str) -> Plan:
-        """The plan of raw data. Raises UserError with every problem, titled with its source."""
+        """The plan of raw data. Raises UserError that lists every problem, titled with `source`."""
         try:
             return cls.model_validate(data)
         except ValidationError as error:
@@ -235,7 +235,7 @@ class Plan(Part):
     def of_scene(
         cls, data: Mapping[str, Any], choices: str | None, given: Sequence[str], histories: bool
     ) -> Plan:
-        """The small case on the command line: a plan of raw data with the options beside it."""
+        """The plan of a scene and axes given on the command line, with their options applied."""
         path = Path(str(data["scene"]))
         if path.suffix == ".toml" and path.is_file() and "axes" in read_toml(path):
             raise UserError(f"{path}: is a plan, which has its own axes; leave --vary out")
@@ -244,10 +244,10 @@ class Plan(Part):
         return cls.checked(whole, str(data["scene"])).resolved()
 
     def resolved(self, folder: Path | None = None) -> Plan:
-        """The same sweep, complete in itself: its scene a table, with every value.
+        """The same sweep, self-contained: its scene is a table with every value.
 
-        `folder` is where a scene that is a file is looked for first, and where names of files in
-        one that is a table begin. Raises UserError: the scene cannot be.
+        A scene file is looked for first in `folder`; file names in a scene table are relative to
+        it. Raises UserError: the scene is invalid.
         """
         if isinstance(self.scene, str):
             near = (folder or Path()) / self.scene
@@ -267,12 +267,12 @@ class Plan(Part):
 
     @property
     def base(self) -> Scene:
-        """The scene that the axes vary, of a plan that is resolved."""
+        """The scene that the axes vary; the plan must be resolved."""
         assert isinstance(self.scene, dict)
         return Scene.checked(self.scene, self.name or "scene")
 
     def differences(self, other: Mapping[str, Any]) -> list[str]:
-        """How it differs from the data of another one in what a row hangs on, a line for a key."""
+        """Differences from another plan's data that rows depend on, one line per key."""
         old, new = (by_key(_by_axis(_without_chunk(data))) for data in (other, self.data()))
         return [
             f"{key}: was {shown(old.get(key))}, is {shown(new.get(key))}"
@@ -282,14 +282,14 @@ class Plan(Part):
 
 
 def _twice(values: Sequence[str]) -> str | None:
-    """The first value that is there twice."""
+    """The first duplicate value, or None."""
     return next((value for value in values if values.count(value) > 1), None)
 
 
 def axis_of(text: str) -> dict[str, Any]:
     """The axis that "KEY=A:B:N", "KEY=A:B:N:log" or "KEY=a,b,c" describes, as raw data.
 
-    Raises UserError for text that does not read so.
+    Raises UserError for any other text.
     """
     key, equals, words = (part.strip() for part in text.partition("="))
     if not equals or not key or not words:
@@ -311,7 +311,7 @@ def axis_of(text: str) -> dict[str, Any]:
 
 
 def work(scene: Scene) -> float:
-    """About how much a drop computes [node steps], from what its scene says alone."""
+    """Approximate work of a drop [node steps], estimated from its scene alone."""
     block, foam, numerics = scene.block, scene.foam, scene.numerics
     speed = math.sqrt(foam.youngs_modulus / block.density)
     dt = numerics.dt if isinstance(numerics.dt, float) else 0.25 * min(block.dx, block.dy) / speed
@@ -322,7 +322,7 @@ def work(scene: Scene) -> float:
 
 
 def _check_repeats(plan: Plan, base: Scene) -> None:
-    """Refuse repeats that would all be the same."""
+    """Raise UserError if all repeats would be the same."""
     if plan.repeats.count == 1:
         return
     keys = {axis.key for axis in plan.axes}
@@ -345,11 +345,11 @@ def _check_repeats(plan: Plan, base: Scene) -> None:
 
 
 def _without_chunk(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Data of a plan without how its drops are dealt out, on which none of them hangs."""
+    """A plan's data without `chunk`, which affects how drops are distributed but not their rows."""
     return {key: value for key, value in data.items() if key != "chunk"}
 
 
 def _by_axis(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Data of a plan with its axes by their keys, not by their places."""
+    """A plan's data with its axes by key instead of by position."""
     axes = {f"axes[{axis['key']}]": axis for axis in data.get("axes", ())}
     return {**{key: value for key, value in data.items() if key != "axes"}, **axes}

@@ -1,4 +1,4 @@
-"""A whole sweep: check everything, compute what is missing, put the rows into one table.
+"""Run a whole sweep: check everything, compute missing drops, write all rows to one table.
 
 import taichi_foam as tf
 done = tf.sweep("plan.toml", "sweeps/cushion")
@@ -27,7 +27,7 @@ from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.store import Sweep, claimed
 
 MOST_CHECKED = 10_000
-"""Drops whose scenes are built before any is computed; of more, as many spread evenly."""
+"""How many scenes are built, as a check, before any is computed; evenly spread over the drops."""
 
 
 def sweep(
@@ -41,24 +41,25 @@ def sweep(
     bars: Bars | None = None,
     solve: Solve | None = None,
 ) -> Sweep:
-    """Compute all drops of a plan into a folder; go on where an earlier call has ended.
+    """Compute all drops of a plan into a folder, continuing where an earlier call stopped.
 
     Args:
         plan: a TOML file, the same as a mapping, or a `Plan`.
-        out: the folder. One that holds this sweep is continued.
-        workers: processes on this machine; None: in this one. Like all that starts processes, a
-            script that gives it needs its `if __name__ == "__main__"`.
+        out: the folder. If it holds this sweep already, the sweep is continued.
+        workers: number of processes on this machine; None: compute in this process. Because
+            processes are started, a script that sets it needs `if __name__ == "__main__"`.
         scheduler: address of a Dask scheduler, instead of `workers`; its workers share the folder.
         arch: what to compute on, as for `init`; default "cpu".
         threads: CPU threads of each worker; default 1, in this process as for `init`.
-        bars: where progress shows, and notes; None: nowhere. A `RunWarning` says notes, too.
-        solve: what computes scenes, instead of `simulate_many`.
+        bars: where progress and notes are shown; None: nowhere. Notes are also issued as
+            `RunWarning`.
+        solve: function that computes scenes, instead of `simulate_many`.
 
     Raises:
-        UserError: anything that cannot be, and a disk that is full.
+        UserError: the request is invalid, or the disk is full.
         RunError: chunks could not be computed, or the scheduler was lost.
-        KeyboardInterrupt: Ctrl-C. In all these cases what is complete is kept, and the same call
-            goes on.
+        KeyboardInterrupt: Ctrl-C. In all these cases complete chunks are kept, and the same call
+            continues the sweep.
     """
     bars = bars or Bars()
     folder, checked = prepare(plan, out, workers, scheduler)
@@ -85,7 +86,7 @@ def sweep(
                         side_by_side=side_by_side, workers=workers, scheduler=scheduler,
                     )  # fmt: skip
         except (KeyboardInterrupt, RunError, UserError) as error:
-            # the disk may be what has failed
+            # the disk itself may have failed
             with held_interrupts(), contextlib.suppress(OSError):
                 found.collect()
             if not isinstance(error, KeyboardInterrupt):
@@ -107,9 +108,9 @@ def prepare(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> tuple[Path, Plan]:
-    """Check what can be without computing or writing; the folder, and the plan resolved.
+    """Check what can be checked without computing or writing. Raises UserError.
 
-    Raises UserError.
+    Returns the folder and the resolved plan.
     """
     if workers is not None and scheduler is not None:
         raise UserError("workers, scheduler: give one of them")
@@ -121,7 +122,7 @@ def prepare(
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)
     Design(checked).check(MOST_CHECKED)
-    resolved(out)  # refuses what is no folder's name
+    resolved(out)  # refuses an invalid folder name
     folder = Path(out).absolute()
     dealing.check_room(folder, checked)
     return folder, checked
@@ -130,7 +131,7 @@ def prepare(
 def tried(
     plan: Plan, arch: str = "cpu", threads: int | None = None, bars: Bars | None = None
 ) -> Estimate:
-    """What a sweep will take, after a short trial in this process. Raises UserError as `sweep`."""
+    """Estimate the cost of a sweep from a short trial in this process. Raises UserError."""
     runtime.start(arch, threads)
     with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
         solve = partial(simulate.simulate_many, arch=arch, threads=threads)

@@ -1,7 +1,7 @@
-"""The drops of a plan by number: which values each has, and its scene.
+"""The drops of a plan by number: the values and the scene of each.
 
-Drops are numbered so that what needs other kernels or another lattice (words, switches, whole
-numbers) changes slowest, and the repeats fastest: a chunk then has few kinds of lattices in it.
+Drops are numbered so that values that need other kernels or another lattice (words, switches, whole
+numbers) change slowest, and repeats fastest: a chunk then contains few kinds of lattices.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _SEEDS = 2**32
 class Member:
     """One drop of a sweep.
 
-    number  its place, from 0
+    number  its index, from 0
     axes    the value on each axis, by the key of the scene
-    repeat  which of the repeats it is, from 0
-    varied  what differs between repeats: velocity at the start [m/s] or seed; None without repeats
-    scene   what is dropped
+    repeat  index of the repeat, from 0
+    varied  value that differs between repeats: initial velocity [m/s] or seed; None without repeats
+    scene   its scene
     """
 
     number: int
@@ -45,16 +45,16 @@ class Member:
 
     @property
     def hash(self) -> str:
-        """Of the scene's content, all but its name; 16 hexadecimal digits."""
+        """Hash of the scene's content except its name; 16 hexadecimal digits."""
         text = self.scene.model_dump_json(exclude={"name", "reference"})
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 class Design:
-    """The members of a plan that is resolved."""
+    """The members of a resolved plan."""
 
     def __init__(self, plan: Plan) -> None:
-        """Raises UserError: a range of what is no number, or too few whole numbers in it."""
+        """Raises UserError: a range of a non-numeric key, or with too few whole numbers."""
         self.plan = plan
         self._base = plan.base
         self._data = self._base.given_data()
@@ -63,7 +63,7 @@ class Design:
         for axis in ranges:
             _check_range(axis, known.get(axis.key))
         whole = {axis.key for axis in ranges if isinstance(known.get(axis.key), int)}
-        # each level is a list of combinations: keys, and their values together
+        # each level is a list of combinations: keys, and tuples of their values
         levels: list[tuple[list[str], Sequence[Sequence[Any]]]] = [
             ([axis.key], _numbers(axis, known.get(axis.key)))
             for axis in plan.axes
@@ -82,12 +82,12 @@ class Design:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Of all values on the axes: another SciPy may draw other points."""
+        """Hash of all values on the axes: another version of SciPy may draw other points."""
         text = json.dumps([[keys, list(points)] for keys, points in self._levels])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def axes(self, number: int) -> tuple[dict[str, Any], int]:
-        """The values of a member on the axes, in the plan's order, and which repeat it is."""
+        """The values of a member on the axes, in the plan's order, and the index of its repeat."""
         rest, repeat = divmod(number, self.plan.repeats.count)
         found: dict[str, Any] = {}
         for keys, points in reversed(self._levels):
@@ -96,7 +96,7 @@ class Design:
         return {key: found[key] for key in self.keys}, repeat
 
     def member(self, number: int) -> Member:
-        """One drop. Raises UserError: its values make no scene."""
+        """One drop. Raises UserError: its values make an invalid scene."""
         axes, repeat = self.axes(number)
         data = changed(self._data, axes)
         varied = None
@@ -111,7 +111,7 @@ class Design:
         return Member(number, axes, repeat, varied, scene)
 
     def check(self, most: int) -> None:
-        """Build all scenes, or `most` of them spread evenly. Raises UserError: one cannot be."""
+        """Build all scenes, or `most` of them spread evenly. Raises UserError: one is invalid."""
         for number in self.spread(most):
             self.member(number)
 
@@ -122,9 +122,9 @@ class Design:
     def _varied(self, data: dict[str, Any], repeat: int) -> tuple[str, float | int]:
         """The key that repeats vary, and its value in one of them.
 
-        Velocities are spread as those of an ensemble of `reproduce` are (`factors`, `seed_of`).
-        Where a fall gives the velocity, the height of it is varied so that the velocity is spread
-        like that: the scene stays one of a fall.
+        Velocities are spread as in an ensemble of `reproduce` (`factors`, `seed_of`). If a scene
+        gives a drop height instead, the height is varied such that the velocity is spread in the
+        same way.
         """
         repeats = self.plan.repeats
         if repeats.vary == "seed":
@@ -138,23 +138,23 @@ class Design:
 
 
 def factors(count: int, within: float) -> list[float]:
-    """Velocities of repeats over the scene's own: evenly spread, from end to end.
+    """Velocities of repeats relative to the scene's own, evenly spread within +-`within`.
 
-    A single one is the scene's own.
+    A single repeat has the scene's own velocity.
     """
     spread = np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1)
     return (1.0 + within * spread).tolist()
 
 
 def seed_of(first: int, repeat: int) -> int:
-    """The seed of a repeat: the scene's `first`, and those after."""
+    """The seed of a repeat: the scene's seed `first`, then the following numbers."""
     return (first + repeat) % _SEEDS
 
 
 def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
-    """The listed values of an axis; whole ones as floats where the scene's own is one.
+    """The listed values of an axis; integers become floats if the scene's own value is a float.
 
-    A script may have computed them: 15 digits are as many as anyone writes.
+    Values computed by a script are rounded to 15 digits.
     """
     values = [_rounded(v, 15) if type(v) is float else v for v in axis.values or ()]
     if isinstance(usual, float):
@@ -163,7 +163,7 @@ def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
 
 
 def _check_range(axis: Axis, usual: Any) -> None:
-    """Refuse a range of what is no number. Whether the scene has the key, its members tell."""
+    """Raise UserError for a range of a non-number; members check whether the key exists."""
     if isinstance(usual, bool) or not isinstance(usual, (int, float, type(None))):
         raise UserError(
             f"axis {axis.key}: a range is of numbers, and the scene has {usual!r}; "
@@ -173,7 +173,7 @@ def _check_range(axis: Axis, usual: Any) -> None:
 
 def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
     low, high = _ends(axis)
-    assert axis.count is not None  # the plan has seen to it
+    assert axis.count is not None  # the plan has checked this
     if axis.spacing == "log":
         inner = np.geomspace(low, high, axis.count)[1:-1]
         values = [low, *(_rounded(float(value)) for value in inner), high]
@@ -190,9 +190,9 @@ def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
 
 
 def _evenly(low: float, high: float, count: int) -> list[float]:
-    """Values from end to end, each the double nearest to what the ends' decimals come to.
+    """Evenly spaced values, computed exactly from the ends' decimals, then rounded to doubles.
 
-    The third of 0.02 to 0.1 in five is then 0.06, as one writes it, and not 0.060000000000000005.
+    The third of five values from 0.02 to 0.1 is then 0.06, not 0.060000000000000005.
     """
     first = Fraction(repr(low))
     step = (Fraction(repr(high)) - first) / (count - 1)
@@ -202,12 +202,12 @@ def _evenly(low: float, high: float, count: int) -> list[float]:
 
 
 def _rounded(value: float, digits: int = 12) -> float:
-    """A computed value without the last digits, in which rounding errors stand."""
+    """A computed value without the last digits, which contain rounding errors."""
     return float(f"{value:.{digits}g}")
 
 
 def _ends(axis: Axis) -> tuple[float, float]:
-    assert axis.low is not None  # the plan has seen to it
+    assert axis.low is not None  # the plan has checked this
     assert axis.high is not None
     return axis.low, axis.high
 
@@ -220,8 +220,8 @@ def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any
     assert sample is not None
     kind = qmc.Sobol if sample.method == "sobol" else qmc.LatinHypercube
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Sobol: counts that are no power of two
-        # SciPy calls it rng from 1.15 on, and takes the older name, too
+        warnings.simplefilter("ignore")  # Sobol: counts that are not powers of two
+        # SciPy calls it rng since 1.15, and still accepts the older name
         more: Any = {"seed": np.random.default_rng(sample.seed)}
         unit = kind(len(ranges), **more).random(sample.count)
     columns = []
@@ -236,6 +236,6 @@ def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any
 
 
 def _changes_smoothly(level: tuple[list[str], Sequence[Sequence[Any]]]) -> bool:
-    """Whether a level changes numbers only, which any kernel and lattice takes."""
+    """Whether a level changes only floats, which need neither other kernels nor another lattice."""
     _, points = level
     return all(isinstance(value, float) for value in points[0])

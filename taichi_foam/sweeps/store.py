@@ -1,17 +1,17 @@
 """The folder of a sweep: what is on disk, and whether it belongs to a plan.
 
-    sweep.json       the plan, its hash, and what it is computed with; it marks the folder
-    chunks/          a Parquet file for each chunk that is complete: its drops' rows; the name says
-                     which is the first of them, and which the last
-    histories/       the same of their histories, if the plan keeps them
-    runs/            whole results of chosen drops, each a folder
-    lost/            reasons, for chunks that could not be computed
+    sweep.json       the plan, its hash, and the versions it is computed with; marks the folder
+    chunks/          a Parquet file with the rows of each complete chunk, named after the first and
+                     the last drop
+    histories/       likewise their histories, if the plan keeps them
+    runs/            whole results of selected drops, each a folder
+    lost/            for each chunk that could not be computed, the reason
     results.parquet, results.csv
                      all rows in one table, as of the last time that the sweep ended
 
-A chunk is complete when its file is in `chunks/`: that one is written last, and all files appear
-whole under their names. Chunks may overlap, as when a worker of a cluster has gone on after its
-client; their rows are then the same.
+A chunk is complete when its file is in `chunks/`: that file is written last, and every file appears
+only when complete. Chunks may overlap, as when a cluster's worker has continued after its client
+ended; their rows are then the same.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from taichi_foam.version import version
 
 MARK = "sweep.json"
 SCRATCH = ".workers"
-"""Name of the folder in which workers keep what they need while they live."""
+"""Name of the folder for temporary files of workers."""
 
 _CHUNK = re.compile(r"(\d{8})-(\d{8})")
 
@@ -47,18 +47,18 @@ CHUNKS, HISTORIES, RUNS, LOST = "chunks", "histories", "runs", "lost"
 _FORMAT = 2
 
 _TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
-"""Measures of which one at least differs as soon as two drops differ in anything."""
+"""If two drops differ at all, at least one of these measures differs."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How far a sweep is.
+    """The progress of a sweep.
 
-    drops    of the whole plan
-    done     those with a row
-    failed   those among them that failed: diverged, or their values make no scene
-    lost     those whose chunk could not be computed; the same command tries them again
-    at_work  whether a process computes it now
+    drops    number of drops in the whole plan
+    done     drops that have a row
+    failed   drops among these that failed: diverged, or their values make an invalid scene
+    lost     drops whose chunk could not be computed; the same command tries them again
+    at_work  whether a process is computing the sweep now
     """
 
     drops: int
@@ -70,7 +70,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep on disk, whole or not: its folder, its plan, and what it was begun with."""
+    """A sweep on disk, complete or not: its folder, its plan, and the versions it began with."""
 
     folder: Path
     plan: Plan = field(repr=False)
@@ -79,7 +79,7 @@ class Sweep:
 
     @classmethod
     def open(cls, folder: str | Path) -> Sweep:
-        """The sweep in a folder. Raises UserError: there is none, or it is damaged."""
+        """The sweep in a folder. Raises UserError if there is none, or it is damaged."""
         root = Path(folder)
         mark = root / MARK
         try:
@@ -101,7 +101,7 @@ class Sweep:
         return Design(self.plan)
 
     def check_versions(self) -> None:
-        """Refuse to compute with other versions than those that it was begun with, as UserError."""
+        """Raise UserError if the versions differ from those that the sweep began with."""
         for name, here in versions(self.made_with["arch"]).items():
             was = self.made_with.get(name)
             if was != here:
@@ -117,7 +117,7 @@ class Sweep:
             )
 
     def told(self) -> dict[str, Any]:
-        """What `sweep.json` holds."""
+        """The content of `sweep.json`."""
         return {
             "format": _FORMAT,
             "hash": self.plan.hash,
@@ -137,18 +137,18 @@ class Sweep:
         return self._file(LOST, chunk, ".txt")
 
     def _file(self, name: str, chunk: range, suffix: str) -> Path:
-        """A file of a chunk, which is called by its first member and its last."""
+        """The file of a chunk, named after its first and last member."""
         return self.folder / name / f"{chunk[0]:08d}-{chunk[-1]:08d}{suffix}"
 
     def run_folder(self, number: int) -> Path:
         return self.folder / RUNS / f"{number:08d}"
 
     def finished(self) -> list[range]:
-        """The chunks that are complete, in order."""
+        """The complete chunks, in order."""
         return _chunks(self.folder / CHUNKS, ".parquet")
 
     def shards(self) -> list[Shard]:
-        """Where the rows of all chunks that are complete are, each drop's once, in order."""
+        """The files of all complete chunks, in order, such that each drop's row is used once."""
         found, end = [], 0
         for chunk in self.finished():
             if chunk.stop > end:
@@ -157,7 +157,7 @@ class Sweep:
         return found
 
     def lost(self) -> dict[range, str]:
-        """Why members could not be computed that are still missing."""
+        """Ranges of missing members that could not be computed, with the reasons."""
         if not (noted := _chunks(self.folder / LOST, ".txt")):
             return {}
         missing = self.missing()
@@ -173,7 +173,7 @@ class Sweep:
         return found
 
     def missing(self) -> list[range]:
-        """Rows of members that are yet to be computed, those that were lost once among them."""
+        """Ranges of members that have yet to be computed, including those lost earlier."""
         found, end = [], 0
         for chunk in [*self.finished(), range(len(self.design), len(self.design))]:
             if chunk.start > end:
@@ -182,14 +182,14 @@ class Sweep:
         return found
 
     def forget_lost(self) -> None:
-        """Remove the notes of chunks that were lost once and have been computed since."""
+        """Remove the notes on lost chunks that have been computed since."""
         missing = self.missing()
         for chunk in _chunks(self.folder / LOST, ".txt"):
             if not any(row.start < chunk.stop and chunk.start < row.stop for row in missing):
                 self.lost_file(chunk).unlink(missing_ok=True)
 
     def drop_damaged(self) -> list[range]:
-        """Remove chunks that cannot be read, as a crash of the machine may leave them."""
+        """Remove and return unreadable chunks, which a crash of the machine may leave."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -207,7 +207,7 @@ class Sweep:
         return damaged
 
     def lose(self, chunk: range, reason: str) -> None:
-        """Note that a chunk could not be computed, and why."""
+        """Record that a chunk could not be computed, and why."""
         path = self.lost_file(chunk)
         path.parent.mkdir(exist_ok=True)
         with whole_file(path) as partial:
@@ -215,7 +215,7 @@ class Sweep:
 
     @property
     def notes(self) -> list[str]:
-        """What there is to say of its repeats, in words: seeds that have changed nothing."""
+        """Remarks on repeats whose seeds have changed nothing."""
         repeats = self.plan.repeats
         if repeats.count == 1 or repeats.vary != "seed":
             return []
@@ -233,7 +233,7 @@ class Sweep:
 
     @property
     def standing(self) -> Standing:
-        """How far it is."""
+        """The progress of the sweep."""
         failures = table.read(self.shards(), ["failure"])
         return Standing(
             drops=len(self.design),
@@ -244,7 +244,7 @@ class Sweep:
         )
 
     def collect(self) -> int:
-        """Write results.parquet and results.csv of what there is; return how many rows they have.
+        """Write results.parquet and results.csv with all rows so far; return the number of rows.
 
         Raises OSError: they cannot be written.
         """
@@ -256,7 +256,7 @@ class Sweep:
         return table.collect(self.shards(), more, self.folder)
 
     def to_pandas(self) -> Any:
-        """The table as a frame; a row a drop.
+        """The table as a data frame, one row per drop.
 
         Raises UserError: nothing has been computed yet, or pandas is not installed.
         """
@@ -268,9 +268,9 @@ class Sweep:
         return pandas.read_parquet(path)
 
     def histories(self, number: int) -> Any:
-        """The history of a member as a frame, if the plan keeps histories.
+        """The history of a member as a data frame, if the plan keeps histories.
 
-        Raises UserError: it does not, or the member's chunk is not complete.
+        Raises UserError: it keeps none, or the member's chunk is not complete.
         """
         with installed("a history as a frame", "pandas"):
             import pandas
@@ -292,9 +292,9 @@ class Sweep:
         *,
         threads: int | None = None,
     ) -> Result:
-        """Compute a member again, in full: the numbers are those of its row, to the last bit.
+        """Compute a member again, with its full result, which equals its row to the last bit.
 
-        Raises UserError: no such member, or other versions than those of the sweep; RunError as
+        Raises UserError: no such member, or versions that differ from the sweep's; RunError as
         `run`.
         """
         scene = self.member(number).scene
@@ -303,7 +303,7 @@ class Sweep:
         return simulate.run(scene, on_progress, arch=arch, threads=threads)
 
     def member(self, number: int) -> Member:
-        """One drop: its values and its scene. Raises UserError: there is none."""
+        """One drop: its values and its scene. Raises UserError: no such member."""
         self._check_number(number)
         return self.design.member(number)
 
@@ -314,15 +314,15 @@ class Sweep:
 
 @contextlib.contextmanager
 def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
-    """The folder of a sweep for as long as the block computes in it; nobody else does then.
+    """Lock the folder of a sweep while the block computes in it.
 
-    What a killed sweep has left under temporary names is removed.
+    Temporary files of a killed sweep are removed.
 
-    Raises UserError: somebody is at work in it, it holds something else, or another sweep (the
-    message says in what they differ).
+    Raises UserError: another process is at work in it, or it holds something else or another sweep
+    (the message says how they differ).
     """
     mark = folder / MARK
-    # one that was killed before it had marked the folder has left no others
+    # a sweep that was killed before it had marked the folder has left no other files
     strange = [p for p in folder.glob("*") if p.name != LOCK and not LEFTOVER.match(p.name)]
     if strange and not mark.exists():
         raise UserError(
@@ -334,7 +334,7 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
             if mark.exists():
                 found = Sweep.open(folder)
                 _check_same(found, plan, arch)
-                found = replace(found, plan=plan)  # which may deal its drops out otherwise
+                found = replace(found, plan=plan)  # its chunks may differ
             else:
                 found = Sweep(folder, plan, Design(plan).fingerprint, versions(arch))
                 with whole_file(mark) as partial:
@@ -344,12 +344,12 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
             yield found
         finally:
             _tidy(folder)
-            with contextlib.suppress(OSError):  # one that is open cannot be removed everywhere
+            with contextlib.suppress(OSError):  # some systems cannot remove an open file
                 (folder / LOCK).unlink()
 
 
 def versions(arch: str) -> dict[str, str]:
-    """What the numbers of a sweep hang on besides its plan."""
+    """Versions that the numbers of a sweep depend on besides its plan."""
     from taichi_foam import backend  # takes long to load
 
     return {
@@ -360,7 +360,7 @@ def versions(arch: str) -> dict[str, str]:
 
 
 def _check_same(found: Sweep, plan: Plan, arch: str) -> None:
-    """Refuse to continue a sweep with another plan or another version."""
+    """Raise UserError if a sweep would be continued with another plan or version."""
     changed = plan.differences(found.plan.data())
     if changed:
         listed = "\n".join(f"  {line}" for line in changed)
@@ -377,7 +377,7 @@ def _check_same(found: Sweep, plan: Plan, arch: str) -> None:
 
 
 def _chunks(folder: Path, suffix: str) -> list[range]:
-    """The chunks that a folder has files of, in order."""
+    """The chunks that have files in a folder, in order."""
     names = (path.name.removesuffix(suffix) for path in folder.glob(f"*{suffix}"))
     found = (each for name in names if (each := _CHUNK.fullmatch(name)))
     rows = [range(int(each[1]), int(each[2]) + 1) for each in found]
@@ -385,7 +385,7 @@ def _chunks(folder: Path, suffix: str) -> list[range]:
 
 
 def _tidy(folder: Path) -> None:
-    """Remove what killed processes were writing."""
+    """Remove unfinished files of killed processes."""
     runs = (folder / RUNS).glob("*")
     remove_leftovers([folder, *(folder / name for name in (CHUNKS, HISTORIES, LOST)), *runs])
     shutil.rmtree(folder / SCRATCH, ignore_errors=True)

@@ -1,7 +1,7 @@
 """Rows of a sweep's table, and Parquet and CSV files of them.
 
 A row has `member`, `scene` (hash of its content), a column for each axis, `repeat` and `varied`,
-how the drop ended, why it failed if it did, and every measure of its summary.
+the ending of the drop, the reason if it failed, and every measure of its summary.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MACHINE = ("wall_s", "node_stages_per_s")
-"""Columns that say how fast it went: all others are the same wherever a sweep is computed."""
+"""Columns on computing speed: all others are the same on any machine."""
 
 PARQUET, CSV = "results.parquet", "results.csv"
 """The whole table, in the folder of the sweep."""
 
-# Rows of a row group: many shards are put together, so that readers have few of them.
+# Rows of a row group: many shards are merged, so that readers have few groups.
 _GROUP_ROWS = 65_536
 
-# What the schema of a shard says besides.
+# Key in the metadata of a shard's schema.
 _SECONDS = b"seconds"
 
 MEMBER = "member"
@@ -37,7 +37,7 @@ _LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
 
 
 class Shard(NamedTuple):
-    """A Parquet file of rows, and how many of the first of them another one has already."""
+    """A Parquet file of rows, and how many of its first rows an earlier file has already."""
 
     path: Path
     skipped: int = 0
@@ -50,7 +50,7 @@ def row(member: Member, result: Result) -> dict[str, Any]:
     measures: Mapping[str, Any] = {}
     try:
         measures = result.summary
-    except Exception as error:  # one that cannot be measured loses the others nothing
+    except Exception as error:  # one drop that cannot be measured must not spoil the others
         failure = failure or f"no measures: {type(error).__name__}: {error}"
     return {
         **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
@@ -61,7 +61,7 @@ def row(member: Member, result: Result) -> dict[str, Any]:
 
 
 def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any]:
-    """The row of a drop whose values make no scene, or which was lost."""
+    """The row of a drop whose values make an invalid scene, or that was lost."""
     return {
         **_head(number, None, *design.axes(number), None),
         "ending": None,
@@ -70,7 +70,7 @@ def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], seconds: float) -> None:
-    """Write rows as a Parquet file, whole or not at all, with how long they took [s].
+    """Write rows as a Parquet file, complete or not at all, with the time they took [s].
 
     Raises OSError.
     """
@@ -78,7 +78,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], seconds: float) ->
 
 
 def seconds_of(path: Path) -> float:
-    """How long the rows of a file took [s]. Raises OSError: it cannot be read."""
+    """The time that the rows of a file took [s]. Raises OSError: it cannot be read."""
     import pyarrow.parquet as pq
 
     return float(pq.read_schema(path).metadata[_SECONDS])
@@ -87,7 +87,7 @@ def seconds_of(path: Path) -> float:
 def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> None:
     """Write histories as one Parquet file: a column `member`, then those of history.csv.
 
-    `kind` is that of all their numbers but the member's: float32 or float64.
+    `kind` is the type of all numbers except the member's: float32 or float64.
     """
     import numpy as np
     import pyarrow as pa
@@ -102,7 +102,7 @@ def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> Non
 
 
 def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
-    """Some columns of shards as one table; one that a shard lacks is empty there."""
+    """Some columns of shards as one table; columns that a shard lacks are empty there."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -118,7 +118,7 @@ def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
 
 
 def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
-    """Columns of shards that are neither axes nor say which drop it is."""
+    """Columns of shards that neither are axes nor identify the drop."""
     import pyarrow.parquet as pq
 
     names = dict.fromkeys(name for path, _ in shards for name in pq.read_schema(path).names)
@@ -126,9 +126,9 @@ def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
 
 
 def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
-    """Of each row of `count` consecutive members: whether all that are there have the same figures.
+    """For each group of `count` consecutive members, whether all present have the same figures.
 
-    Groups of which fewer than two members are there, or that have no figures, are left out.
+    Groups with fewer than two members present, or without figures, are left out.
     """
     import numpy as np
     import pyarrow as pa
@@ -148,9 +148,9 @@ def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
 
 
 def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: Path) -> int:
-    """Write results.parquet and results.csv of shards and of `more` rows; returns how many rows.
+    """Write results.parquet and results.csv from shards and `more` rows; return the row count.
 
-    It holds no more than a row group of them at a time. Raises OSError.
+    Holds at most one row group in memory at a time. Raises OSError.
     """
     import pyarrow.csv as pc
     import pyarrow.parquet as pq
@@ -194,7 +194,7 @@ def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: 
 def _head(
     number: int, scene: str | None, axes: Mapping[str, Any], repeat: int, varied: float | None
 ) -> dict[str, Any]:
-    """The columns that say which drop a row is of."""
+    """The columns that identify the drop of a row."""
     shown = {key: _cell(value) for key, value in axes.items()}
     return {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
 
@@ -210,7 +210,7 @@ def _cell(value: Any) -> Any:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Rows as columns, in the order in which their keys first come."""
+    """Rows as columns, in order of first appearance of their keys."""
     import pyarrow as pa
 
     keys = dict.fromkeys(key for each in rows for key in each)
@@ -218,7 +218,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 
 
 def _column(values: list[Any]) -> pa.Array:
-    """Values of one kind as they are, of several kinds as texts."""
+    """A column of values; values of mixed types become strings."""
     import pyarrow as pa
 
     try:
@@ -228,7 +228,7 @@ def _column(values: list[Any]) -> pa.Array:
 
 
 def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
-    """Columns that hold those of all shards: numbers as floats if any is, else as texts."""
+    """A schema for all shards: differing number types become floats, other mixtures strings."""
     import pyarrow as pa
 
     kinds: dict[str, set[pa.DataType]] = {}
@@ -241,7 +241,7 @@ def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
         if len(found) == 1:
             (kind,) = found
         else:
-            kind = pa.float64() if numeric else pa.string()  # no kind at all: no answers
+            kind = pa.float64() if numeric else pa.string()  # nulls only: floats
         fields.append(pa.field(name, kind))
     return pa.schema(fields)
 
@@ -263,6 +263,6 @@ def _write(path: Path, table: pa.Table) -> None:
     import pyarrow.parquet as pq
 
     path.parent.mkdir(exist_ok=True)
-    # Python's own file: its errors carry the system's number, as of a full disk
+    # Python's own file: its errors carry the system's error number, as for a full disk
     with whole_file(path) as partial, partial.open("wb") as file:
         pq.write_table(table, file)
