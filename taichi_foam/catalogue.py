@@ -1,9 +1,8 @@
-"""Scenes in and out: built-in names, TOML files, Python scripts; choice sets and overrides.
+"""Loading scenes: built-in names, TOML files, Python scripts; choice sets and overrides.
 
-And what is known of a scene: what was measured in its impact (`reference_of`), and what people are
-told it is called (`caption`). Both are asked of its own reference first, then of the scenes that
-come with the package: results of an older version have none of their own, nor has what somebody
-wrote by hand.
+Also the measured values for a scene's impact (`reference_of`), and its title (`caption`). Both come
+from the scene's own reference, or else from those of the packaged scenes: scenes in results of an
+older version, or written by hand, may have no reference of their own.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from taichi_foam.scene.values import changed, settings
 
 _LONGEST_NAME = 1_000
 
-# Keys of a foam that say how the model reads it; the others are its constants.
+# Keys of a foam that are model choices; the others are its constants.
 _FOAM_READINGS = frozenset({"softening"})
 _NO_CONSTANTS = _FOAM_READINGS | {
     "law", "source", "crush_band", "rate", "rate_exponent", "strength_scatter", "strength_seed",
@@ -57,7 +56,7 @@ def load_scene(
             line, see `scene.values.settings`.
 
     Raises:
-        UserError: no such source, an unreadable one, or a scene that cannot be.
+        UserError: no such source, an unreadable one, or an invalid scene.
     """
     if choices is not None and choices not in CHOICE_SETS:
         raise UserError(f"choices = {shown(choices)}: must be one of {', '.join(CHOICE_SETS)}")
@@ -70,16 +69,16 @@ def load_scene(
     title = source.name if isinstance(source, Scene) else str(source)
     if choices is not None:
         data = changed(data, dict(_chosen(data, choices)))
-    if values and "reference" in data:  # which is of the impact as it was before
+    if values and "reference" in data:  # tie the reference to the impact before the change
         data = Scene.checked(data, title).given_data()
     return Scene.checked(changed(data, values), title)
 
 
 def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
-    """Yield what a choice set says of a scene, of the foams of its layers too.
+    """Yield a choice set's values for a scene, including the foams of its layers.
 
-    A block of one's own keeps its lattice, and a foam of one's own its constants. What the scene's
-    reference can be read to give comes last.
+    A user's block keeps its lattice, and a user's foam its constants. Values of the reference's
+    readings come last.
     """
     for key, value in CHOICE_SETS[choices].items():
         field = key.partition(".")[2]
@@ -88,7 +87,7 @@ def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
                 foam = at(data, f"{head}foam")
                 own = _is_own(foam)
                 law = FOAMS.kind_of({} if foam in (None, NOTHING) else foam)
-                # another law may lack what the paper's has
+                # another law may not have this key of the paper's law
                 known = law is None or field in law.model_fields
                 if known and not (own and field not in _FOAM_READINGS):
                     yield head + key, value
@@ -103,7 +102,7 @@ def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
 
 
 def _is_own(foam: Any) -> bool:
-    """Whether raw data of a foam has constants that are of no choice set: it is not the paper's."""
+    """Whether raw data of a foam has constants that are in no choice set: a user's foam."""
     if foam in (None, NOTHING):
         return False
     if not isinstance(foam, Mapping):
@@ -117,32 +116,32 @@ def _is_own(foam: Any) -> bool:
 
 
 def list_scenes() -> dict[str, str]:
-    """Return the built-in scenes: name and a one-line description; those first with a reference."""
+    """Return name and one-line description of the built-in scenes, those with a reference first."""
     files, first = _built_in(), list(references())
     names = sorted(files, key=lambda name: first.index(name) if name in first else len(first))
     return {name: _first_line(files[name]) for name in names}
 
 
 def reference_of(scene: Scene) -> Reference | None:
-    """What was measured in the impact that a scene describes, whatever it is called, if anything.
+    """The reference for the impact that a scene describes, whatever its name, if there is one.
 
-    Its own reference does not count when it has been changed into another impact.
+    The scene's own reference does not apply if the scene has been changed into another impact.
     """
     own = [] if scene.reference is None else [scene.reference]
     return next((each for each in (*own, *references().values()) if each.fits(scene)), None)
 
 
 def reference_by_name(scene: Scene) -> Reference | None:
-    """The reference that belongs to a scene's name, whether it has still that impact or not."""
+    """The reference that belongs to a scene's name, whether or not it still has that impact."""
     known = scene.reference or references().get(scene.name)
     return known if known is not None and known.name == scene.name else None
 
 
 def caption(scene: Scene) -> Caption:
-    """What a scene is called in pictures: "wedge, 2.86 m/s" if its reference has that title.
+    """A scene's caption in pictures: "wedge, 2.86 m/s" if its reference has that title.
 
-    One that has been changed into another impact is "paper/wedge-2.86, changed"; all others have
-    their name.
+    A scene that has been changed into another impact is "paper/wedge-2.86, changed"; all others
+    have their name.
     """
     named = reference_by_name(scene)
     if named is None:
@@ -165,7 +164,7 @@ def title(scene: Scene) -> str:
 
 @lru_cache(maxsize=1)
 def references() -> Mapping[str, Reference]:
-    """Those of the scenes that come with the package, by the scene's name, in order of source."""
+    """References of the packaged scenes, by the scene's name, in order of source."""
     tables = {n: read_toml(path) for n, path in _built_in().items() if path.suffix == ".toml"}
     scenes = [Scene.checked(data, name) for name, data in tables.items() if "reference" in data]
     found = {scene.name: scene.reference for scene in scenes if scene.reference}
@@ -181,7 +180,7 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
     if path.suffix == ".toml":
         data = read_scene(path)
         _check_figures(data, name)
-        # a scene that a run wrote holds what was assumed as well
+        # a scene written by a run also contains assumed values
         return Scene.checked(data, name).given_data() if "assumed" in data else data
     if path.suffix == ".py":
         return _run_script(path)
@@ -192,7 +191,7 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
 
 
 def _check_figures(data: Mapping[str, Any], source: str) -> None:
-    """Refuse figures of a reference that no run has: they would be compared with nothing."""
+    """Refuse figures of a reference that no run reports: they could not be compared."""
     figures = at(data, "reference.figures")
     for key in figures if isinstance(figures, Mapping) else ():
         if key not in MEASURES:
@@ -206,7 +205,7 @@ def _check_figures(data: Mapping[str, Any], source: str) -> None:
 
 
 def _missing(name: str, path: Path) -> str:
-    """Say what is wrong with a source that is no file, and which built-in name comes nearest."""
+    """The message for a source that is not a file, with the nearest built-in name."""
     if len(name) > _LONGEST_NAME or not name.isprintable():
         return (
             f"{shown(name)}: no such file; a name has at most {_LONGEST_NAME:,} printable "
@@ -223,7 +222,7 @@ def _missing(name: str, path: Path) -> str:
 
 
 def _run_script(path: Path) -> Scene:
-    """Run a scene script and return its `scene`; its main part does not run."""
+    """Run a scene script and return its `scene`; its `__main__` part does not run."""
     try:
         names = runpy.run_path(str(path), run_name="taichi_foam_scene")
     except ValidationError as error:
@@ -256,7 +255,7 @@ def _where(path: Path, error: BaseException) -> str:
 def _built_in() -> dict[str, Path]:
     """Return the scene files that come with the package, by built-in name."""
     package = Path(__file__).parent
-    # In the wheel they lie inside the package, in a source tree beside it.
+    # In a wheel they are inside the package, in a source tree beside it.
     folder = next((f for f in (package / "gallery", package.parent / "scenes") if f.is_dir()), None)
     return {
         f"{kind}/{path.stem.replace('_', '-')}": path

@@ -1,4 +1,4 @@
-"""What all parts of a scene share: a frozen base, fields that know their range, registries."""
+"""Common base of a scene's parts: a frozen model, fields with ranges, registries."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ FIX_BY_UNIT = {
     "-": "it is a plain number",
     "px": "sizes are in pixels",
 }
-"""What to say about a value out of range, by the field's unit."""
+"""Advice on a value out of range, by the field's unit."""
 
 # The two strain entries differ in sign convention only.
 _WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 
 
 MOST_SHOWN = 12
-"""A list of more values is told by their number and range."""
+"""A longer list is represented by the number and the range of its values."""
 
 Coordinate = Annotated[float, Field(ge=-5, le=5)]
-# Lists are as good as tuples here: TOML and most scripts write lists.
+# Lists are accepted as tuples: TOML and most scripts write lists.
 Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 """A point [x, y] [m]."""
 
@@ -52,28 +52,28 @@ Kind = TypeVar("Kind", bound="Part")
 
 
 class Part(BaseModel):
-    """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
+    """A frozen part of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
 
     places: ClassVar[tuple[str, ...]] = ()
-    """The keys under which a scene has parts of this kind; that of a scene itself is empty."""
+    """The keys under which a scene has parts of this class; empty text for a scene itself."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
 
     def with_computed(self: Kind, **values: Any) -> Kind:
-        """A copy with values that follow from others: `model_fields_set` has what was given."""
+        """A copy with values that follow from others: `model_fields_set` keeps the given keys."""
         return _given_only(self.model_copy(update=values), self.model_fields_set)
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """What was given and differs from the defaults, which is what one would write."""
+        """Values that were given and differ from the defaults, as one would write them."""
         for name, value in super().__repr_args__():
             field = type(self).model_fields.get(name or "")
             if field is None or (name in self.model_fields_set and value != field.default):
                 yield name, _Told(value) if _is_long(value) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse to change a value, and say how one gets another scene."""
+        """Refuse to change a value, and say how to get a changed scene."""
         if not self.places or name.startswith("_"):
             super().__setattr__(name, value)
             return
@@ -89,15 +89,15 @@ class Part(BaseModel):
         raise ValidationError.from_exception_data(type(self).__name__, [details], hide_input=True)
 
     def __dir__(self) -> list[str]:
-        """Its own names, without pydantic's."""
+        """The part's own names, without pydantic's."""
         own = {name for name in super().__dir__() if not name.startswith("_")}
         return sorted(own - {*dir(BaseModel)} | {*dir(object)})
 
 
 def completed(given: Mapping[str, Any], computed: Mapping[str, Any], handler: Any) -> Any:
-    """For a "wrap" validator: the part of what was given, and of what follows from it for the rest.
+    """For a "wrap" validator: the part made of given values, and of computed ones for other keys.
 
-    `model_fields_set` has what was given.
+    `model_fields_set` has the given keys.
     """
     return _given_only(handler({**computed, **given}), given)
 
@@ -108,7 +108,7 @@ def _given_only(part: Kind, given: Iterable[str]) -> Kind:
 
 
 class _Told:
-    """What stands for a long list in a representation."""
+    """Replaces a long list in a representation."""
 
     def __init__(self, values: tuple[Any, ...]) -> None:
         self._values = values
@@ -141,13 +141,13 @@ def quantity(
     """Return a pydantic field for a number with its unit and its range.
 
     Args:
-        default: value when the scene does not give one; `...`: it has to.
+        default: value if the scene gives none; `...`: the scene must give one.
         unit: key of `FIX_BY_UNIT`.
         meaning: what the number is; becomes the field's description.
         above, at_least, below, at_most: the range, enforced and described.
         allowed: the range in words, for a field whose type enforces it.
-        fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
-        unless: what stands for the default where it follows from other values.
+        fix: advice on a value out of range; default `FIX_BY_UNIT[unit]`.
+        unless: words in place of the default if it follows from other values.
         more: passed on to `pydantic.Field`.
     """
     shown = "" if unit in _WITHOUT_UNIT else unit
@@ -179,36 +179,36 @@ def choice(default: Any, meaning: str) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Whether raw data is a finite number that a double holds."""
+    """Whether raw data is a finite number that fits a double."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return -sys.float_info.max <= value <= sys.float_info.max
 
 
 def hints_of(field: FieldInfo) -> Mapping[str, Any]:
-    """What `quantity` says of a field: `allowed`, `fix`, `unit`, `unless`; nothing of others."""
+    """Hints that `quantity` adds to a field: `allowed`, `fix`, `unit`, `unless`; else empty."""
     extra = field.json_schema_extra
     return extra if isinstance(extra, dict) else {}
 
 
 def unit_of(field: FieldInfo) -> str:
-    """Unit of a field [SI, degrees or pixels]; empty for a plain number and all else."""
+    """Unit of a field (SI, degrees or pixels); empty for plain numbers and everything else."""
     return str(hints_of(field).get("unit", ""))
 
 
 def described(field: FieldInfo) -> str:
-    """What a field is, and its unit in brackets where it has one."""
+    """A field's description, with its unit in brackets if it has one."""
     unit = unit_of(field)
     return f"{field.description or ''}{f' [{unit}]' if unit else ''}"
 
 
 class Registry(Mapping[str, type[Kind]], Generic[Kind]):
-    """What a scene may choose from by the word that it writes: classes of one kind, by their tag.
+    """Classes of one kind that a scene chooses from, by their tag.
 
-    tag       field that tells them apart, a Literal in each class
-    meaning   what that field says
-    default   tag of what a table without one is; None: a table must have one
-    watchers  called when a class is registered
+    tag       field that tells the classes apart, a Literal in each class
+    meaning   meaning of that field
+    default   tag assumed for a table without one; None: a table must have one
+    watchers  called when a class is registered or removed
     """
 
     def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
@@ -217,14 +217,14 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         self._kinds: dict[str, type[Kind]] = {}
 
     def register(self, kind: type[Kind]) -> type[Kind]:
-        """Add a class, or replace the one of its tag; returns it, for use as a decorator."""
+        """Add a class, or replace the one with its tag; returns it, for use as a decorator."""
         self._kinds[kind.model_fields[self.tag].default] = kind
         for watcher in self.watchers:
             watcher()
         return kind
 
     def remove(self, tag: str) -> None:
-        """Take a class out again."""
+        """Remove a class."""
         del self._kinds[tag]
         for watcher in self.watchers:
             watcher()
@@ -243,7 +243,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """As metadata of a field: a union of all classes, told apart by their tag."""
+        """As metadata of a field: a union of all classes, discriminated by their tag."""
         return core_schema.tagged_union_schema(
             {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
             discriminator=self.tag_of,
@@ -251,7 +251,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
 
     @staticmethod
     def _implies(kind: type[Part], value: Mapping[str, Any]) -> bool:
-        """Whether a table has the key that only this class has."""
+        """Whether a table has the key that implies this class."""
         return getattr(kind, "implied_by", None) in value
 
     def kind_of(self, value: Any) -> type[Kind] | None:
@@ -260,7 +260,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         return self.get(tag) if isinstance(tag, str) else None
 
     def tag_of(self, value: Any) -> Any:
-        """The tag of a table, or of an instance; a table without one has that of its keys."""
+        """The tag of a table or an instance; for a table without one, that implied by its keys."""
         if not isinstance(value, Mapping):
             return getattr(value, self.tag, None)
         tag = value.get(self.tag)

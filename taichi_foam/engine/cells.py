@@ -359,7 +359,7 @@ def press_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
 
 @ti.func
 def pushed_by(lattice: ti.template(), from_left: ti.template(), k, sweep, slot):
-    """Force [N] on a pack of nodes from the cells in `slot`, to the right or to the left of them."""
+    """Force [N] on a pack of nodes from the cells in `slot`, to their right or to their left."""
     last = ti.static(lattice.lanes - 1)
     here, below = (
         lattice.scratch.cell_push[sweep, slot, k],
