@@ -108,13 +108,13 @@ def _advance_blocks(lattice: ti.template(), most_steps: ti.i32):
         p = lattice.model.parameters[b]
         taken = 0
         while taken < most_steps and clock.goes_on(lattice, b):
-            ti.simt.block.sync()  # all have looked at the clock before it changes
+            ti.simt.block.sync()  # all threads have read the clock before it changes
             _take_step(lattice, shared, b, t, p)
             taken += 1
 
 
 def advance_blocks(lattice: Lattice, most_steps: int) -> None:
-    """Up to `most_steps` steps of every lattice that goes on, each in one block of threads."""
+    """Take up to `most_steps` steps of every running lattice, each in one block of threads."""
     most = max(most_steps, 1)
     if runtime.settings()["arch"] == "vulkan":
         turns = -(-lattice.size.nodes // THREADS)

@@ -104,9 +104,9 @@ def weibull_modulus(scatter: float) -> float:
 
 
 def _crossed(block: Block, x0: float, y0: float, x1: float, y1: float) -> NDArray[np.bool_]:
-    """Which bonds' line from node to node a straight cut crosses.
+    """Which bonds a straight cut crosses, each taken as the line between its nodes.
 
-    A node that lies on the cut belongs to its left, seen from the cut's start.
+    A node on the cut counts as left of it, seen from the cut's start.
     """
     node = block.positions
     start, end = np.array([x0, y0]), np.array([x1, y1])

@@ -39,7 +39,7 @@ _CHECKED = "checked"
 MARK = "marked-"  # prefix of the names of mark files
 
 # Taichi's LLVM treats an unknown processor as one without wide vectors. That concerns AMD families
-# after 25, the last that LLVM 15 knows; WIDE is a known processor whose features they all have.
+# after 25, the last that LLVM 15 knows; kernels are compiled for WIDE there, which has WIDE_NEEDS.
 LAST_KNOWN_FAMILY = 25
 WIDE = "haswell"
 WIDE_NEEDS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"}

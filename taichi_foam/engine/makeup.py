@@ -78,7 +78,7 @@ def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
-    """Reference volume [m3] that a bond stands for."""
+    """Reference volume [m3] that a bond represents."""
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)

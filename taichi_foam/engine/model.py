@@ -79,7 +79,7 @@ MEMBERS = {
     "support_low": vec2,  # corners of the box around the support with an outline
     "support_high": vec2,
     "impactor_mass": ti.f64,
-    "impactor_rate": ti.f64,  # of its oscillation on the nodes it may touch, squared; 0: heavy
+    "impactor_rate": ti.f64,  # squared, of its oscillation on touched nodes [1/s2]; 0: heavy
     "impactor_friction": ti.f64,
     "surface_rows": ti.f64,  # number in `ModelFields.surface`; a float, for integers see Layout
     "piece_area": ti.f64,  # of the contact between two nodes [m2]
@@ -206,7 +206,7 @@ def _moved(scene: Scene, mass: Array, stands: Array) -> dict[str, Array]:
 
 
 def _filled(scene: Scene, alike: bool) -> dict[str, Array]:
-    """See `Model.of_nodes`."""
+    """The part of `Model.of_nodes` for a block that is not plain."""
     filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
     if alike:
         shape = 1, scene.block.rows

@@ -58,7 +58,7 @@ EMPTY = 5  # nothing is loaded
     HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES,
 ) = range(len(BOOKED))  # fmt: skip
 WORKS = len(BOOKED)
-HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # beyond the impactor's time
+HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # kept for the next impact
 
 
 @ti.dataclass
@@ -109,7 +109,7 @@ class Clock:
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
     drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
     stiffest: ti.f64  # stiffest stiffened bond at the end of the last step [N/m]; < 0: unknown
-    crush: ti.f64  # largest crush of a bond, then or so far (BondLaw.shears_stiffer), a fraction
+    crush: ti.f64  # largest -strain of a bond then, or so far (BondLaw.shears_stiffer)
     speed: ti.f64  # of the fastest node in the last step [m/s]
     pause: ti.f64  # time at which a call stops stepping the lattice
     steps: ti.i32
@@ -251,7 +251,7 @@ class State:
 
 
 ARRAYS: dict[str, Kept] = declared(State)
-"""How each array of a state was declared."""
+"""The declaration of each array of a state."""
 
 _CARRIED = {each.name for each in fields(Cushion)}
 

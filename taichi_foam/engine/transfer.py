@@ -1,4 +1,4 @@
-"""Transfer to and from the device, one lattice of a batch at a time; the kernel that steps it."""
+"""Transfer to and from the device, one lattice of a batch at a time, and the choice of stepping."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any

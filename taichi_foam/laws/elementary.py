@@ -67,13 +67,13 @@ def larger(x, y):
 def exp(x):
     """e^x within 1.2 ulp for x from -708 to 709.78; 0 below that, infinity above, NaN of NaN."""
     bounded = ti.select(x > LEAST_EXPONENT, ti.min(x, GREATEST_EXPONENT), LEAST_EXPONENT)
-    # x = n ln 2 + r with |r| <= ln(2) / 2, so that e^x = 2^n e^r; a NaN goes on in r
+    # x = n ln 2 + r with |r| <= ln(2) / 2, so that e^x = 2^n e^r; r propagates a NaN
     n = ti.floor(bounded * PER_LN_2 + 0.5)
     r = (x - n * LN_2_HIGH) - n * LN_2_LOW
     series = r * EXP_SERIES[0]
     for coefficient in ti.static(EXP_SERIES[1:]):
         series = (series + coefficient) * r
-    # 2^n = 2^(2 half + odd + LEAST_BINARY), a half having 10 bits: 2, 4 and 4 of them are shifted
+    # 2^n = 2^(2 half + odd + LEAST_BINARY); half has 10 bits, shifted in groups of 2, 4 and 4
     binary = ti.cast(n, ti.i32) - LEAST_BINARY
     half = binary >> 1
     root = ti.cast(1 << (half >> 8), ti.f64)

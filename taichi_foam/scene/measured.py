@@ -83,7 +83,7 @@ _STRESSES = Side(
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns of a file hold the test, by name or by number from 1, and their units.
+    """The columns of a file that contain the test, by name or by number from 1, and their units.
 
     If the specimen's `height` [m] is given, the strain column contains displacement; if its `area`
     [m2] is given, the stress column contains force. None: from the header; without a header, the

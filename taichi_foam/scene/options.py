@@ -344,7 +344,7 @@ class Start(Part):
 
 
 class Output(Part):
-    """What a run keeps."""
+    """Output: what a run stores."""
 
     history_interval: float = quantity(
         1e-4, "s", "time between rows of the history", at_least=1e-7, at_most=0.1

@@ -25,7 +25,7 @@ _VELOCITY_WITHIN = 0.00501
 _OPEN: Mapping[str, frozenset[str]] = {
     # The mesh.
     "block": frozenset({"cell", "columns", "rows", "lattice_angle_deg", "mass_points"}),
-    # Constants of Eq. 26 that a compression test does not give: they are chosen, or open.
+    # Constants that a compression test does not give: they are chosen, or left open.
     "foam": frozenset({
         "law", "source", "locking_strain", "densification_a", "densification_b",
         "crushed_tensile_fraction", "crushed_tensile_stress", "rate", "rate_exponent",

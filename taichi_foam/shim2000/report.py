@@ -156,7 +156,7 @@ def _percent(error: float) -> str:
 
 
 def _place(error: float) -> float:
-    """Where an error lies on the small scale [% of its width]."""
+    """Position of an error on the small scale [% of its width]."""
     return 50 + 50 * max(-1.0, min(1.0, error / _SCALE))
 
 

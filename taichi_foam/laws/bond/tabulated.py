@@ -191,7 +191,7 @@ class TabulatedFoam(CrushingFoam):
         return -self.curve.tested
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where the unloading line from the curve at `worst` reaches zero stress."""
+        """Strain at which the unloading line from the curve at `worst` reaches zero stress."""
         turn, rows = np.minimum(worst, 0.0), np.linspace(0.0, 1.0, TABLE_ROWS)
         table = self.table
         stress, slope = (np.interp(-turn, rows, table[:, k]) for k in (STRESS, UNLOADING))
@@ -211,7 +211,7 @@ class TabulatedFoam(CrushingFoam):
         """Strain beyond which the slope of unloading exceeds K."""
         steeper = self.table[:, UNLOADING] > self.youngs_modulus * (1.0 + 1e-9)
         first = int(np.argmax(steeper)) if steeper.any() else TABLE_ROWS - 1
-        # slopes are interpolated between rows, so they exceed K from the row before on
+        # slopes are interpolated between rows, so they already exceed K after the row before
         return -max(first - 1, 0) / (TABLE_ROWS - 1)
 
 

@@ -64,7 +64,7 @@ class Impactor(Part):
         "height of the fall that ends at first contact, in place of a velocity; gravity is then "
         "9.80665 m/s2 unless it is given",
         above=0,
-        at_most=100,  # from there on air slows a fall
+        at_most=100,  # beyond that, air resistance matters
         fix="lengths are in metres (760 mm is 0.76); a faster impact is impactor.velocity, in m/s",
     )
     motion: Literal["free", "crosshead"] = choice(
