@@ -1,8 +1,8 @@
-"""Loading scenes: built-in names, TOML files, Python scripts; choice sets and overrides.
+"""Scenes in and out: built-in names, TOML files, Python scripts; choice sets and overrides.
 
-Also the measured values for a scene's impact (`reference_of`), and its title (`caption`). Both come
-from the scene's own reference, or else from those of the packaged scenes: scenes in results of an
-older version, or written by hand, may have no reference of their own.
+Also the data known about a scene: the values measured in its impact (`reference_of`), and its
+display name (`caption`). Both come from the scene's own reference if it has one, else from the
+scenes in the package: results of an older version and scenes written by hand have no reference.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from taichi_foam.scene.values import changed, settings
 
 _LONGEST_NAME = 1_000
 
-# Keys of a foam that are model choices; the others are its constants.
+# Keys of a foam that select how the model treats it; the others are its constants.
 _FOAM_READINGS = frozenset({"softening"})
 _NO_CONSTANTS = _FOAM_READINGS | {
     "law", "source", "crush_band", "rate", "rate_exponent", "strength_scatter", "strength_seed",
@@ -56,7 +56,7 @@ def load_scene(
             line, see `scene.values.settings`.
 
     Raises:
-        UserError: no such source, an unreadable one, or an invalid scene.
+        UserError: the source does not exist or cannot be read, or the scene is invalid.
     """
     if choices is not None and choices not in CHOICE_SETS:
         raise UserError(f"choices = {shown(choices)}: must be one of {', '.join(CHOICE_SETS)}")
@@ -69,16 +69,16 @@ def load_scene(
     title = source.name if isinstance(source, Scene) else str(source)
     if choices is not None:
         data = changed(data, dict(_chosen(data, choices)))
-    if values and "reference" in data:  # tie the reference to the impact before the change
+    if values and "reference" in data:  # the reference belongs to the unchanged impact
         data = Scene.checked(data, title).given_data()
     return Scene.checked(changed(data, values), title)
 
 
 def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
-    """Yield a choice set's values for a scene, including the foams of its layers.
+    """Yield the keys and values that a choice set changes in a scene, including foams of layers.
 
-    A user's block keeps its lattice, and a user's foam its constants. Values of the reference's
-    readings come last.
+    A user's block keeps its lattice, and a user's foam keeps its constants. Values that follow from
+    the scene's reference come last.
     """
     for key, value in CHOICE_SETS[choices].items():
         field = key.partition(".")[2]
@@ -87,7 +87,7 @@ def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
                 foam = at(data, f"{head}foam")
                 own = _is_own(foam)
                 law = FOAMS.kind_of({} if foam in (None, NOTHING) else foam)
-                # another law may not have this key of the paper's law
+                # another law may lack fields of the paper's law
                 known = law is None or field in law.model_fields
                 if known and not (own and field not in _FOAM_READINGS):
                     yield head + key, value
@@ -102,7 +102,7 @@ def _chosen(data: Mapping[str, Any], choices: str) -> Iterator[tuple[str, Any]]:
 
 
 def _is_own(foam: Any) -> bool:
-    """Whether raw data of a foam has constants that are in no choice set: a user's foam."""
+    """Whether a foam's raw data has constants that no choice set has: not the paper's foam."""
     if foam in (None, NOTHING):
         return False
     if not isinstance(foam, Mapping):
@@ -116,32 +116,32 @@ def _is_own(foam: Any) -> bool:
 
 
 def list_scenes() -> dict[str, str]:
-    """Return name and one-line description of the built-in scenes, those with a reference first."""
+    """Return names and one-line descriptions of built-in scenes, those with references first."""
     files, first = _built_in(), list(references())
     names = sorted(files, key=lambda name: first.index(name) if name in first else len(first))
     return {name: _first_line(files[name]) for name in names}
 
 
 def reference_of(scene: Scene) -> Reference | None:
-    """The reference for the impact that a scene describes, whatever its name, if there is one.
+    """The measured values for the impact that a scene describes, whatever its name; None if none.
 
-    The scene's own reference does not apply if the scene has been changed into another impact.
+    The scene's own reference is ignored if the scene has been changed into another impact.
     """
     own = [] if scene.reference is None else [scene.reference]
     return next((each for each in (*own, *references().values()) if each.fits(scene)), None)
 
 
 def reference_by_name(scene: Scene) -> Reference | None:
-    """The reference that belongs to a scene's name, whether or not it still has that impact."""
+    """The reference that belongs to a scene's name, even if its impact has been changed."""
     known = scene.reference or references().get(scene.name)
     return known if known is not None and known.name == scene.name else None
 
 
 def caption(scene: Scene) -> Caption:
-    """A scene's caption in pictures: "wedge, 2.86 m/s" if its reference has that title.
+    """The display name of a scene: its reference's title, such as "wedge, 2.86 m/s".
 
-    A scene that has been changed into another impact is "paper/wedge-2.86, changed"; all others
-    have their name.
+    A scene changed into another impact is called "paper/wedge-2.86, changed"; all others are
+    called by their name.
     """
     named = reference_by_name(scene)
     if named is None:
@@ -164,7 +164,7 @@ def title(scene: Scene) -> str:
 
 @lru_cache(maxsize=1)
 def references() -> Mapping[str, Reference]:
-    """References of the packaged scenes, by the scene's name, in order of source."""
+    """References of the scenes in the package, by scene name, ordered by source."""
     tables = {n: read_toml(path) for n, path in _built_in().items() if path.suffix == ".toml"}
     scenes = [Scene.checked(data, name) for name, data in tables.items() if "reference" in data]
     found = {scene.name: scene.reference for scene in scenes if scene.reference}
@@ -175,12 +175,12 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
     """Return the scene of a script, or the raw data of a TOML file."""
     name, path = str(source), Path(source)
     path = _built_in().get(name, path)
-    if not os.path.isfile(path):  # unlike Path's, false for a path that no system takes
+    if not os.path.isfile(path):  # unlike Path's, False for an invalid path
         raise UserError(_missing(name, path))
     if path.suffix == ".toml":
         data = read_scene(path)
         _check_figures(data, name)
-        # a scene written by a run also contains assumed values
+        # a scene written by a run also holds the assumed values
         return Scene.checked(data, name).given_data() if "assumed" in data else data
     if path.suffix == ".py":
         return _run_script(path)
@@ -191,7 +191,7 @@ def _read(source: str | Path) -> Scene | dict[str, Any]:
 
 
 def _check_figures(data: Mapping[str, Any], source: str) -> None:
-    """Refuse figures of a reference that no run reports: they could not be compared."""
+    """Raise UserError for figures in a reference that no run has: nothing to compare them with."""
     figures = at(data, "reference.figures")
     for key in figures if isinstance(figures, Mapping) else ():
         if key not in MEASURES:
@@ -205,7 +205,7 @@ def _check_figures(data: Mapping[str, Any], source: str) -> None:
 
 
 def _missing(name: str, path: Path) -> str:
-    """The message for a source that is not a file, with the nearest built-in name."""
+    """The message for a source that is not a file, with the most similar built-in name."""
     if len(name) > _LONGEST_NAME or not name.isprintable():
         return (
             f"{shown(name)}: no such file; a name has at most {_LONGEST_NAME:,} printable "
@@ -222,7 +222,7 @@ def _missing(name: str, path: Path) -> str:
 
 
 def _run_script(path: Path) -> Scene:
-    """Run a scene script and return its `scene`; its `__main__` part does not run."""
+    """Run a scene script, without its `__main__` part, and return its `scene`."""
     try:
         names = runpy.run_path(str(path), run_name="taichi_foam_scene")
     except ValidationError as error:
@@ -255,7 +255,7 @@ def _where(path: Path, error: BaseException) -> str:
 def _built_in() -> dict[str, Path]:
     """Return the scene files that come with the package, by built-in name."""
     package = Path(__file__).parent
-    # In a wheel they are inside the package, in a source tree beside it.
+    # In the wheel they are inside the package, in a source tree beside it.
     folder = next((f for f in (package / "gallery", package.parent / "scenes") if f.is_dir()), None)
     return {
         f"{kind}/{path.stem.replace('_', '-')}": path

@@ -1,4 +1,4 @@
-"""Common base of a scene's parts: a frozen model, fields with ranges, registries."""
+"""Common base of all parts of a scene: a frozen model, fields with ranges, registries."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ FIX_BY_UNIT = {
     "-": "it is a plain number",
     "px": "sizes are in pixels",
 }
-"""Advice on a value out of range, by the field's unit."""
+"""Advice for a value out of range, by the field's unit."""
 
 # The two strain entries differ in sign convention only.
 _WITHOUT_UNIT = frozenset({"tension", "compression", "-", "count"})
 
 
 MOST_SHOWN = 12
-"""A longer list is represented by the number and the range of its values."""
+"""A longer list is represented by the number of its values and their range."""
 
 Coordinate = Annotated[float, Field(ge=-5, le=5)]
-# Lists are accepted as tuples: TOML and most scripts write lists.
+# Lists are accepted as tuples here, since TOML and most scripts use lists.
 Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 """A point [x, y] [m]."""
 
@@ -52,28 +52,28 @@ Kind = TypeVar("Kind", bound="Part")
 
 
 class Part(BaseModel):
-    """A frozen part of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
+    """A frozen piece of a scene: no unknown keys, no silent conversion, no NaN or infinity."""
 
     places: ClassVar[tuple[str, ...]] = ()
-    """The keys under which a scene has parts of this class; empty text for a scene itself."""
+    """The keys under which a scene has parts of this kind; empty string for the scene itself."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, hide_input_in_errors=True
     )
 
     def with_computed(self: Kind, **values: Any) -> Kind:
-        """A copy with values that follow from others: `model_fields_set` keeps the given keys."""
+        """A copy with computed values; `model_fields_set` still lists only the given ones."""
         return _given_only(self.model_copy(update=values), self.model_fields_set)
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """Values that were given and differ from the defaults, as one would write them."""
+        """The given values that differ from the defaults, as a user would write them."""
         for name, value in super().__repr_args__():
             field = type(self).model_fields.get(name or "")
             if field is None or (name in self.model_fields_set and value != field.default):
                 yield name, _Told(value) if _is_long(value) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse to change a value, and say how to get a changed scene."""
+        """Refuse to change a value, and say how to make a changed scene."""
         if not self.places or name.startswith("_"):
             super().__setattr__(name, value)
             return
@@ -89,15 +89,15 @@ class Part(BaseModel):
         raise ValidationError.from_exception_data(type(self).__name__, [details], hide_input=True)
 
     def __dir__(self) -> list[str]:
-        """The part's own names, without pydantic's."""
+        """Its own names, without pydantic's."""
         own = {name for name in super().__dir__() if not name.startswith("_")}
         return sorted(own - {*dir(BaseModel)} | {*dir(object)})
 
 
 def completed(given: Mapping[str, Any], computed: Mapping[str, Any], handler: Any) -> Any:
-    """For a "wrap" validator: the part made of given values, and of computed ones for other keys.
+    """For a "wrap" validator: the part made of given values, and computed ones for the rest.
 
-    `model_fields_set` has the given keys.
+    `model_fields_set` lists only the given values.
     """
     return _given_only(handler({**computed, **given}), given)
 
@@ -108,7 +108,7 @@ def _given_only(part: Kind, given: Iterable[str]) -> Kind:
 
 
 class _Told:
-    """Replaces a long list in a representation."""
+    """Stands for a long list in a representation."""
 
     def __init__(self, values: tuple[Any, ...]) -> None:
         self._values = values
@@ -141,13 +141,13 @@ def quantity(
     """Return a pydantic field for a number with its unit and its range.
 
     Args:
-        default: value if the scene gives none; `...`: the scene must give one.
+        default: value if the scene does not give one; `...`: required.
         unit: key of `FIX_BY_UNIT`.
         meaning: what the number is; becomes the field's description.
         above, at_least, below, at_most: the range, enforced and described.
         allowed: the range in words, for a field whose type enforces it.
-        fix: advice on a value out of range; default `FIX_BY_UNIT[unit]`.
-        unless: words in place of the default if it follows from other values.
+        fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
+        unless: shown instead of the default if that follows from other values.
         more: passed on to `pydantic.Field`.
     """
     shown = "" if unit in _WITHOUT_UNIT else unit
@@ -179,20 +179,20 @@ def choice(default: Any, meaning: str) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Whether raw data is a finite number that fits a double."""
+    """Whether raw data is a finite number that a double holds."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return -sys.float_info.max <= value <= sys.float_info.max
 
 
 def hints_of(field: FieldInfo) -> Mapping[str, Any]:
-    """Hints that `quantity` adds to a field: `allowed`, `fix`, `unit`, `unless`; else empty."""
+    """Hints that `quantity` stored: `allowed`, `fix`, `unit`, `unless`; empty for other fields."""
     extra = field.json_schema_extra
     return extra if isinstance(extra, dict) else {}
 
 
 def unit_of(field: FieldInfo) -> str:
-    """Unit of a field (SI, degrees or pixels); empty for plain numbers and everything else."""
+    """Unit of a field (SI, degrees or pixels); empty for plain numbers and other fields."""
     return str(hints_of(field).get("unit", ""))
 
 
@@ -203,12 +203,12 @@ def described(field: FieldInfo) -> str:
 
 
 class Registry(Mapping[str, type[Kind]], Generic[Kind]):
-    """Classes of one kind that a scene chooses from, by their tag.
+    """Classes of one kind by their tag, the word by which a scene selects one.
 
-    tag       field that tells the classes apart, a Literal in each class
-    meaning   meaning of that field
-    default   tag assumed for a table without one; None: a table must have one
-    watchers  called when a class is registered or removed
+    tag       name of the field with the tag, a Literal in each class
+    meaning   description of that field
+    default   tag of a table that gives none; None: a table must give one
+    watchers  functions called when a class is registered
     """
 
     def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
@@ -229,7 +229,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         for watcher in self.watchers:
             watcher()
 
-    __hash__ = object.__hash__  # type: ignore[assignment]  # there is one of each kind
+    __hash__ = object.__hash__  # type: ignore[assignment]  # one registry per kind
 
     def __getitem__(self, tag: str) -> type[Kind]:
         return self._kinds[tag]
@@ -255,16 +255,16 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         return getattr(kind, "implied_by", None) in value
 
     def kind_of(self, value: Any) -> type[Kind] | None:
-        """The class of a table, or of an instance; None if it has none."""
+        """The class of a table or an instance; None if it has none."""
         tag = self.tag_of(value)
         return self.get(tag) if isinstance(tag, str) else None
 
     def tag_of(self, value: Any) -> Any:
-        """The tag of a table or an instance; for a table without one, that implied by its keys."""
+        """The tag of a table or an instance; if a table gives none, its keys may imply one."""
         if not isinstance(value, Mapping):
             return getattr(value, self.tag, None)
         tag = value.get(self.tag)
         if tag is None:
             implied = (name for name, kind in self._kinds.items() if self._implies(kind, value))
             tag = next(implied, self.default)
-        return tag if tag is None or isinstance(tag, str) else ""  # which no class has
+        return tag if tag is None or isinstance(tag, str) else ""  # a tag that no class has
