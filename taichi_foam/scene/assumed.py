@@ -58,7 +58,7 @@ class Assumed(Part):
 
 
 def followed(scene: Any) -> dict[str, Any]:
-    """The parts of a scene that change, by name: its `assumed`, and foams completed from [foam]."""
+    """Changed parts of a scene by name: its `assumed`, and parts with foams completed by [foam]."""
     found = [_unsaid(scene, head) for head in heads_of_foams(scene)]
     parts = _with_readings(scene)
     if any(entries is not None for entries in found):

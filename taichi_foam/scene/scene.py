@@ -192,7 +192,7 @@ class Scene(Part):
         under the impactor.
         """
         filled = filling.filling(self.block)
-        if filled.is_full:  # the same to the last bit
+        if filled.is_full:  # the same height, exactly
             return self.block.height - self.block.dy / 2
         X = self.block.positions[filled.there]
         if self.impactor is not None:
