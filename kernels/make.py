@@ -1,9 +1,9 @@
 """Make the kernels that come with the package: `python kernels/make.py`.
 
-It takes ten minutes on two cores. What most people compute first is computed with nothing in the
-cache; what Taichi has compiled by then is packed beside the engine (see
-`taichi_foam/engine/kernel_cache.py`). To be done again after a change of a kernel, on a processor
-that LLVM 15 knows and that has vectors of 256 bits.
+This takes ten minutes on two cores. It computes what most users compute first, starting from an
+empty cache, and packs the kernels that Taichi has compiled beside the engine (see
+`taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on a processor that
+LLVM 15 knows and that has 256-bit vectors.
 """
 
 import subprocess
@@ -18,16 +18,16 @@ from taichi_foam.catalogue import list_scenes
 from taichi_foam.engine.kernel_cache import INDEX, MARK, archive_name
 
 ENGINE = Path(__file__).parents[1] / "taichi_foam" / "engine"
-WIDE = b"<4 x double>"  # in the code of a kernel that was made for such vectors
+WIDE = b"<4 x double>"  # occurs in the code of a kernel compiled for such vectors
 
-# Scenes of the paper's nine tests that differ in their kernels, by the shape of the impactor.
+# Those of the paper's nine tests that differ in their kernels: one for each impactor shape.
 PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
-# Beyond the room that the paper's block has: wider, higher, and less of both.
+# Blocks that need other room than the paper's: wider, higher, and smaller.
 OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
-SIDE_BY_SIDE = "1,2"  # one, and as many as there is room for then
+SIDE_BY_SIDE = "1,2"  # batches of one run, and of the next larger room
 ALONE = "1"
 
-MOST_NODES = 5_000  # of lattices that are computed
+MOST_NODES = 5_000  # of the lattices that are computed
 
 COMPUTED = """
 import sys
@@ -41,7 +41,7 @@ if scene.block.columns * scene.block.rows <= int(most):
 
 
 def commands(folder: Path) -> list[list[str]]:
-    """Command lines, each of a process of its own."""
+    """Command lines, one per process."""
     gallery = [name for name in list_scenes() if name.startswith("gallery/")]
     usual = (PAPER[0], "gallery/own-foam")
     computed = [[name, SIDE_BY_SIDE] for name in (*PAPER, usual[1])]
@@ -59,16 +59,16 @@ def commands(folder: Path) -> list[list[str]]:
 
 
 def main() -> int:
-    """Returns the exit code: 1, and nothing is written, where something has failed."""
+    """Return the exit code: 1 if anything has failed; nothing is then written."""
     target = ENGINE / archive_name()
-    target.unlink(missing_ok=True)  # nothing of it is to be used
+    target.unlink(missing_ok=True)  # so that none of its kernels are used
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cache = folder / "cache"
         settings = {
             **environ,
             "TI_OFFLINE_CACHE_FILE_PATH": str(cache),
-            "TI_ADVANCED_OPTIMIZATION": "1",  # see `engine/effort.py`, whose marks go along
+            "TI_ADVANCED_OPTIMIZATION": "1",  # see `engine/effort.py`; its marks are packed too
         }
 
         def run(command: list[str]) -> subprocess.CompletedProcess[str]:

@@ -1,7 +1,7 @@
-"""Bonds: their forces at a stage, what a step does to their history, and which break or soften.
+"""Bonds: their forces at a stage, how a step updates their history, and which break or soften.
 
-Forces are those of a pack of bonds at a time, without branches on values: see `lanes`. A bond's
-force acts along it. Shear is the cells'; only by the reading `face` bonds carry it too.
+Forces are computed for a pack of bonds at a time, without branches on values: see `lanes`. A bond's
+force acts along it. Cells carry the shear; only with Model.shear = "face" do bonds carry it too.
 """
 
 from taichi_foam.backend import ti
@@ -15,11 +15,10 @@ from taichi_foam.laws import elementary, kinematics
 
 @ti.func
 def slot_of(lattice: ti.template(), i, last):
-    """Where a sweep that ends with column `last` keeps the forces of column `i`.
+    """Slot in which a sweep that ends with column `last` keeps the forces of column `i`.
 
-    The last column and the one beyond it have places of their own: their forces may be there before
-    the sweep begins. Left and right of the lattice there are none, for which a place of zeros is
-    kept.
+    The last column and the one beyond it have slots of their own: their forces may be computed
+    before the sweep begins. Columns outside the lattice share a slot of zeros.
     """
     outside = i < 0 or i >= lattice.counts[None].columns
     within = ti.select(i == last, RING, ti.raw_mod(i, RING))
@@ -34,8 +33,8 @@ def _bond(
     """Strain of a pack of bonds, and their forces [N] on their first nodes, without stiffening.
 
     `reach` and `along` are the differences of position [m] and velocity [m/s] between the bonds'
-    nodes. The first stage, whose state is the accepted one, brings the worst strain up to date;
-    the last one, which looks at the step's end, finds what breaks there.
+    nodes. The first stage, whose state is the accepted one, updates the worst strain; the last
+    stage, whose state is that at the step's end, finds the bonds that fail.
     """
     bonds, tally = ti.static(lattice.state.bonds[axis], lattice.scratch.tally)
     squared = reach_x * reach_x + reach_y * reach_y
@@ -45,19 +44,19 @@ def _bond(
     there, whole = condition > ABSENT, condition > BROKEN
     worst = bonds[b, i, k].worst
     if ti.static(not lattice.law.heeds_rate):
-        # the plateau has no memory, so a worst strain met only now gives the same stress
+        # the plateau has no memory: a worst strain first reached here gives the same stress
         worst = elementary.smaller(e, worst)
     numerator, divisor = lattice.law.stress_fraction(
         makeup.constants(lattice, axis, b, k, p), e, worst, condition <= BROKEN
     )
     if ti.static(lattice.features.softens):
-        # what pulls; as a choice of one of two products the compiler leaves it scalar
+        # the tensile part; written as a choice of two products, it would not be vectorised
         pulls = elementary.larger(numerator, 0.0)
         numerator = ti.cast(bonds[b, i, k].intact, ti.f64) * pulls + elementary.smaller(
             numerator, 0.0
         )
-    # what the strip has to know goes to memory: these loops have no registers to spare. Columns at
-    # the seams of two sweeps are looked at by both: twice is the same as once
+    # the strip's tally is kept in memory: these loops have no registers to spare. Columns at the
+    # seam of two sweeps are visited by both: doing this twice gives the same result
     packed = lattice.law.stiffens_at(e, worst)
     tally[b, strip].least = elementary.smaller(ti.select(there, packed, 0.0), tally[b, strip].least)
     if stage == 0:
@@ -68,7 +67,7 @@ def _bond(
         dashpot *= ti.cast(bonds[b, i, k].intact, ti.f64)
     drag = ti.select(whole, dashpot * closing, 0.0)
     tally[b, strip].damped = tally[b, strip].damped + drag * closing
-    # the branches between part what the compiler would mix, lane by lane, in one sum
+    # this branch keeps the compiler from merging both parts into one sum, lane by lane
     if stage == LAST_STAGE:
         _look_for_failure(lattice, axis, b, i, k, strip, reach_x, reach_y, e, worst, p)
     normal = makeup.face(lattice, axis, b, i, k, p) * numerator / (divisor * length)
@@ -91,7 +90,10 @@ def _look_for_failure(
     lattice: ti.template(), axis: ti.template(), b, i, k, strip, reach_x, reach_y, e, worst,
     p: ti.template(),
 ):  # fmt: skip
-    """Which of a pack's bonds break at the end of this step, and what of others will be left."""
+    """Find which of a pack's bonds break at the end of this step, and the intact shares of others.
+
+    Both are stored as the bonds' `condition`.
+    """
     bonds, tally = ti.static(lattice.state.bonds[axis], lattice.scratch.tally)
     condition = ti.cast(bonds[b, i, k].condition, ti.f64)
     whole = condition > BROKEN
@@ -110,7 +112,7 @@ def _look_for_failure(
         makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size, tensile, strength
     )
     if ti.static(lattice.features.softens):
-        # divisions are dear, and few bonds are beyond their limits
+        # divisions are expensive, and few bonds are beyond their limits
         if lanes.any_of(fails):
             pulled, sheared = lattice.law.overload(
                 makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size, tensile,
@@ -121,7 +123,7 @@ def _look_for_failure(
                 _left(sheared, makeup.shares(lattice, axis, b, k, p).shear_tail),
             )
             left = elementary.smaller(left, condition)
-            # over what is there now: a column at a seam of two sweeps is looked at by both
+            # compared with the present share, since a column at a seam is visited by two sweeps
             intact = ti.cast(bonds[b, i, k].intact, ti.f64)
             softens = ti.select(whole & (left < intact) & (left > 0.0), 1.0, 0.0)
             tally[b, strip].softens = tally[b, strip].softens + softens
@@ -136,7 +138,7 @@ def _look_for_failure(
 
 @ti.func
 def _left(overload, tail):
-    """What is left of a bond's face at so many times its limit: its stress falls in a line."""
+    """Intact share of a bond's face at `overload` times its limit: its stress falls linearly."""
     fallen = (tail - overload) / (overload * ti.max(tail - 1.0, 1e-9))
     return ti.select(overload > 1.0, elementary.larger(fallen, 0.0), 1.0)
 
@@ -145,11 +147,11 @@ def _left(overload, tail):
 def _shear(
     lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y, p: ti.template()
 ):
-    """Shear stress [Pa] at a pack of bonds, and the column across them of F (Eqs 13, 23, 25).
+    """Shear stress [Pa] at a pack of bonds, and F's column across them (Eqs 13, 23, 25).
 
-    Across is the mean of the two sides, ahead and behind, of those that count. A side's is the mean
-    of its differences at the bond's two nodes. By the reading `face` a side counts while both bonds
-    that cross there are whole (Eq. 27); else as long as its cell carries shear.
+    That column is the mean over the two sides, ahead and behind, that count. A side's value is the
+    mean of the differences at the bond's two nodes. With Model.shear = "face" a side counts while
+    both bonds that cross there are whole (Eq. 27); otherwise while its cell carries shear.
     """
     crossing, trial = ti.static(lattice.state.bonds[1 - axis], lattice.scratch.trial)
     x, y = trial[b, i, k].x, trial[b, i, k].y
@@ -211,8 +213,8 @@ def _shear(
 def bond_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.template()):
     """Forces of a pack's bonds to the right and above, and of the cells between, kept in `slot`.
 
-    The strains of the bonds come back. The strip's tally gets the powers of shear and of the
-    dashpots, and at the last stage how many bonds break.
+    Returns the strains of the bonds. Adds to the strip's tally the powers of shear and of the
+    dashpots, and at the last stage the number of bonds that break.
     """
     trial, force = ti.static(lattice.scratch.trial, lattice.scratch.force)
     x, y = trial[b, i, k].x, trial[b, i, k].y
@@ -241,9 +243,10 @@ def bond_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.
 def stiffen_pack(
     lattice: ti.template(), b, i, k, sweep, slot, a_strain, b_strain, p: ti.template()
 ):  # fmt: skip
-    """Add stiffening to a pack's forces; its stiffest bond [N/m] comes back.
+    """Add stiffening to a pack's forces; returns the stiffness of its stiffest bond [N/m].
 
-    Foam is seldom packed along both axes, and exponentials are dear.
+    Each axis is tested separately: foam is seldom packed along both, and exponentials are
+    expensive.
     """
     trial = ti.static(lattice.scratch.trial)
     force = ti.static(lattice.scratch.force)
@@ -269,7 +272,7 @@ def stiffen_pack(
 
 @ti.func
 def _may_stiffen(lattice: ti.template(), axis: ti.template(), b, k, strain, p: ti.template()):
-    """Whether any of a pack's bonds is packed."""
+    """Whether any of a pack's bonds may stiffen."""
     limit = lattice.law.stiffens_below(makeup.constants(lattice, axis, b, k, p))
     if ti.static(lattice.features.foams > 1):
         return lanes.any_of(strain < limit)
@@ -295,10 +298,10 @@ def _stiffening(
 
 @ti.func
 def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.template()):
-    """Forces of column `i`'s bonds and cells, kept in `slot`, and what a step has to know of them.
+    """Forces of column `i`'s bonds and cells, kept in `slot`, and the sums that a step needs.
 
-    Stiffening has a loop of its own: few packs have any, and it would cost every other bond its
-    registers.
+    Stiffening has a loop of its own: few packs need it, and in the main loop it would take
+    registers from all other bonds.
     """
     strain = ti.static(lattice.scratch.strain)
     clear_bonds(lattice, b, strip)
@@ -330,7 +333,7 @@ def bond_column(lattice: ti.template(), stage, b, i, strip, sweep, slot, p: ti.t
 
 @ti.func
 def _column_may_stiffen(lattice: ti.template(), b, strip, p: ti.template()):
-    """Whether any bond of a strip is packed; each pack knows of its own foams."""
+    """Whether any bond of a strip may stiffen; with several foams, each pack decides for itself."""
     if ti.static(lattice.features.foams > 1):
         return 1
     return lattice.scratch.tally[b, strip].least.min() < lattice.law.stiffens_below(p.bond)
@@ -338,10 +341,10 @@ def _column_may_stiffen(lattice: ti.template(), b, strip, p: ti.template()):
 
 @ti.func
 def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Before a step, of rate-sensitive foam: let the worst strains of a pack flow.
+    """Let the worst strains of a pack of rate-dependent foam flow; called before a step.
 
-    They are frozen during steps. What flows in the time of a step, at the strain now, takes them
-    from the middle of the last step to the middle of the next: an error of second order.
+    They are frozen during a step. Flow for the duration of a step at the present strain takes them
+    from the middle of the last step to the middle of the next: the error is of second order.
     """
     motion = ti.static(lattice.state.motion)
     x, y = motion[b, i, k].x, motion[b, i, k].y
@@ -365,9 +368,9 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     worst = bonds[b, i, k].worst
     there = bonds[b, i, k].condition > ABSENT
-    # powers are dear, and few bonds flow
+    # powers are expensive, and few bonds flow
     if lanes.any_of(there & (e < worst)):
-        # at a rate that counts half, foam flows as in twice the time
+        # if only half the strain rate counts, foam flows as in twice the time
         time = lattice.state.clock[b].step * makeup.shares(lattice, axis, b, k, p).flow_share
         flowed = lattice.law.flowed(makeup.constants(lattice, axis, b, k, p), e, worst, time)
         bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
@@ -375,7 +378,7 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
 
 @ti.func
 def clear_bonds(lattice: ti.template(), b, strip):
-    """Start the tally of a strip's bonds."""
+    """Reset the tally of a strip's bonds."""
     tally = ti.static(lattice.scratch.tally)
     tally[b, strip].least = lanes.zeros(lattice)
     tally[b, strip].sheared = lanes.zeros(lattice)
@@ -386,14 +389,14 @@ def clear_bonds(lattice: ti.template(), b, strip):
         tally[b, strip].softens = lanes.zeros(lattice)
 
 
-# What has become of the bonds of the accepted state, and what they lose.
+# The bonds of the accepted state: their condition, and the energy that they lose.
 
 
 @ti.func
 def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
     """Condition, worst and present strain of the accepted state's bond (i, j) along `axis`.
 
-    The axis may be known at run time only.
+    The axis need not be known at compile time.
     """
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     start = lanes.position(lattice, lattice.state.motion, b, i, j)
@@ -430,7 +433,7 @@ def is_pulled(lattice: ti.template(), c: ti.template(), strain, worst) -> ti.i32
 
 @ti.func
 def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
-    """At the end of a step: parts of the faces of column `i`'s bonds are lost from now on."""
+    """Reduce the intact shares of column `i`'s bonds at the end of a step, and book the energy."""
     lost = 0.0
     for j in range(lattice.counts[None].rows):
         lost = soften_at(lattice, b, i, j, lost, p)
@@ -439,10 +442,10 @@ def soften_bonds(lattice: ti.template(), b, i, p: ti.template()):
 
 @ti.func
 def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -> ti.f64:
-    """Take from a node's bonds what they lose; the energy stored there is added to `lost` [J]."""
+    """Reduce the intact shares of a node's bonds; returns `lost` plus the energy lost [J]."""
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
-    for axis in range(2):  # not unrolled: the law is long, and compiles once so
+    for axis in range(2):  # not unrolled, so that the long law compiles once
         left, worst, strain = look_at(lattice, axis, b, i, j, p)
         intact = intact_share(lattice, axis, b, i, j)
         if left > BROKEN and left < intact:
@@ -459,10 +462,7 @@ def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -
 
 @ti.func
 def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
-    """At the end of a step: column `i`'s failed bonds are broken from now on.
-
-    The stored energy that they lose is booked [J].
-    """
+    """Break column `i`'s failed bonds at the end of a step, and book the stored energy lost [J]."""
     time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     for j in range(lattice.counts[None].rows):
@@ -474,7 +474,7 @@ def break_bonds(lattice: ti.template(), b, i, p: ti.template()):
 def break_at(
     lattice: ti.template(), b, i, j, time: ti.f32, lost: ti.f64, p: ti.template()
 ) -> ti.f64:
-    """Break a node's failed bonds; what they lose is added to `lost`, and comes back."""
+    """Break a node's failed bonds; returns `lost` plus the energy lost [J]."""
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
     for axis in range(2):
@@ -505,7 +505,7 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 
 @ti.func
 def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether any of the node's four bonds is broken or was never there."""
+    """Whether any of the node's four bonds is broken or absent."""
     return ti.i32(
         is_whole(lattice, A, b, i, j)
         + is_whole(lattice, A, b, i - 1, j)

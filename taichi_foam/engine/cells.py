@@ -1,13 +1,13 @@
-"""Cells: what four neighbouring nodes span; the shear that the foam in it carries, and its room.
+"""Cells, each spanned by four neighbouring nodes: the shear that their foam carries, and its room.
 
-A cell's shear strain is the product of F's two columns there, means over its opposite sides. With
-the diagonals d1, from the first corner to the third, and d2, from the second to the fourth, that is
-gamma = (d1^2 - d2^2) / (4 dX dY): a spring along each of them, so that forces keep momentum and
-angular momentum, and are the gradient of V G gamma^2 / 2.
+A cell's shear strain is the dot product of F's two columns in the cell, each a mean over opposite
+sides. With the diagonals d1, from the first corner to the third, and d2, from the second to the
+fourth, it is gamma = (d1^2 - d2^2) / (4 dX dY). The forces act along the diagonals, so they
+conserve momentum and angular momentum, and they are the gradient of V G gamma^2 / 2.
 
-A bond's law knows its length only. Crushed bonds may fold, zigzag and turn inside out, and none of
-them gets shorter by it: the foam between them would vanish. So a cell also resists being smaller
-than its bonds have left it, whether they are whole or broken; see docs/model.md.
+A bond's law depends on its length only. Crushed bonds may fold, zigzag and turn inside out without
+getting shorter: the foam between them would vanish. So a cell also resists having less area than
+its bonds have left it (its room), whether they are whole or broken; see docs/model.md.
 
 Cell (i, j) is the one to the right of and above node (i, j).
 """
@@ -18,14 +18,16 @@ from taichi_foam.engine.grading import B
 from taichi_foam.engine.state import ABSENT, BROKEN, LOST_BY_ROOM, LOST_BY_SHEAR, WHOLE, book
 from taichi_foam.laws import elementary, kinematics
 
-# A cell that cracks have pulled apart is none any more. It lets go by its longer diagonal, in
-# cells (the root mean square of their two sides), and at once by its area, over that at rest.
+# A cell that cracks have pulled apart carries nothing. Its hold falls from 1 to 0 as its longer
+# diagonal grows from HOLDS_TO to FREE_FROM cells (the root mean square of a cell's two sides), and
+# at once to 0 when its area exceeds OPEN_AREA times that at rest.
 HOLDS_TO = 2.0
 FREE_FROM = 4.0
 OPEN_AREA = 1.5
 
-# Of its area at rest. A cell that would not press with so much less than it has is left out of the
-# next step: to lose it in one, its sides would have to close at a fifth of the speed of sound.
+# Fraction of a cell's area at rest. A cell that would not press with this much less area is left
+# out of the next step: to lose as much in one step, its sides would have to close at a fifth of the
+# speed of sound.
 NEAR = 0.05
 
 vec2 = ti.types.vector(2, ti.f64)
@@ -33,9 +35,9 @@ vec2 = ti.types.vector(2, ti.f64)
 
 @ti.func
 def _diagonals_of(xs: ti.template(), ys: ti.template(), b, i, k):
-    """From a pack's nodes to the far corners of their cells, and from the right to the upper.
+    """Diagonals of a pack's cells: from node to far corner, and from right corner to upper corner.
 
-    Of positions [m] or velocities [m/s]: the members of a motion along x and y.
+    `xs` and `ys` are a motion's positions [m], or its velocities [m/s].
     """
     x, y, right_x, right_y = xs[b, i, k], ys[b, i, k], xs[b, i + 1, k], ys[b, i + 1, k]
     up_x, up_y = lanes.above(x, xs, b, i, k), lanes.above(y, ys, b, i, k)
@@ -45,22 +47,22 @@ def _diagonals_of(xs: ti.template(), ys: ti.template(), b, i, k):
 
 @ti.func
 def _area(d1x, d1y, d2x, d2y, p: ti.template()):
-    """Signed area between two diagonals over that at rest; below 0 inside out."""
+    """Signed area spanned by two diagonals over that at rest; below 0 if inside out."""
     return (d1x * d2y - d1y * d2x) * (0.5 / (p.cell.x * p.cell.y))
 
 
 @ti.func
 def _shear_strain(d1x, d1y, d2x, d2y, p: ti.template()):
-    """gamma = 2 E_12 of the cell's two columns (Eqs 12, 23), by its diagonals."""
+    """gamma = 2 E_12 of the cell's two columns (Eqs 12, 23), from its diagonals."""
     squares = (d1x * d1x + d1y * d1y) - (d2x * d2x + d2y * d2y)
     return squares * (0.25 / (p.cell.x * p.cell.y))
 
 
 @ti.func
 def _rise(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
-    """By what foam that hardens resists shear more, as its two columns are shortened [Pa].
+    """Rise in the shear modulus of hardening foam [Pa] as each of F's two columns is shortened.
 
-    Of the first column, along x, and of the second; with each its slope over the column's length
+    For the first column, along x, and for the second: the rise, its slope over the column's length
     [Pa], and that length.
     """
     ax, ay = (d1x - d2x) * (0.5 / p.cell.x), (d1y - d2y) * (0.5 / p.cell.x)
@@ -74,9 +76,9 @@ def _rise(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template())
 
 @ti.func
 def _tilt(along: ti.template(), b, i, k):
-    """By what the right sides of a pack's cells lean off from the left ones, along an axis.
+    """Difference between the right and the left sides of a pack's cells, as vectors, along an axis.
 
-    Of positions [m] or velocities [m/s]: a member of a motion.
+    `along` is a motion's position [m] or velocity [m/s] along that axis.
     """
     here, right = along[b, i, k], along[b, i + 1, k]
     rise = lanes.above(here, along, b, i, k) - here
@@ -85,7 +87,7 @@ def _tilt(along: ti.template(), b, i, k):
 
 @ti.func
 def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
-    """Energy [J/m3] that the shear of a pack's cells of the accepted state stores."""
+    """Shear energy [J/m3] stored in a pack's cells in the accepted state."""
     gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
     modulus = lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p))
     energy = 0.5 * modulus * gamma * gamma
@@ -101,10 +103,10 @@ def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.tem
 
 @ti.func
 def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
-    """Between two steps: let go of a pack's cells as they tear, and see whether any may press.
+    """Update what a pack's cells hold between two steps, and find whether any may press.
 
-    What a cell holds only falls, and is frozen in a step, whose stages see one potential. The
-    stored energies that it loses, of shear and of room [J], are added to `lost`, and come back.
+    A cell's hold only falls, and is frozen during a step, so that all stages see one potential.
+    Returns `lost` plus the stored energies lost, of shear and of room [J].
     """
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     a, left = bonds_a[b, i, k].condition, bonds_b[b, i, k].condition
@@ -135,7 +137,7 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
             hold = elementary.smaller(elementary.larger(left_over, 0.0), before)
             hold = ti.select(torn, hold, before)
             lattice.state.hold[b, i, k] = hold
-            # it hangs together by one of its two sides along each axis
+            # along each axis, the better of its two sides holds the cell together
             along_x = ti.cast(elementary.larger(a, above), ti.f64)
             along_y = ti.cast(elementary.larger(left, right), ti.f64)
             share = makeup.cell_share(lattice, b, i, k)
@@ -156,7 +158,7 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
 
 @ti.func
 def _room_before(lattice: ti.template(), b, i, k):
-    """Room of a pack's cells by the strains that their bonds met before this step."""
+    """Room of a pack's cells from the worst strains that their bonds reached before this step."""
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     along_x = bonds_a[b, i, k].worst
     along_x += lanes.above(along_x, bonds_a.worst, b, i, k)
@@ -166,9 +168,9 @@ def _room_before(lattice: ti.template(), b, i, k):
 
 @ti.func
 def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.template()):
-    """`look_pack` of a column; what its cells lose is `booked`.
+    """`look_pack` for a column; `booked`: whether to book the energy that its cells lose.
 
-    Of a state that has just been put it is not: what cells carry then follows from the state.
+    It is not booked for a state that has just been put, whose cells have lost nothing since.
     """
     pressing, lost = 0, vec2(0.0)
     for k in range(lattice.counts[None].packs):
@@ -183,24 +185,24 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
 
 @ti.func
 def book_lost(lattice: ti.template(), b, strip, lost: vec2):
-    """Add to a strip's books what its cells have lost, see `look_pack`."""
+    """Book the energies that a strip's cells have lost, see `look_pack`."""
     book(lattice, b, strip, LOST_BY_SHEAR, lost[0])
     book(lattice, b, strip, LOST_BY_ROOM, lost[1])
 
 
 @ti.func
 def _most_crushed(worst, reach_x, reach_y, per_length):
-    """The worst strain of a pack's bonds, now included."""
+    """The worst strain of a pack's bonds, including the present one."""
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     return elementary.smaller(kinematics.engineering_strain(length * per_length), worst)
 
 
 @ti.func
 def _room(lattice: ti.template(), motion: ti.template(), b, i, k, p: ti.template()):
-    """Area that the bonds of a pack's cells leave them, over that at rest.
+    """Area that their bonds leave to a pack's cells, over that at rest.
 
-    A strain that is met now counts, as for the bonds themselves: straight cells, whatever crushes
-    them, have exactly the room that their bonds leave them.
+    The present strain counts, as for the bonds themselves: rectangular cells, however crushed, have
+    exactly the area that their bonds leave them.
     """
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     x, y = motion[b, i, k].x, motion[b, i, k].y
@@ -221,9 +223,9 @@ def _room(lattice: ti.template(), motion: ti.template(), b, i, k, p: ti.template
 
 @ti.func
 def _room_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
-    """Stored energy [J/m3] of a pack's cells of the accepted state that have less area than room.
+    """Energy [J/m3] that a pack's cells with less area than room store in the accepted state.
 
-    Of a hold of 1.
+    It is that of a hold of 1.
     """
     room = _room(lattice, lattice.state.motion, b, i, k, p)
     c = makeup.constants(lattice, B, b, k, p)
@@ -232,7 +234,7 @@ def _room_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.temp
 
 @ti.func
 def stored_pack(lattice: ti.template(), b, i, k, p: ti.template()) -> vec2:
-    """Energies [J] that a pack's cells store in the accepted state: of shear, and of room."""
+    """Energies [J] stored by a pack's cells in the accepted state: of shear, and of room."""
     d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
     volume = p.cell.x * p.cell.y * p.thickness
     found = vec2(0.0)
@@ -249,15 +251,15 @@ def stored_pack(lattice: ti.template(), b, i, k, p: ti.template()) -> vec2:
 
 @ti.func
 def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.template()):
-    """Forces [N] of a pack's cells by their shear at a stage, kept in `slot`, and their powers.
+    """Shear forces [N] of a pack's cells at a stage, kept in `slot`, and their powers.
 
-    On the second ends of the first and of the second diagonal; on the first ends act the opposite
-    ones. All pull along the diagonals.
+    The forces are those on the second ends of both diagonals; the opposite forces act on the first
+    ends. All act along the diagonals.
     """
     trial, tally = ti.static(lattice.scratch.trial, lattice.scratch.tally)
     d1x, d1y, d2x, d2y = _diagonals_of(trial.x, trial.y, b, i, k)
     d1u, d1v, d2u, d2v = _diagonals_of(trial.u, trial.v, b, i, k)
-    # thickness times stress, halved, is a force over a diagonal's length
+    # half of thickness times stress is force over diagonal length
     half = lattice.state.grip[b, i, k] * (0.5 * p.thickness)
     closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v)
     gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
@@ -283,11 +285,12 @@ def _harden_pack(
     lattice: ti.template(), b, i, k, strip, sweep, slot, half, d1x, d1y, d2x, d2y, d1u, d1v, d2u,
     d2v, p: ti.template(),
 ):  # fmt: skip
-    """Add to `slot` what foam that hardens does more against shear, and its power.
+    """Add to `slot` the additional shear forces of hardening foam, and their power.
 
-    A cell's columns are means over its sides. Rows of nodes that lean to and fro by turns leave
-    them as they are, and bonds under pressure push that on; so the rise also resists the tilt of
-    one side against the other. It is of the columns as they are: rise and slope are one potential.
+    A cell's columns are means over its sides. Rows of nodes that shift alternately left and right
+    do not change them, and bonds in compression promote this mode; so the rise also resists the
+    tilt of one side against the other. The rise depends on the present columns: rise and slope
+    derive from one potential.
     """
     pushes, tally = ti.static(lattice.scratch.cell_push, lattice.scratch.tally)
     rise_a, slope_a, a, rise_b, slope_b, b_length = _rise(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
@@ -298,7 +301,7 @@ def _harden_pack(
     per_a, per_b = 1.0 / (p.cell.x * p.cell.x), 1.0 / (p.cell.y * p.cell.y)
     squared = 0.25 * (tilt_x * tilt_x + tilt_y * tilt_y)
     volume = half * (2.0 * p.cell.x * p.cell.y)
-    # along the diagonals: of gamma, and of the columns' lengths
+    # forces along the diagonals: from gamma, and from the columns' lengths
     pull = half * (rise_a + rise_b) * gamma
     along_a = volume * slope_a * (0.5 * (gamma * gamma + squared * per_a)) * (0.25 * per_a / a)
     along_b = (
@@ -321,7 +324,7 @@ def _harden_pack(
 
 @ti.func
 def clear_pack(lattice: ti.template(), sweep, slot, k):
-    """A pack whose cells carry no shear."""
+    """Zero the forces of a pack whose cells carry no shear."""
     pushes = ti.static(lattice.scratch.cell_push)
     pushes[sweep, slot, k].x1 = lanes.zeros(lattice)
     pushes[sweep, slot, k].y1 = lanes.zeros(lattice)
@@ -333,8 +336,8 @@ def clear_pack(lattice: ti.template(), sweep, slot, k):
 def press_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.template()):
     """Add to `slot` the forces [N] by which a pack's cells keep their room, and their power.
 
-    Thickness times pressure times the gradient of the area pushes the ends of a diagonal apart, at
-    right angles to the other one.
+    The forces are thickness times pressure times the gradient of the area: they push the ends of
+    each diagonal apart, at right angles to the other diagonal.
     """
     trial, tally = ti.static(lattice.scratch.trial, lattice.scratch.tally)
     d1x, d1y, d2x, d2y = _diagonals_of(trial.x, trial.y, b, i, k)
@@ -356,7 +359,7 @@ def press_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
 
 @ti.func
 def pushed_by(lattice: ti.template(), from_left: ti.template(), k, sweep, slot):
-    """Force [N] on a pack of nodes of the cells in `slot`: of the column to the right, or left."""
+    """Force [N] on a pack of nodes from the cells in `slot`, to their right or to their left."""
     last = ti.static(lattice.lanes - 1)
     here, below = (
         lattice.scratch.cell_push[sweep, slot, k],

@@ -1,6 +1,6 @@
 """When a lattice steps, by how much, when a row of its history is due, and when it ends.
 
-One thread does this for a lattice, whoever does the rest.
+One thread does this for a lattice, however many do the rest.
 """
 
 from taichi_foam.backend import ti
@@ -9,12 +9,12 @@ from taichi_foam.engine.model import RK4_RADIUS, automatic_step, fastest_rate
 from taichi_foam.engine.scratch import HISTORY_ROWS
 from taichi_foam.engine.state import AT_END_TIME, AT_REBOUND, DIVERGED, NEVER, RUNNING
 
-# Steps after which the radii in contact are brought up to date with the nodes' crush.
+# Steps between updates of contact radii to the nodes' crush.
 REFRESH = 4
 
-# After the impactor's reversal a run goes on until contact has been lost for QUIET, or for at most
-# SETTLING. For so long the foam under a flat impactor of the tests springs back: what lies there
-# then is what one finds after a test, and the rebound velocity is told.
+# After the impactor's reversal a run continues until contact has been lost for QUIET, or at most
+# for SETTLING [s]. The foam under a flat impactor of the tests springs back for that long: then it
+# is as found after a test, and the rebound velocity is known.
 QUIET = 1e-3
 SETTLING = 20e-3
 
@@ -30,7 +30,7 @@ def goes_on(lattice: ti.template(), b) -> ti.i32:
 
 @ti.func
 def take_stock(lattice: ti.template(), b, p: ti.template()):
-    """Of an accepted state: size of the next step, or end."""
+    """Set the size of the next step from an accepted state, and the status if the run ends."""
     clock = lattice.state.clock[b]
     rate = fastest_rate(lattice, b, clock.stiffest, clock.crush, p)
     step = p.step
@@ -50,7 +50,7 @@ def take_stock(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def _end_when_due(lattice: ti.template(), b, p: ti.template()):
-    """Set the status of a lattice that has come to its end time, or has rebounded."""
+    """Set the status of a lattice that has reached its end time, or has rebounded."""
     time = lattice.state.clock[b].time
     if lattice.state.body[b].force != 0.0:
         lattice.state.clock[b].last_contact = time
@@ -70,7 +70,7 @@ def _end_when_due(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def row_is_due(lattice: ti.template(), b) -> ti.i32:
-    """Whether the accepted state belongs into the history."""
+    """Whether a history row of the accepted state is due."""
     clock = lattice.state.clock[b]
     return ti.i32(clock.time >= clock.next_row or clock.status != RUNNING)
 
@@ -79,7 +79,7 @@ def row_is_due(lattice: ti.template(), b) -> ti.i32:
 def close_row(
     lattice: ti.template(), b, energy: ledger.vec_now, works: ledger.vec_works, p: ti.template()
 ):
-    """Write the row that is due, and say when the next one is."""
+    """Write the row that is due, and set the time of the next one."""
     ledger.write_row(lattice, b, energy, works)
     due = ti.floor(lattice.state.clock[b].time / p.row_interval + 1e-9) + 1.0
     lattice.state.clock[b].next_row = due * p.row_interval
@@ -89,11 +89,12 @@ def close_row(
 def close_step(
     lattice: ti.template(), b, moved, stiffest, crush, breaks, bad_node, p: ti.template()
 ):
-    """Move the clock on, and stop a lattice that has diverged.
+    """Advance the clock, and stop a lattice that has diverged.
 
-    Of the step: the furthest motion squared [m2]; the stiffest bond [N/m] and the largest crush at
-    its end, by the forces of the last stage; the bonds that break; and the first node that has
-    diverged (the count of nodes if none has).
+    `moved` is the largest squared displacement of a node in the step [m2]; `stiffest` and `crush`
+    are the stiffest stiffened bond [N/m] and the largest crush at its end, from the forces of the
+    last stage; `breaks` is the number of bonds that break; `bad_node` is the first diverged node
+    (the number of nodes if there is none).
     """
     clock = lattice.state.clock[b]
     lattice.state.clock[b].time = clock.time + clock.step
@@ -102,7 +103,7 @@ def close_step(
     lattice.state.clock[b].drift = clock.drift + ti.sqrt(moved)
     lattice.state.clock[b].stiffest = stiffest
     if ti.static(lattice.law.shears_stiffer):
-        lattice.state.clock[b].crush = ti.max(crush, clock.crush)  # what was met counts
+        lattice.state.clock[b].crush = ti.max(crush, clock.crush)  # the largest so far
     else:
         lattice.state.clock[b].crush = crush
     lattice.state.clock[b].speed = ti.sqrt(moved) / clock.step

@@ -1,4 +1,4 @@
-"""Contact of mass points: with impactor, floor or support, and of pieces with each other."""
+"""Contact of mass points with the impactor and the floor or support, and between pieces."""
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, lanes, makeup, turning
@@ -22,17 +22,17 @@ from taichi_foam.laws.shape.edges import Edged
 INSIDE = 0
 OUTER = 1  # at the block's surface, with whole bonds
 TORN = 2  # at a crack
-NEW = 3  # at the surface, or torn, since this listing
+NEW = 3  # at the surface, or torn, since the last listing
 
-# Foam between a mass point and its face that is thinner than this, in cells, has no law of its own.
+# Foam between a mass point and its face that is thinner than this, in cells, is a penalty spring.
 THIN = 0.25
 
-# Points of unequal size keep further apart by so much of the difference of their radii. A row of
-# large ones stands for foam with a straight face, and has dents: a point of no size in one of them
-# lies on that face, not behind it.
+# The distance at which points of unequal size touch grows by this fraction of the difference of
+# their radii. A row of large points represents foam with a straight face, but has dents: a point of
+# zero size in a dent then lies on that face, not behind it.
 LEVEL = 2.0**0.5 - 1.0
 
-UNLISTED = -1  # links of the search grid are not below this
+UNLISTED = -1  # links of the search grid are at least this
 
 vec2 = ti.types.vector(2, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
@@ -43,8 +43,8 @@ vec3i = ti.types.vector(3, ti.i32)
 def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) -> ti.i32:
     """Whether any of a pack's nodes may touch the impactor or the support, or just did.
 
-    The margin sees to it that a node which leaves them is looked at once more: its friction springs
-    go slack.
+    Because of the margin, a node that has just left them is visited once more, so that its friction
+    springs go slack.
     """
     above = y > lattice.state.body[b].trial_y - p.skin
     beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
@@ -60,7 +60,7 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
         low = y < lattice.model.reach[b, i, k] + p.skin
         may = (near | low) & (makeup.mobility(lattice, b, i, k).y > 0.0)
     elif p.hold_y and k == 0:
-        # the held row is part of the support, which lets the impactor pass
+        # the held row is part of the support and does not touch the impactor
         may[0] = 0
     return lanes.any_of(may)
 
@@ -69,7 +69,7 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
 def _is_near_support(x, y, p: ti.template()):
     """Whether a pack's points lie in the box around the support's outline, or within reach of it.
 
-    No mass point reaches further than half the longer side of its cell.
+    A mass point's reach is at most half the longer side of its cell.
     """
     margin = 0.5 * p.cell.max() + p.skin
     beside = (x > p.support_low.x - margin) & (x < p.support_high.x + margin)
@@ -80,7 +80,7 @@ def _is_near_support(x, y, p: ti.template()):
 def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
     """How far [m] a node has moved since its friction springs were latched.
 
-    They are latched at a step's first stage, whose `rate` still holds the last step's motion.
+    They are latched at a step's first stage, when `increment` still holds the last step's motion.
     """
     path = lanes.position(lattice, lattice.state.increment, b, i, j)
     if stage > 0:
@@ -91,7 +91,7 @@ def _slid(lattice: ti.template(), b, i, j, stage) -> vec2:
 
 @ti.func
 def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
-    """How far [m] the impactor's point at an arm from its centre of mass has moved since then."""
+    """How far [m] the impactor's point at `arm` from its centre of mass has moved since then."""
     path = lattice.state.body[b].rate_y
     if stage > 0:
         path = lattice.state.body[b].trial_y - lattice.state.body[b].y
@@ -105,9 +105,9 @@ def _impactor_slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
 def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.template()) -> vec2:
     """Force [N] of the impactor, and of the floor or the support, on a node.
 
-    Work and the force on the impactor are added to the strip's, and at the last stage the energy
-    that the springs hold. The first stage of a step also latches the friction springs: slid off
-    beyond mu N, and slack where there is no touch.
+    The work and the force on the impactor are added to the strip's, as is at the last stage the
+    energy stored in the springs. The first stage of a step also latches the friction springs: their
+    force is limited to mu N, and they are slack where there is no contact.
     """
     now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
     speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
@@ -180,20 +180,21 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
 
 @ti.func
 def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64, p: ti.template()):
-    """Forces [N] of the floor or the support on a node: how it presses (x, y), how it rubs (z, w).
+    """Forces [N] of the floor or the support on a node: normal force (x, y) and friction (z, w).
 
-    With them come the stretch of the friction spring [m], and the energy that pressing stores [J].
+    Also returns the stretch of the friction spring [m] and the energy stored by the normal force
+    [J].
 
-    Between lies half a cell of foam, or what crushing has left of it, along the way out of the
-    outline. Where that is level, the foam lies beside the node: half a cell's width of it, by the
-    crush and the faces of its bonds A.
+    Between the node and the body lies half a cell of foam, or what crushing has left of it, along
+    the outline's normal. Where the normal is horizontal, the foam lies beside the node: it is half
+    a cell wide, with the crush and the faces of the node's bonds A.
     """
     distance, normal = now.y, vec2(0.0, 1.0)
     if ti.static(lattice.features.supported):
         rows = ti.cast(p.support_rows, ti.i32)
         found = Edged.distance(lattice.model.support, b, rows, now)
         distance, normal = found[0], found.yz
-    flank = normal.x * normal.x  # the rest, to 1, is upright
+    flank = normal.x * normal.x  # weight of the horizontal direction; 1 - flank is the vertical's
     half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
     upright, sideways = p.area.y, p.area.x
     if ti.static(lattice.features.shaped):
@@ -248,10 +249,10 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """That of a disc: half the cell, or less; its area shrinks as the node's bonds are crushed.
+    """Radius [m] of a node's disc, whose area shrinks as the node's bonds are crushed.
 
-    Whole foam has the stress of its bonds and no other: two nodes that a third lies between do not
-    touch, however flat all three are crushed.
+    In whole foam only the bonds are stressed: two nodes with a third between them do not touch,
+    however flat all three are crushed.
     """
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
@@ -266,7 +267,10 @@ def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
 @ti.func
 def looked_at(lattice: ti.template(), b, i, j, surface) -> ti.i32:
-    """What a node is as a list is made: NEW if it has come to a surface, or is torn, since then."""
+    """A node's `surface` as a list is made: NEW if it has become a surface or torn since the last.
+
+    `surface` is its value so far.
+    """
     found = surface
     if surface == INSIDE:
         found = ti.select(bonds.is_surface(lattice, b, i, j) != 0, NEW, INSIDE)
@@ -277,7 +281,7 @@ def looked_at(lattice: ti.template(), b, i, j, surface) -> ti.i32:
 
 @ti.func
 def listed(lattice: ti.template(), b, i, j, surface) -> ti.i32:
-    """What a node is once the list is made."""
+    """A node's `surface` once the list is made."""
     found = surface
     if surface == NEW:
         found = ti.select(bonds.is_torn(lattice, b, i, j) != 0, TORN, OUTER)
@@ -286,7 +290,7 @@ def listed(lattice: ti.template(), b, i, j, surface) -> ti.i32:
 
 @ti.func
 def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """`full_radius`, but never more than the room that there is, see `room_of`."""
+    """`full_radius`, but at most the node's room, see `room_of`."""
     radius = full_radius(lattice, b, i, j, p)
     if ti.static(lattice.features.self_contact):
         room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
@@ -296,13 +300,13 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 
 @ti.func
 def touch_of(one: ti.f64, two: ti.f64) -> ti.f64:
-    """Distance [m] at which mass points of two radii [m] begin to touch."""
+    """Distance [m] at which mass points of these two radii [m] begin to touch."""
     return one + two + LEVEL * ti.abs(one - two)
 
 
 @ti.func
 def place_of(lattice: ti.template(), node) -> vec3i:
-    """Column, pack and lane of a node that goes by its number."""
+    """Column, pack and lane of a node, from its number."""
     j = ti.raw_mod(node, lattice.counts[None].rows)
     return vec3i(
         ti.raw_div(node, lattice.counts[None].rows),
@@ -327,7 +331,7 @@ def velocity_at(motion: ti.template(), b, place: vec3i) -> vec2:
 
 @ti.func
 def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
-    """Whether the pushes on a pack may be other than zero."""
+    """Whether the pushes on a pack may be non-zero."""
     may_be = 0
     if ti.static(lattice.on_gpu):
         may_be = ti.i32(lattice.state.partner_count[b, i * lattice.counts[None].rows + k] > 0)
@@ -340,12 +344,12 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
 def piece_push(
     lattice: ti.template(), b, one, two, away: vec2, closing: vec2, touch: ti.f64, p: ti.template()
 ) -> vec2:
-    """Force [N] on node `one`, by its number, from `two` that is `away` [m] from it.
+    """Force [N] on node `one` from node `two`, both given by their numbers.
 
-    By their law, the weaker one of two foams, and by friction.
-
-    `closing` is the partner's velocity relative to the node's [m/s], `touch` the sum of their radii
-    [m]. There are no branches: a processor could not predict which candidates touch.
+    `away` is the vector from `one` to `two` [m], `closing` the velocity of `two` relative to `one`
+    [m/s] and `touch` the distance at which they touch [m]; if both vectors are reversed, so is the
+    force. The normal force follows the law of the weaker foam; friction adds to it. There are no
+    branches: a processor could not predict which candidates touch.
     """
     gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
     c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.counts[None].rows), p)
@@ -365,7 +369,7 @@ def piece_push(
 
 @ti.func
 def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
-    """Share of a whole cell's face on which two nodes touch: that of the one with less foam."""
+    """Share of a whole cell's face on which two nodes touch: that of the node with less foam."""
     rows = lattice.counts[None].rows
     return ti.min(
         makeup.share(lattice, b, ti.raw_div(one, rows), ti.raw_mod(one, rows)),
@@ -388,9 +392,9 @@ def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.
 def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
-    A node at a surface, the block's or a crack's, touches any but its neighbours in the lattice:
-    those have their bond's own law for compression, broken or not. Only one thread adds to
-    a lattice's pushes, so there are no atomics.
+    A node at a surface of the block or of a crack may touch any node but its neighbours in the
+    lattice: for these, the bond's own law covers compression, broken or not. Only one thread adds
+    to a lattice's pushes, so there are no atomics.
     """
     pushes = ti.static(lattice.scratch.candidate_push)
     for n in range(lattice.state.clock[b].candidates):
@@ -435,7 +439,7 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
 
 @ti.func
 def refresh_radii(lattice: ti.template(), b, p: ti.template()):
-    """Bring the radii of the nodes that may touch up to date with their crush."""
+    """Update the radii of the nodes that may touch to their present crush."""
     for n in range(lattice.state.clock[b].candidates):
         node = lattice.state.candidate_node[b, n]
         radius = piece_radius(
@@ -450,9 +454,9 @@ def refresh_radii(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def bin_of(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vector(2, ti.i32):
-    """Cell of the search grid; what has flown off the grid counts to its rim.
+    """Bin of a point in the search grid; points outside the grid belong to its outermost bins.
 
-    Clamping brings no two points further apart, so no neighbour is missed.
+    Clamping moves no two points further apart, so no neighbour is missed.
     """
     size = p.cell.max() + p.skin
     half = 0.5 * size * lattice.counts[None].bins_x
@@ -465,8 +469,8 @@ def bin_of(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.ve
 def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
-    Serial, so that the order of the list, and with it every sum, is the same for any number of
-    threads. It is rare: a node has moved by half the skin, or a bond has broken.
+    Being serial, the order of the list, and so every sum, is the same for any number of threads.
+    It is seldom needed: when a node has moved by half the skin, or a bond has broken.
     """
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
@@ -515,9 +519,9 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti.i32:
-    """Append the pairs of a surface node with those near it, but not with its lattice neighbours.
+    """Append the pairs of a surface node with nodes near it, except its lattice neighbours.
 
-    Of two surface nodes the one with the lower number lists the pair.
+    Of two surface nodes, the one with the lower number lists the pair.
     """
     node = i * lattice.counts[None].rows + j
     here = place_of(lattice, node)
@@ -550,8 +554,8 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
 
 @ti.func
 def _make_room(lattice: ti.template(), b):
-    """Let nodes begin to touch without overlap, and have their radii back where there is room."""
-    gaps = ti.static(lattice.scratch.candidate_push)  # not needed yet: free, torn; see `room_of`
+    """Limit radii so that new contacts begin without overlap; let them recover if there is room."""
+    gaps = ti.static(lattice.scratch.candidate_push)  # unused as yet: free, torn; see `room_of`
     for n in range(lattice.state.clock[b].candidates):
         gaps[b, n] = vec2(NEVER, 1.0)
     for n in range(lattice.state.clock[b].pairs):
@@ -579,7 +583,7 @@ def _make_room(lattice: ti.template(), b):
 
 @ti.func
 def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
-    """A node's radius [m] before the list is made; `scratch.radius` is the full one."""
+    """A node's radius [m] before the list is made; `scratch.radius` is the full radius."""
     return ti.min(
         lattice.scratch.radius[b, place[0], place[1]][place[2]],
         lattice.state.room[b, place[0], place[1]][place[2]],
@@ -588,13 +592,13 @@ def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
 
 @ti.func
 def room_of(radius: ti.f64, full: ti.f64, free: ti.f64, torn: ti.f64) -> ti.f64:
-    """Most that a node's radius [m] may be from now on.
+    """Upper limit of a node's radius [m] from now on.
 
-    `free` is the least gap to a node [m], below 0 where they touch, `torn` the least distance to
-    one of those that may touch since now, over that at which they touch, or 1. Foam that has
-    sheared under compression may be closer than its radii when it tears. Contact that sprang up
-    there at once would push with energy from nothing, so both radii give way. They grow again by
-    half the gap, so that two which both do so then just touch.
+    `free` is the smallest gap to a listed node [m], negative where they overlap. `torn` is the
+    smallest distance to a node with which contact has just become possible, over the distance at
+    which the two touch, or 1. Nodes of foam that has sheared in compression may be closer than
+    their radii when it tears. Sudden contact there would create energy, so both radii are reduced.
+    Later each grows by half the gap, so that two that both grow then just touch.
     """
     room = ti.select(torn < 1.0, torn * radius, radius + 0.5 * ti.max(free, 0.0))
     return ti.select(room < full, room, NEVER)
@@ -602,8 +606,8 @@ def room_of(radius: ti.f64, full: ti.f64, free: ti.f64, torn: ti.f64) -> ti.f64:
 
 @ti.func
 def _list_candidates(lattice: ti.template(), b):
-    """List the nodes that have a pair, and count them by columns."""
-    # the search grid's links are no longer needed: they tell each node's place in the list
+    """List the nodes that have a pair, and count them by column."""
+    # the search grid's links are no longer needed, and now hold each node's place in the list
     found = 0
     for n in range(lattice.state.clock[b].pairs):
         for side in ti.static(range(2)):

@@ -1,12 +1,12 @@
 """The time loop: Runge-Kutta stages, history, step size, and when to stop.
 
-A stage is a *sweep* over columns: it works out the forces of one column's bonds, then moves
-the nodes of the column before it, whose forces are then complete. So a stage reads and writes each
-node once, and keeps the forces of only a few columns.
+A stage is a *sweep* over columns: it computes the forces of one column's bonds, then moves the
+nodes of the column before it, whose forces are then complete. So a stage reads and writes each node
+once, and keeps the forces of only a few columns.
 
-Two ways to run the same functions, with the same numbers to the last bit: `fused` keeps a whole
-lattice on one thread for thousands of steps in one call (a call costs as much as a stage of a small
-lattice), `staged` deals the columns of a big lattice out to several sweeps.
+There are two ways to run the same functions, with bitwise identical results: `fused` keeps a whole
+lattice on one thread for thousands of steps in one call (a call takes as long as a stage of a small
+lattice), `staged` divides the columns of a big lattice among several sweeps.
 """
 
 from taichi_foam.backend import ti
@@ -14,8 +14,9 @@ from taichi_foam.engine import bonds, cells, clock, contact, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.state import RUNNING
 
-# Taichi gives each CPU thread at least this many iterations of a parallel loop, whatever its
-# bodies cost. So a loop over few costly bodies is stretched by as much, and runs one in each.
+# Taichi gives each CPU thread at least this many iterations of a parallel loop, however long each
+# takes. So a loop over few long iterations is stretched by this factor, and only every GRAIN-th
+# iteration does work.
 GRAIN = 512
 
 
@@ -27,7 +28,7 @@ def _write_row(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
-    """Before a step: which nodes may touch in it, and their radii."""
+    """Find the nodes that may touch in the next step, and their radii."""
     if ti.static(lattice.features.self_contact):
         if lattice.state.clock[b].stale:
             contact.list_neighbours(lattice, b, p)
@@ -39,9 +40,9 @@ def _find_neighbours(lattice: ti.template(), b, p: ti.template()):
 def _sweep(
     lattice: ti.template(), b, stage, sweep, start, end, known_before, known_from, p: ti.template()
 ):
-    """A stage of the columns `start` to `end`.
+    """A stage of the columns from `start` up to but excluding `end`.
 
-    The forces of columns before `known_before` and from `known_from` on are there already.
+    The forces of columns before `known_before` and from `known_from` on are already computed.
     """
     for i in range(start, end + 1):
         if known_before <= i and i < known_from:
@@ -55,7 +56,7 @@ def _sweep(
 
 @ti.func
 def _end_step(lattice: ti.template(), b, p: ti.template()):
-    """Move the clock, break what has failed, and stop a lattice that has diverged."""
+    """Advance the clock, break failed bonds, and stop a lattice that has diverged."""
     moved = 0.0
     stiffest = 0.0
     crush = 0.0
@@ -116,7 +117,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
 
 @ti.kernel
 def look(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: what its cells carry."""
+    """Update what the cells of a state just put carry."""
     for _ in range(1):
         p = lattice.model.parameters[b]
         for i in range(lattice.counts[None].columns):
@@ -125,7 +126,7 @@ def look(lattice: ti.template(), b: ti.i32):
 
 @ti.kernel
 def find_stiffest(lattice: ti.template(), b: ti.i32):
-    """Of such a state: its stiffest stiffened bond."""
+    """Find the stiffest stiffened bond of a state just put."""
     for _ in range(1):
         p = lattice.model.parameters[b]
         stiffest = 0.0
@@ -137,7 +138,7 @@ def find_stiffest(lattice: ti.template(), b: ti.i32):
 
 @ti.kernel
 def advance_fused(lattice: ti.template(), most_steps: ti.i32):
-    """Up to `most_steps` steps of every lattice that goes on, each on one thread."""
+    """Take up to `most_steps` steps of every running lattice, each on one thread."""
     for q in range(lattice.batch * GRAIN):
         if q % GRAIN == 0:
             b = q // GRAIN
@@ -150,7 +151,7 @@ def advance_fused(lattice: ti.template(), most_steps: ti.i32):
 
 @ti.func
 def _is_swept(lattice: ti.template(), sweep) -> ti.i32:
-    """Whether a sweep has columns, and its lattice takes this step."""
+    """Whether a sweep has columns and its lattice takes this step."""
     active = lattice.state.clock[sweep // lattice.sweeps].active
     return ti.i32(active and sweep % lattice.sweeps < lattice.counts[None].sweeps)
 
@@ -169,7 +170,7 @@ def _end_column(lattice: ti.template(), sweep) -> ti.i32:
 
 @ti.kernel
 def _begin_staged(lattice: ti.template()):
-    """What a step begins with."""
+    """Begin a step: step size, history, neighbours, pushes and flow."""
     for b in range(lattice.batch):
         lattice.state.clock[b].active = clock.goes_on(lattice, b)
         if lattice.state.clock[b].active:
@@ -205,10 +206,10 @@ def _begin_staged(lattice: ti.template()):
 
 @ti.kernel
 def _stage_staged(lattice: ti.template(), stage: ti.i32):
-    """One Runge-Kutta stage, its columns dealt out to sweeps.
+    """One Runge-Kutta stage, its columns divided among sweeps.
 
-    Sweeps move nodes as they go. So the forces at their seams, which depend on nodes of both
-    sides, are worked out before any sweep begins.
+    Sweeps move nodes as they proceed. So the forces at their seams, which depend on nodes on both
+    sides, are computed before any sweep begins.
     """
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
@@ -248,7 +249,7 @@ def _stage_staged(lattice: ti.template(), stage: ti.i32):
 
 @ti.kernel
 def _look_staged(lattice: ti.template()):
-    """What a step ends with, for cells."""
+    """Update what cells hold at the end of a step."""
     for q in range(lattice.batch * lattice.sweeps * GRAIN):
         if q % GRAIN == 0:
             sweep = q // GRAIN
@@ -260,7 +261,7 @@ def _look_staged(lattice: ti.template()):
 
 
 def advance_staged(lattice: Lattice, most_steps: int) -> None:
-    """Up to `most_steps` steps of every lattice that goes on, each spread over the threads."""
+    """Take up to `most_steps` steps of every running lattice, each spread over the threads."""
     for _ in range(most_steps):
         _begin_staged(lattice)
         for stage in range(LAST_STAGE + 1):

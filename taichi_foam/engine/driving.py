@@ -1,7 +1,7 @@
-"""What moves by command: the pulse that shakes the base.
+"""Prescribed motion: the pulse that shakes the base.
 
-All is told in the base's frame, in which everything that moves feels the pulse as so much more
-gravity. The pulse of a stage is looked up once, when the stage before it ends.
+Everything is computed in the base's frame, in which the pulse acts on all moving masses like
+additional gravity. The pulse at a stage is looked up once, at the end of the stage before it.
 """
 
 from taichi_foam.backend import ti
@@ -9,7 +9,7 @@ from taichi_foam.backend import ti
 
 @ti.func
 def pulse_at(lattice: ti.template(), b, time: ti.f64, p: ti.template()) -> ti.f64:
-    """Upward acceleration of the base [m/s2]: straight lines between points, 0 beyond them."""
+    """Upward acceleration of the base [m/s2]: linear between points, 0 outside them."""
     pulse = ti.static(lattice.model.pulse)
     found = 0.0
     first, last = 0, ti.cast(p.pulse_points, ti.i32) - 1
@@ -28,7 +28,7 @@ def pulse_at(lattice: ti.template(), b, time: ti.f64, p: ti.template()) -> ti.f6
 
 @ti.func
 def shake(lattice: ti.template(), b) -> ti.f64:
-    """That of the stage which is computed now."""
+    """Upward acceleration of the base at the current stage [m/s2]."""
     found = 0.0
     if ti.static(lattice.features.shaken):
         found = lattice.scratch.shake[b]
@@ -37,7 +37,7 @@ def shake(lattice: ti.template(), b) -> ti.f64:
 
 @ti.func
 def look_ahead(lattice: ti.template(), b, stage, step, p: ti.template()):
-    """At the end of a stage: the pulse of the next. Two stages are at half of the step."""
+    """Look up the pulse of the next stage at the end of a stage."""
     if ti.static(lattice.features.shaken):
         ahead = ti.select(stage < 2, 0.5 * step, step)
         lattice.scratch.shake[b] = pulse_at(lattice, b, lattice.state.clock[b].time + ahead, p)

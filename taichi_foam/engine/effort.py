@@ -1,10 +1,9 @@
-"""How much effort goes into compiling a lattice's kernels.
+"""Whether a lattice's kernels are compiled with Taichi's advanced passes.
 
-Taichi's advanced passes take two thirds of the time that compiling takes, and kernels run a fifth
-faster for it; every number is the same. Kernels that come with the package have been through them.
-Others are compiled without, so that a first run begins soon, until they have been used for so long
-that the passes would have paid. Which those are is kept beside the kernels on disk, for other
-processes too.
+The advanced passes take two thirds of the compile time and make kernels a fifth faster; results are
+identical. Kernels that come with the package were compiled with them. Others are first compiled
+without, so that a first run begins soon, until they have been used long enough for the passes to
+pay off. This is recorded beside the kernels on disk, for other processes too.
 """
 
 import contextlib
@@ -18,20 +17,20 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import SMALL_BLOCK, Size
 
 PAYS_AFTER = 120.0
-"""Seconds of use after which kernels are compiled again: a fifth of it is what the passes take."""
+"""Seconds of use after which kernels are compiled again; the passes take about a fifth of that."""
 
 _used: dict[tuple[Size, Features], float] = {}
 
 
 def pays(room: Size, features: Features) -> bool:
-    """Whether kernels of lattices like this have been used for so long in this process."""
+    """Whether kernels of such lattices have been used for PAYS_AFTER in this process."""
     return _used.get((room, features), 0.0) >= PAYS_AFTER
 
 
 def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
     """A short name of what kernels are compiled for, the same in every process.
 
-    Kernels on disk serve fields at the same `place` among all that were made.
+    Kernels on disk only fit fields at the same `place`, see `Lattice`.
     """
     distance = features.distance
     words = vars(features) | {"distance": f"{distance.__module__}.{distance.__qualname__}"}
@@ -39,10 +38,11 @@ def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
 
 
 def is_thorough(room: Size, features: Features, name: str) -> bool:
-    """Whether all passes are to be taken for kernels of this name.
+    """Whether kernels of this name are compiled with all passes.
 
-    Big blocks take longer than `PAYS_AFTER` in any case. TI_ADVANCED_OPTIMIZATION=1 takes them for
-    all, 0 for none. On a GPU they never are, see `runtime.passes`.
+    Those of big blocks always are, since runs take longer than `PAYS_AFTER`.
+    TI_ADVANCED_OPTIMIZATION=1 turns the passes on for all kernels, 0 turns them off. On a GPU they
+    are always off, see `runtime.passes`.
     """
     given = os.environ.get("TI_ADVANCED_OPTIMIZATION")
     if given is not None:
@@ -52,7 +52,7 @@ def is_thorough(room: Size, features: Features, name: str) -> bool:
 
 @contextlib.contextmanager
 def spent(room: Size, features: Features, place: tuple[int, ...]) -> Iterator[None]:
-    """Compile with all passes or without while a lattice is used, and count for how long it is."""
+    """While a lattice is used, compile with or without all passes, and record the time of use."""
     name, started = name_of(room, features, place), time.perf_counter()
     thorough = is_thorough(room, features, name)
     with runtime.passes(thorough):

@@ -1,4 +1,4 @@
-"""What a scene's kernels are compiled for: everything that they choose by `ti.static`."""
+"""Features that a scene's kernels are compiled for: everything that they select by `ti.static`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,20 +15,21 @@ from taichi_foam.scene.filling import Filling, filling
 
 @dataclass(frozen=True)
 class Features:
-    """Scenes with equal features, and as many nodes, can share a batch and its kernels.
+    """Scenes with equal features and lattices of the same size can share a batch and its kernels.
 
-    law            of the bonds, with its options
-    distance       of a point from the impactor's surface; without an impactor that of a polygon
+    law            the bond law, with its options
+    distance       function for the distance of a point from the impactor's surface; without an
+                   impactor, that of a polygon
     scattered      each bond has its own strength
-    softens        bonds hold beyond their limits, with ever less of their faces
+    softens        bonds soften beyond their limits instead of breaking at once
     faces          bonds carry shear, by the strain at their faces (Model.shear = "face")
-    cells          cells carry it, or keep the room that their bonds have left them
-    drag           a dashpot on each node's own velocity
-    self_contact   pieces touch each other
+    cells          cells carry the shear, or keep the room that their bonds have left them
+    drag           a dashpot acts on each node's absolute velocity
+    self_contact   pieces can touch each other
     crushed_room   cells keep the room that their bonds have left them
     shaped         mass points and faces differ from those of a plain block
-    alike          columns of such a block are alike, see `Filling.is_alike`: they are kept once
-    foams          how many foams the bonds are of
+    alike          columns of such a block are identical and stored once, see `Filling.is_alike`
+    foams          number of foams of the bonds
     turns          the impactor moves and turns in the plane
     crosshead      the impactor keeps its velocity, whatever the force
     shaken         a pulse accelerates the base
@@ -82,5 +83,5 @@ def features_of(scene: Scene) -> Features:
 
 
 def _is_plain(block: Block, filled: Filling) -> bool:
-    """Whether every mass point is like every other, and stands where the rows of a lattice do."""
+    """Whether all mass points are equal and foam fills every cell."""
     return filled.is_full and bool(np.all(filled.mass == block.node_mass))

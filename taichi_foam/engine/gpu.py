@@ -1,8 +1,8 @@
 """Stepping on a GPU, in two ways that run the same functions of strips.
 
-`advance_blocks` gives each lattice one block, whose threads meet at barriers, for many steps in one
-call: a call costs as much as several steps of a small lattice. `advance_wide` spreads each lattice
-over blocks, and starts a kernel for each part of a step.
+`advance_blocks` gives each lattice one block, whose threads synchronise at barriers, for many steps
+in one call: a call takes as long as several steps of a small lattice. `advance_wide` spreads each
+lattice over blocks, and launches kernels for each part of a step.
 """
 
 from taichi_foam.backend import ti
@@ -19,20 +19,20 @@ from taichi_foam.engine.scratch import (
 )
 from taichi_foam.engine.state import RUNNING
 
-# Mesa's software Vulkan ends all loops of a thread after so many iterations in one call, silently.
-# A step takes no more of them than PER_TURN for each turn of the threads over the nodes (mostly the
-# search for partners in nine bins, twice, of up to a dozen nodes each), and one for each node and
-# thread where it fills the bins and counts gpu_neighbours.
+# Mesa's software Vulkan silently ends all loops of a thread after MOST_ITERATIONS iterations in one
+# call. A step takes at most PER_TURN iterations each time the threads pass over the nodes (mostly
+# the search for partners in nine bins, twice, with up to a dozen nodes each), plus one for each
+# node and each thread where it fills the bins and counts neighbours.
 MOST_ITERATIONS = 65_535
 PER_TURN = 400
 
 
-# One block a lattice.
+# One block per lattice.
 
 
 @ti.func
 def _find_neighbours(lattice: ti.template(), shared: ti.template(), b, t, p: ti.template()):
-    """Before a step: which nodes may touch in it, and their radii."""
+    """Find the nodes that may touch in the next step, and their radii."""
     if lattice.state.clock[b].stale:
         gpu_neighbours.begin_list(lattice, b, t, THREADS, p)
         ti.simt.block.sync()
@@ -108,13 +108,13 @@ def _advance_blocks(lattice: ti.template(), most_steps: ti.i32):
         p = lattice.model.parameters[b]
         taken = 0
         while taken < most_steps and clock.goes_on(lattice, b):
-            ti.simt.block.sync()  # all have looked at the clock before it changes
+            ti.simt.block.sync()  # all threads have read the clock before it changes
             _take_step(lattice, shared, b, t, p)
             taken += 1
 
 
 def advance_blocks(lattice: Lattice, most_steps: int) -> None:
-    """Up to `most_steps` steps of every lattice that goes on, each in one block of threads."""
+    """Take up to `most_steps` steps of every running lattice, each in one block of threads."""
     most = max(most_steps, 1)
     if runtime.settings()["arch"] == "vulkan":
         turns = -(-lattice.size.nodes // THREADS)
@@ -123,12 +123,12 @@ def advance_blocks(lattice: Lattice, most_steps: int) -> None:
         _advance_blocks(lattice, min(most, most_steps - taken))
 
 
-# A kernel for each part of a step, over blocks.
+# Kernels for each part of a step, spread over blocks.
 
 
 @ti.kernel
 def _begin_wide(lattice: ti.template()):
-    """What a step begins with."""
+    """Begin a step: step size and history."""
     for b in range(lattice.batch):
         lattice.state.clock[b].active = clock.goes_on(lattice, b)
         if lattice.state.clock[b].active:
@@ -165,7 +165,7 @@ def _add_blocks(
     lattice: ti.template(), shared: ti.template(), t, b, first: ti.template(),
     count: ti.template(), adding: ti.template(),
 ):  # fmt: skip
-    """Reduce the sums of a lattice's blocks to its totals, by one block."""
+    """Reduce the sums of a lattice's blocks to its totals, in one block."""
     for c in range(count):
         value = lattice.scratch.sums[b, ti.min(t, lattice.blocks - 1), first + c]
         if ti.static(adding):
@@ -202,7 +202,7 @@ def _find_neighbours_wide(lattice: ti.template()):
             b = q // width
             p = lattice.model.parameters[b]
             gpu_neighbours.fill_bins(lattice, b, q % width, width)
-        ti.simt.block.sync()  # without one in the kernel, Mesa ends a loop with atomics early
+        ti.simt.block.sync()  # without a barrier in the kernel, Mesa ends a loop with atomics early
     ti.loop_config(block_dim=THREADS)
     for q in range(lattice.batch * lattice.strips):
         if _lists(lattice, q // width):
@@ -298,7 +298,7 @@ def _break_wide(lattice: ti.template()):
 
 
 def advance_wide(lattice: Lattice, most_steps: int) -> None:
-    """Up to `most_steps` steps of every lattice that goes on, each spread over blocks."""
+    """Take up to `most_steps` steps of every running lattice, each spread over blocks."""
     for _ in range(most_steps):
         _begin_wide(lattice)
         if lattice.features.self_contact:
@@ -312,7 +312,7 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
 
 @ti.kernel
 def look(lattice: ti.template(), b: ti.i32):
-    """Of a state that has been put: what its cells carry."""
+    """Update what the cells of a state just put carry."""
     for strip in range(lattice.strips):
         p = lattice.model.parameters[b]
         gpu_strips.look_strip(lattice, b, strip, lattice.strips, False, p)
@@ -320,7 +320,7 @@ def look(lattice: ti.template(), b: ti.i32):
 
 @ti.kernel
 def find_stiffest(lattice: ti.template(), b: ti.i32):
-    """Of such a state: its stiffest stiffened bond."""
+    """Find the stiffest stiffened bond of a state just put."""
     ti.loop_config(block_dim=THREADS)
     for strip in range(lattice.strips):
         shared = ti.simt.block.SharedArray((THREADS,), ti.f64)

@@ -1,10 +1,10 @@
-"""Which nodes may touch which, found by many threads at once: a GPU's neighbour lists.
+"""A GPU's neighbour lists: which nodes may touch, found by many threads at once.
 
-The list is the same whatever order the threads come in: each bin of the search grid is a list
-sorted by the nodes' numbers, and each node adds the pushes of its partners in the order of the
-bins. Where a node's partners are kept does depend on the order; no number does.
+The lists do not depend on the order in which threads run: each bin of the search grid is a list
+sorted by node number, and each node adds the pushes of its partners in the order of the bins. Only
+the place where a node's partners are stored depends on it; no result does.
 
-Threads call each part for their strip, and all have to end one part before any begins the next.
+Threads call each part for their strip; all must finish one part before any begins the next.
 """
 
 from taichi_foam.backend import ti
@@ -31,7 +31,7 @@ def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
 
 @ti.func
 def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Part 1: empty bins; each node's bin and full radius, and whether it is at a surface now."""
+    """Part 1: empty the bins; find each node's bin, full radius and `surface`."""
     n = strip
     while n < lattice.counts[None].bins_x * lattice.counts[None].bins_y:
         lattice.scratch.bin_head[b, n] = NOBODY
@@ -53,9 +53,10 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def fill_own_bins(lattice: ti.template(), b, strip, width):
-    """Part 2: put all nodes of a strip's bins into these, lists with the highest number first.
+    """Part 2: put nodes into a strip's bins, each a list with the highest number first.
 
-    Each bin has one strip, the one that emptied it. All strips read all nodes: for few nodes only.
+    Each bin belongs to one strip, the one that emptied it. Every strip reads all nodes, which is
+    efficient for few nodes only.
     """
     for n in range(lattice.counts[None].nodes):
         cell = lattice.scratch.bin_of_node[b, n]
@@ -66,10 +67,11 @@ def fill_own_bins(lattice: ti.template(), b, strip, width):
 
 @ti.func
 def fill_bins(lattice: ti.template(), b, strip, width):
-    """Part 2 for many nodes, with the same outcome: put the nodes of a strip into their bins.
+    """Part 2 for many nodes, with the same result: put the nodes of a strip into their bins.
 
-    A bin is a chain of links from larger numbers to smaller ones. An atomic maximum puts a node's
-    number into a link; the smaller of the two moves on to the larger one's link, until one is free.
+    A bin is a linked list from larger numbers to smaller ones. An atomic maximum puts a node's
+    number into a link; the smaller of the two numbers moves on to the link of the larger one, until
+    a link is free.
     """
     n = strip
     while n < lattice.counts[None].nodes:
@@ -84,7 +86,7 @@ def fill_bins(lattice: ti.template(), b, strip, width):
 
 @ti.func
 def count_partners(lattice: ti.template(), b, strip, width, p: ti.template()) -> ti.i32:
-    """Part 3: how many partners each node of a strip has, and all of them together."""
+    """Part 3: count the partners of each node of a strip; returns their total."""
     total = 0
     n = strip
     while n < lattice.counts[None].nodes:
@@ -120,10 +122,9 @@ def list_partners(lattice: ti.template(), b, strip, width, start, total, p: ti.t
 def _search(
     lattice: ti.template(), b, node, listing: ti.template(), start, p: ti.template()
 ) -> ti.i32:
-    """Count a node's partners, and list them from `start` on when `listing`.
+    """Count a node's partners, and list them from `start` on if `listing`.
 
-    They are near, at least one of the two is at a surface, and they are no neighbours in the
-    lattice.
+    A partner is near, is not a lattice neighbour, and at least one of the two is at a surface.
     """
     i, j = _place(lattice, node)
     point = _point(lattice, lattice.state.motion, b, node)
@@ -152,7 +153,7 @@ def _search(
 
 @ti.func
 def make_room(lattice: ti.template(), b, strip, width):
-    """Part 5: which room nodes will have, kept where their pushes will be; see `contact`."""
+    """Part 5: compute the nodes' room, stored for now in place of their pushes; see `contact`."""
     n = strip
     while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)
@@ -176,13 +177,13 @@ def make_room(lattice: ti.template(), b, strip, width):
 
 @ti.func
 def _listed_radius(lattice: ti.template(), b, i, j) -> ti.f64:
-    """A node's radius [m] before the list is made; in parts 1 to 5 `radius` is the full one."""
+    """A node's radius [m] before the list is made; in parts 1 to 5 `radius` is the full radius."""
     return ti.min(lattice.state.radius[b, i, j][0], lattice.state.room[b, i, j][0])
 
 
 @ti.func
 def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Part 6: what was new is so no longer, and radii keep to their room."""
+    """Part 6: new surface nodes become listed ones, and radii are limited to their room."""
     n = strip
     while n < lattice.counts[None].nodes:
         i, j = _place(lattice, n)
@@ -197,7 +198,7 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Bring the radii of the nodes that may touch up to date with their crush."""
+    """Update the radii of the nodes that may touch to their present crush."""
     n = strip
     while n < lattice.counts[None].nodes:
         if lattice.state.partner_count[b, n] > 0:
@@ -208,7 +209,7 @@ def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def close_list(lattice: ti.template(), b):
-    """Part 7, by one thread, after which the list is not stale."""
+    """Part 7, by one thread: mark the list as current."""
     lattice.state.clock[b].stale = 0
     lattice.state.clock[b].drift = 0.0
     if lattice.state.clock[b].pairs > 2 * lattice.most_pairs:
@@ -217,7 +218,7 @@ def close_list(lattice: ti.template(), b):
 
 @ti.func
 def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
-    """The pushes [N] of a node's partners on it; each pair is computed from both its sides."""
+    """The pushes [N] of a node's partners on it; each pair is computed once for each node."""
     count = lattice.state.partner_count[b, n]
     if count > 0:
         i, j = _place(lattice, n)

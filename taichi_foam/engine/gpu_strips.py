@@ -1,13 +1,13 @@
-"""What a GPU's threads do with their nodes, and how their sums come together.
+"""The work of a GPU's threads on their nodes, and the reduction of their sums.
 
-A thread takes a *strip*: every `width`-th node, from the `strip`-th on. It calls the CPU's own
-functions, node by node. All forces of a stage are worked out before any node moves. What strips
-add up is reduced by a tree within each block of threads, always in one order: a run has the same
-numbers to the last bit however the device schedules it, alone or in a batch. They differ from the
+A thread handles a *strip*: every `width`-th node, from node `strip` on. It calls the same functions
+as the CPU, node by node. All forces of a stage are computed before any node moves. The sums of
+strips are reduced by a tree within each block of threads, always in the same order: a run gives
+bitwise identical results however the device schedules it, alone or in a batch. They differ from the
 CPU's by rounding.
 
-Barriers have to order the fields' memory too. On CUDA they do. Vulkan promises it for shared memory
-only; drivers order a work group's own memory all the same, and the tests would show it if not.
+Barriers must also order accesses to fields. On CUDA they do. Vulkan guarantees it for shared memory
+only; drivers order a work group's accesses nevertheless, and the tests would fail otherwise.
 """
 
 from taichi_foam.backend import ti
@@ -44,9 +44,9 @@ def reduce(
     shared: ti.template(), values: ti.template(), t, b, block, first: ti.template(),
     count: ti.template(), adding: ti.template(),
 ):  # fmt: skip
-    """Reduce `count` numbers of each of a block's threads to `values` from member `first` on.
+    """Reduce `count` numbers per thread of a block to `values`, from member `first` on.
 
-    Number `c` of thread `t` is in `shared[c * THREADS + t]`. They are added, or the largest taken.
+    Number `c` of thread `t` is in `shared[c * THREADS + t]`. The result is the sum, or the maximum.
     """
     for half in ti.static(TREE):
         ti.simt.block.sync()
@@ -89,7 +89,7 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
 
 @ti.func
 def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p: ti.template()):
-    """`cells.look_column` of a strip's cells."""
+    """`cells.look_column` for a strip's cells."""
     lost = cells.vec2(0.0)
     n = strip
     while n < lattice.counts[None].nodes:
@@ -111,14 +111,14 @@ def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template()) -> ti.i32:
-    """A stage of a strip's nodes; the first of them that has diverged comes back."""
+    """A stage of a strip's nodes; returns the first diverged node, or the number of nodes."""
     nodes.clear_nodes(lattice, b, strip, stage)
     diverged = lattice.counts[None].nodes
     n = strip
     while n < lattice.counts[None].nodes:
         i = ti.raw_div(n, lattice.counts[None].rows)
         k = ti.raw_mod(n, lattice.counts[None].rows)
-        left_slot = ti.select(i > 0, i - 1, lattice.counts[None].columns)  # a place of zeros
+        left_slot = ti.select(i > 0, i - 1, lattice.counts[None].columns)  # a slot of zeros
         nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, p)
         if stage == LAST_STAGE:
             nodes.inspect_pack(lattice, b, i, k, strip)
@@ -134,7 +134,7 @@ def reduce_stage(
     lattice: ti.template(), shared: ti.template(), values: ti.template(), t, b, block, strip,
     stage, diverged,
 ):  # fmt: skip
-    """What a stage has to know of all strips, and after the last one a step."""
+    """Reduce the strips' values that a stage needs, and after the last stage those of the step."""
     shared[t] = lattice.scratch.contact_force[b, strip]
     if ti.static(lattice.features.turns):
         shared[THREADS + t] = lattice.scratch.side_force[b, strip]
@@ -152,13 +152,13 @@ def reduce_stage(
 
 
 def loads(lattice: Lattice) -> int:
-    """How many numbers say what nodes do to the impactor: its force upwards, or all of a load."""
+    """Number of components of the nodes' load on the impactor: 1 (vertical force) or all 3."""
     return 3 if lattice.features.turns else 1
 
 
 @ti.func
 def body_stage(lattice: ti.template(), b, stage, p: ti.template()):
-    """The stage for the impactor, by the lattice's totals."""
+    """The stage for the impactor, from the lattice's totals."""
     totals = ti.static(lattice.scratch.totals)
     if ti.static(lattice.features.turns):
         load = vec3(totals[b, 0, CONTACT_FORCE], totals[b, 0, SIDE_FORCE], totals[b, 0, TORQUE])
@@ -172,7 +172,7 @@ def reduce_energies(
     lattice: ti.template(), shared: ti.template(), values: ti.template(), t, b, block, strip, width,
     p: ti.template(),
 ):  # fmt: skip
-    """What a row of the history has to know of all strips."""
+    """Reduce the strips' energies and works for a row of the history."""
     energy = ledger.vec_now(0.0)
     n = strip
     while n < lattice.counts[None].nodes:
@@ -210,7 +210,7 @@ def close_step(lattice: ti.template(), b, p: ti.template()):
 
 @ti.func
 def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Take from a strip's bonds what they have lost of their faces."""
+    """Reduce the intact shares of a strip's bonds."""
     lost = 0.0
     n = strip
     while n < lattice.counts[None].nodes:
@@ -222,7 +222,7 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
 
 @ti.func
 def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
-    """Break a strip's failed bonds. All have to end this before `look_strip`."""
+    """Break a strip's failed bonds. All strips must finish this before `look_strip`."""
     time = ti.cast(lattice.state.clock[b].time, ti.f32)
     lost = 0.0
     n = strip

@@ -1,4 +1,4 @@
-"""What each bond is made of: which foam, what its length makes of that; scatter, and saw cuts."""
+"""The makeup of each bond: its foam, the effect of its length on limits, its strength, and cuts."""
 
 import math
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ B = 1
 class Grading:
     """The foams of a block, and where they are.
 
-    foams   each different one
-    places  (2, J) index of that of bonds A of row j, and of bonds B from row j to row j + 1
+    foams   the distinct foams
+    places  (2, J) index of the foam of bonds A in row j, and of bonds B from row j to row j + 1
     """
 
     foams: tuple[BondFoam, ...]
@@ -29,7 +29,7 @@ class Grading:
 
 
 def grading(scene: Scene) -> Grading:
-    """The foams of a scene's bonds; a row's last bonds B, which are none, are of its own foam."""
+    """The foams of a scene's bonds; the absent bonds B above the top row get that row's foam."""
     foams, along, upright = foams_of_bonds(scene)
     places = np.array([along, [*upright, foams_of(scene)[1][-1]]])
     used = np.unique(places)
@@ -37,7 +37,7 @@ def grading(scene: Scene) -> Grading:
 
 
 def strengths(scene: Scene) -> NDArray[np.float64]:
-    """Strength of every bond over the mean of all, (columns, rows, 2).
+    """Strength of every bond over the mean strength, (columns, rows, 2).
 
     [i, j, 0] is that of bond A(i, j), [i, j, 1] that of B(i, j). Weibull's distribution with a mean
     of 1 and the foam's scatter (Weibull 1951).
@@ -52,16 +52,16 @@ def strengths(scene: Scene) -> NDArray[np.float64]:
 
 
 def limits(foam: BondFoam, block: Block) -> tuple[tuple[Limit, Limit], tuple[Limit, Limit]]:
-    """Those of bonds A and B in tension, and in shear, see `BondFoam.limits`."""
+    """Limits of bonds A and B in tension, then in shear, see `BondFoam.limits`."""
     a, b = (foam.limits(length) for length in (block.dx, block.dy))
     return (a[0], b[0]), (a[1], b[1])
 
 
 def rate_shares(foam: BondFoam, block: Block) -> tuple[float, float]:
-    """What of the strain rate of bonds A and B counts: that over the foam's crush band.
+    """Factors on the strain rates of bonds A and B that refer them to the foam's crush band.
 
-    Foam crushes a row of cells at a time, between an impactor and foam that is at rest: in half
-    the cell the rate is twice as high, and so would be what depends on it.
+    Foam crushes one row of cells at a time, between the impactor and foam at rest: in cells half as
+    large the strain rate would be twice as high, and so would everything that depends on it.
     """
     band = foam.crush_band
     a, b = (1.0 if band is None else length / band for length in (block.dx, block.dy))
@@ -69,7 +69,7 @@ def rate_shares(foam: BondFoam, block: Block) -> tuple[float, float]:
 
 
 def _snapped(share: float) -> float:
-    """1 where only rounding differs: such cells are like those of the band to the last bit."""
+    """1 if the share differs from it by rounding only, so that results are bitwise identical."""
     return 1.0 if abs(share - 1.0) < 1e-9 else share
 
 
@@ -87,26 +87,26 @@ def cuts(scene: Scene) -> NDArray[np.bool_]:
 
 def weibull_modulus(scatter: float) -> float:
     """The modulus of the Weibull distribution with this standard deviation over its mean."""
-    # half a second to load, and few foams scatter
+    # takes half a second to import, and few foams scatter
     from scipy.optimize import root_scalar
 
     if scatter < 1e-4:
-        # what follows would drown in rounding; here log(strength) times the modulus is Gumbel's
+        # rounding would dominate below; in this limit modulus * log(strength) is Gumbel-distributed
         return math.pi / math.sqrt(6.0) / scatter
 
     def excess(modulus: float) -> float:
         log_ratio = math.lgamma(1 + 2 / modulus) - 2 * math.lgamma(1 + 1 / modulus)
         return math.expm1(log_ratio) - scatter**2
 
-    # the scatter falls with the modulus, nearly as 1.2 over it
+    # the scatter is about 1.2 over the modulus
     found = root_scalar(excess, bracket=(0.5 / scatter, 2.0 / scatter), method="brentq")
     return float(found.root)
 
 
 def _crossed(block: Block, x0: float, y0: float, x1: float, y1: float) -> NDArray[np.bool_]:
-    """Which bonds' line from node to node a straight cut crosses.
+    """Which bonds a straight cut crosses, each taken as the line between its nodes.
 
-    A node that lies on the cut belongs to its left, seen from the cut's start.
+    A node on the cut counts as left of it, seen from the cut's start.
     """
     node = block.positions
     start, end = np.array([x0, y0]), np.array([x1, y1])
@@ -116,7 +116,7 @@ def _crossed(block: Block, x0: float, y0: float, x1: float, y1: float) -> NDArra
         near = node[:-1] if axis == 0 else node[:, :-1]
         far = node[1:] if axis == 0 else node[:, 1:]
         sides = left[:-1] != left[1:] if axis == 0 else left[:, :-1] != left[:, 1:]
-        # both of the cut's ends are not on one side of the bond
+        # the cut's ends are on different sides of the bond
         across = (_cross(far - near, start - near) >= 0) != (_cross(far - near, end - near) >= 0)
         crossed[: sides.shape[0], : sides.shape[1], axis] = sides & across
     return crossed

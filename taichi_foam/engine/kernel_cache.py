@@ -1,15 +1,15 @@
-"""Where compiled kernels are kept on disk, so that a later process need not compile them again.
+"""The cache of compiled kernels on disk, so that a later process need not compile them again.
 
-Taichi keeps them in `ticache.tcb`, a list, and one `.tic` file for each kernel. It writes them when
-the process ends, while it holds the file `ticache.lock`. Three things it does not get over by
-itself: a folder that cannot be written ends the process by a segmentation fault; a lock that a
-killed process has left, and a kernel that is listed but damaged, make every later process compile
+Taichi keeps kernels in a list, `ticache.tcb`, and one `.tic` file per kernel. It writes them when
+the process ends, while it holds the file `ticache.lock`. Taichi does not recover from three
+problems: a folder that cannot be written crashes the process with a segmentation fault; a lock left
+by a killed process, or a listed kernel whose file is damaged, makes every later process compile
 everything again.
 
-Kernels that come with the package lie beside this module, compiled ahead of time as any extension
-is (`kernels/make.py`). What Taichi keeps of a kernel on disk is LLVM's intermediate code as text,
-and goes by what the kernel says, not by machine or place. So it serves wherever platform and
-version of Taichi are the same; a kernel that is not among them is compiled as ever.
+Kernels that come with the package lie beside this module, compiled ahead of time like an extension
+(`kernels/make.py`). Taichi stores a kernel as LLVM's intermediate code in text form, under a key
+that depends on the kernel's content, not on the machine or the path. So a kernel can be used
+wherever the platform and Taichi's version are the same; others are compiled as usual.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from taichi_foam import backend
 
 LOCK, INDEX = "ticache.lock", "ticache.tcb"
 LOCK_SECONDS = 60.0
-"""A lock is held while files are written, a second or so: one this old has been left behind."""
+"""A lock is held for about a second, while files are written: one this old was left behind."""
 
 _CHECKED = "checked"
-"""Files that are older than this one have been read to their ends, and were whole."""
+"""Name of a file: kernels older than it have been verified completely."""
 
-MARK = "marked-"  # the name of a mark's file begins with it
+MARK = "marked-"  # prefix of the names of mark files
 
-# A processor that Taichi's LLVM does not know counts as one without wide vectors. These families of
-# AMD's, and what they have in any case; 25 is the last that LLVM 15 knows.
+# Taichi's LLVM treats an unknown processor as one without wide vectors. That concerns AMD families
+# after 25, the last that LLVM 15 knows; kernels are compiled for WIDE there, which has WIDE_NEEDS.
 LAST_KNOWN_FAMILY = 25
 WIDE = "haswell"
 WIDE_NEEDS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"}
 
 _ERRORS = (OSError, EOFError, tarfile.TarError, lzma.LZMAError)
-"""What is raised where kernels cannot be unpacked."""
+"""Exceptions raised if kernels cannot be unpacked."""
 
 _ATTRIBUTES = re.compile(rb'^(attributes #\d+ = \{ )(?!.*"target-cpu")', re.MULTILINE)
 
@@ -55,11 +55,11 @@ _prepared: Path | None = None
 
 
 def prepared() -> Path | None:
-    """The folder for compiled kernels, ready to be used; None: do without.
+    """The folder for compiled kernels, ready for use; None: no cache.
 
-    It is TI_OFFLINE_CACHE_FILE_PATH, by default a folder of `taichi_foam/kernels` in the user's
-    cache, one for each set of kernels that packages have brought along .
-    TI_OFFLINE_CACHE=0 does without. One line on stderr says what was wrong with it.
+    It is TI_OFFLINE_CACHE_FILE_PATH, or by default a folder in `taichi_foam/kernels` in the user's
+    cache, one for each set of packaged kernels. TI_OFFLINE_CACHE=0 turns the cache off. A line on
+    stderr reports any problem with the folder.
     """
     global _prepared
     _prepared = _ready()
@@ -67,7 +67,7 @@ def prepared() -> Path | None:
 
 
 def is_marked(name: str) -> bool:
-    """Whether kernels of this name are marked, see `engine.effort`; never without a folder."""
+    """Whether kernels of this name are marked, see `engine.effort`; False without a folder."""
     return _prepared is not None and (_prepared / f"{MARK}{name}").exists()
 
 
@@ -89,7 +89,7 @@ def _ready() -> Path | None:
         with tempfile.NamedTemporaryFile(dir=folder) as probe:
             probe.write(b"0")
             probe.flush()
-            # by the clock of the disk, which need not be this machine's
+            # by the file system's clock, which may differ from this machine's
             now = os.fstat(probe.fileno()).st_mtime
     except OSError as error:
         _say(
@@ -98,7 +98,7 @@ def _ready() -> Path | None:
         )
         return None
     if backend.keeps_ticache():
-        with contextlib.suppress(OSError):  # another process may mend it at the same time
+        with contextlib.suppress(OSError):  # another process may repair it at the same time
             _mend(folder, now)
     return folder
 
@@ -108,15 +108,16 @@ def _folder() -> Path | None:
     if given:
         return Path(given)
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    # relative: a user without a home
+    # the path is relative if the user has no home
     folder = Path(caches) / "taichi_foam" / "kernels" / digest()
     return folder if os.path.isabs(caches) else None
 
 
 def _mend(folder: Path, now: float) -> None:
-    """Put in what comes with the package if there is nothing yet.
+    """Repair the folder.
 
-    Remove a lock that was left behind, and all kernels if one of them is damaged.
+    Unpack the packaged kernels if it is empty, remove a lock that was left behind, and replace all
+    kernels if one of them is damaged.
     """
     lock = folder / LOCK
     if lock.exists() and now - lock.stat().st_mtime > LOCK_SECONDS:
@@ -143,13 +144,13 @@ def _mend(folder: Path, now: float) -> None:
 
 
 def _fill(folder: Path) -> None:
-    """Without kernels that come with the package all are compiled, as others are."""
+    """Unpack the packaged kernels; if that fails, all kernels are compiled when needed."""
     with contextlib.suppress(*_ERRORS):
         unpack(folder)
 
 
 def _locked(lock: Path) -> bool:
-    """Take Taichi's own lock, as Taichi does. Whether that worked out."""
+    """Take Taichi's lock as Taichi does; returns whether that succeeded."""
     for _ in range(5):
         with contextlib.suppress(FileExistsError):
             lock.touch(exist_ok=False)
@@ -159,7 +160,7 @@ def _locked(lock: Path) -> bool:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether every kernel that is listed is there and is what was written."""
+    """Whether every listed kernel is present and undamaged."""
     index, checked = folder / INDEX, folder / _CHECKED
     if not index.is_file():
         return not any(folder.glob("T*.tic"))
@@ -175,9 +176,9 @@ def _names(listed: bytes) -> set[bytes]:
 
 
 def _is_sound(file: Path, since: float) -> bool:
-    """Whether a kernel's file is whole; its bytes are read if it is newer than `since`.
+    """Whether a kernel's file is undamaged; its checksum is tested if it is newer than `since`.
 
-    It is 8 bytes of mark, the lengths of two parts, the parts, and their SHA-256.
+    The file has an 8-byte mark, the lengths of two parts, the parts, and their SHA-256.
     """
     try:
         with file.open("rb") as opened:
@@ -195,7 +196,7 @@ def _is_sound(file: Path, since: float) -> bool:
 
 
 def _say(text: str) -> None:
-    """A line on stderr, which need not be there."""
+    """Print a line on stderr, if there is one."""
     if sys.stderr is not None:
         with contextlib.suppress(OSError, ValueError):
             print(f"kernel cache: {text}", file=sys.stderr)
@@ -205,26 +206,26 @@ def _say(text: str) -> None:
 
 
 def archive_name() -> str:
-    """What kernels for this platform and version of Taichi are called."""
+    """File name of the packaged kernels for this platform and version of Taichi."""
     return f"kernels-{backend.version()}-{sys.platform}-{platform.machine()}.tar.xz"
 
 
 def archive() -> Path | None:
-    """The kernels that there are, if any."""
+    """The file of the packaged kernels, if there is one."""
     found = Path(__file__).with_name(archive_name())
     return found if found.is_file() else None
 
 
 def digest() -> str:
-    """Short name of the kernels that come with the package, for a folder of their own."""
+    """Short digest of the packaged kernels, which names their folder."""
     found = archive()
     return "none" if found is None else hashlib.sha256(found.read_bytes()).hexdigest()[:12]
 
 
 def unpack(folder: Path) -> None:
-    """Put the kernels into a folder, if there are any: Taichi's list of them last.
+    """Unpack the packaged kernels, if any, into a folder, with Taichi's list of them last.
 
-    Raises _ERRORS: nothing is in the folder then that a process would take for a kernel.
+    Raises _ERRORS: the folder then contains nothing that a process would take for a kernel.
     """
     found = archive()
     if found is None:
@@ -248,14 +249,14 @@ def unpack(folder: Path) -> None:
 
 
 def cpuinfo() -> str:
-    """What Linux tells of the processors; empty elsewhere."""
+    """Linux's description of the processors; empty on other systems."""
     with contextlib.suppress(OSError):
         return Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     return ""
 
 
 def is_wider_than_known(told_by_linux: str) -> bool:
-    """Whether the processor has wide vectors that LLVM 15 does not know of, by /proc/cpuinfo."""
+    """Whether the processor is unknown to LLVM 15 but has wide vectors, by /proc/cpuinfo."""
     told = dict(re.findall(r"^(vendor_id|cpu family|flags)\s*: (.*)$", told_by_linux, re.MULTILINE))
     return (
         told.get("vendor_id") == "AuthenticAMD"
@@ -265,9 +266,9 @@ def is_wider_than_known(told_by_linux: str) -> bool:
 
 
 def widened(kernel: bytes) -> bytes:
-    """A kernel's file, its functions for a processor with wide vectors.
+    """A kernel's file with its functions retargeted to a processor with wide vectors.
 
-    It is 8 bytes of mark, the lengths of two parts, the parts, and their SHA-256.
+    The file has an 8-byte mark, the lengths of two parts, the parts, and their SHA-256.
     """
     length = int.from_bytes(kernel[8:16], "little")
     told, code = kernel[24 : 24 + length], kernel[24 + length : -64]

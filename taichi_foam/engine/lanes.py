@@ -1,9 +1,9 @@
 """Lanes: consecutive nodes of a column that the processor computes side by side, as a pack.
 
-On a CPU a pack is four nodes, and every number of the hot loops is a vector of four: the compiler
-then turns them into vector instructions, which it does not find by itself. On a GPU, whose threads
-are such lanes already, a pack is one node. Row `j` of a column is lane `j % lanes` of pack
-`j // lanes`; the last pack's spare lanes hold nodes that are connected to nothing.
+On a CPU a pack is four nodes, and every variable of the hot loops is a vector of four, from which
+the compiler makes vector instructions; it would not vectorise scalar loops. On a GPU, whose threads
+already are such lanes, a pack is one node. Row `j` of a column is lane `j % lanes` of pack
+`j // lanes`; the last pack's spare lanes hold nodes without bonds.
 """
 
 from taichi_foam.backend import ti
@@ -15,7 +15,7 @@ vec2 = ti.types.vector(2, ti.f64)
 
 @ti.func
 def pack_of(lattice: ti.template(), j) -> ti.i32:
-    """The pack of row `j`; a shift rounds down below 0 too, at no cost."""
+    """The pack of row `j`; a shift also rounds negative numbers down."""
     return j >> ti.static(lattice.lanes.bit_length() - 1)
 
 
@@ -33,17 +33,17 @@ def zeros(lattice: ti.template()):
 
 @ti.func
 def only(lattice: ti.template(), lane, value):
-    """A pack of zeros but for one lane."""
+    """A pack with `value` in one lane and zeros elsewhere."""
     places = ti.Vector([ti.static(n) for n in ti.static(range(lattice.lanes))])
     return ti.select(places == lane, value, zeros(lattice))
 
 
 @ti.func
 def from_above(values: ti.template(), following):
-    """Each lane's value of the node above it; the last lane's is the next pack's first.
+    """For each lane the value of the node above it; `following` is the next pack's first value.
 
-    Where both come from a field whose packs lie side by side (`Layout.by_columns`), this compiles
-    to one load.
+    If both come from a field with contiguous packs (`Layout.by_columns`), this compiles to one
+    load.
     """
     lanes = ti.static(values.n)
     above = values
@@ -55,7 +55,7 @@ def from_above(values: ti.template(), following):
 
 @ti.func
 def from_below(values: ti.template(), preceding):
-    """Each lane's value of the node below it; the first lane's is the last pack's last."""
+    """For each lane the value of the node below it; `preceding` is the pack below's last value."""
     below = values
     for lane in ti.static(range(1, values.n)):
         below[lane] = values[lane - 1]
@@ -65,19 +65,19 @@ def from_below(values: ti.template(), preceding):
 
 @ti.func
 def above(here: ti.template(), member: ti.template(), b, i, k):
-    """Of a node field whose pack is `here`: each lane's number of the node above it."""
+    """For each lane of a node field's pack `here` the value of the node above it."""
     return from_above(here, member[b, i, k + 1][0])
 
 
 @ti.func
 def below(here: ti.template(), member: ti.template(), b, i, k):
-    """Of a node field whose pack is `here`: each lane's number of the node below it."""
+    """For each lane of a node field's pack `here` the value of the node below it."""
     return from_below(here, member[b, i, k - 1][ti.static(here.n - 1)])
 
 
 @ti.func
 def any_of(mask: ti.template()) -> ti.i32:
-    """Whether it holds for any lane."""
+    """Whether the mask is set for any lane."""
     found = ti.i32(mask[0])
     for lane in ti.static(range(1, mask.n)):
         found |= ti.i32(mask[lane])
@@ -86,7 +86,7 @@ def any_of(mask: ti.template()) -> ti.i32:
 
 @ti.func
 def position(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
-    """Where node (i, j) is [m], in `motion`: the lattice's accepted or trial one."""
+    """Position of node (i, j) [m] in `motion`, the lattice's accepted or trial motion."""
     k = pack_of(lattice, j)
     lane = lane_of(lattice, j)
     return vec2(motion[b, i, k].x[lane], motion[b, i, k].y[lane])
@@ -94,7 +94,7 @@ def position(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
 
 @ti.func
 def velocity(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
-    """How fast node (i, j) moves [m/s]."""
+    """Velocity of node (i, j) [m/s] in `motion`."""
     k = pack_of(lattice, j)
     lane = lane_of(lattice, j)
     return vec2(motion[b, i, k].u[lane], motion[b, i, k].v[lane])

@@ -1,4 +1,4 @@
-"""A batch of lattices with the same counts and features: model, state and scratch on the device."""
+"""A batch of lattices of the same size and features: model, state and scratch on the device."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -17,21 +17,21 @@ LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 
 @ti.dataclass
 class Counts:
-    """What kernels know of a lattice's size."""
+    """A lattice's size, as kernels read it."""
 
     columns: ti.i32
     rows: ti.i32
     nodes: ti.i32
     packs: ti.i32  # in a column
-    strips: ti.i32  # that have nodes
-    sweeps: ti.i32  # that have columns
+    strips: ti.i32  # strips that have nodes
+    sweeps: ti.i32  # sweeps that have columns
     bins_x: ti.i32  # of the search grid
     bins_y: ti.i32
 
 
 @ti.data_oriented
 class Packs:
-    """Fields of nodes that are put or taken together, those of `names` that there are."""
+    """Node fields that are put or taken together: those of `names` that exist."""
 
     def __init__(self, fields: Mapping[str, Any], *names: str) -> None:
         self.names = [name for name in names if name in fields]
@@ -39,7 +39,7 @@ class Packs:
 
 
 def _fields_of(part: Any) -> dict[str, Any]:
-    """The fields of model, state or scratch by name; of records those of their members."""
+    """The fields of model, state or scratch by name; for records, the fields of their members."""
     found: dict[str, Any] = {}
     for name, field in vars(part).items():
         if isinstance(field, ti.StructField):
@@ -51,18 +51,18 @@ def _fields_of(part: Any) -> dict[str, Any]:
 
 @ti.data_oriented
 class Lattice:
-    """Fields for a batch of lattices that have the same size; what is made room for as in `Layout`.
+    """Fields for a batch of lattices of the same size; for the room allocated, see `Layout`.
 
-    size      how many lattices there are, and how many nodes each has: less than there is room for
-    counts    the same for kernels, and what follows from it
-    model     constants of their scenes
-    state     what steps change
-    scratch   what steps work in
-    seen, kept    numbers of nodes that snapshots show, and others that states have
-    put           all that are set by a state
-    made, apart   constants of nodes: those that columns which are alike share, and others
-    numbers, singles    names of what clock, body and turn hold, and the fields
-    place     its tree and number among all fields that were made: compiled kernels have them
+    size      number of lattices, and their columns and rows: at most what there is room for
+    counts    the same for kernels, with what follows from it
+    model     constants of the lattices' scenes
+    state     values that steps change
+    scratch   working memory of the steps
+    seen, kept    node fields that snapshots contain, and the others that states contain
+    put           all node fields that putting a state sets
+    made, apart   constants of nodes: those that identical columns share, and the others
+    numbers, singles    names of the members of clock, body and turn, and their fields
+    place     the SNode tree and number of its fields, which compiled kernels contain
     """
 
     def __init__(self, room: Size, features: Features) -> None:
@@ -86,7 +86,7 @@ class Lattice:
         self.place = whole.get_snode_tree_id(), whole.id
 
     def _sort(self) -> None:
-        """Sort the fields by how they go to the device and come back."""
+        """Sort the fields by how they are transferred to the device and back."""
         fields = _fields_of(self.scratch) | _fields_of(self.state)
         kept = [name for told in ARRAYS.values() for name in told.device if not told.seen]
         seen = [name for told in ARRAYS.values() for name in told.device if told.seen]
@@ -106,11 +106,11 @@ class Lattice:
 
     @property
     def filled_strips(self) -> int:
-        """How many strips have nodes: on a CPU as many as there are columns."""
+        """Number of strips that have nodes: on a CPU, the number of columns."""
         return self.strips if self.on_gpu else self.size.columns
 
     def resize(self, size: Size) -> None:
-        """Be a batch of this size, all of it empty."""
+        """Make this a batch of `size`, with nothing loaded."""
         self.size = size
         sweeps = sweeps_of(size.columns, self.sweeps)
         bins = bins_of(size.columns), bins_of(size.rows)
@@ -136,7 +136,7 @@ def _put_counts(
 
 
 MOST_IDLE = 12
-"""Lattices that are kept while nobody has them. Each takes some 40 MB with its kernels."""
+"""From this many lattices on, idle ones are given up. Each takes some 40 MB with its kernels."""
 
 _idle: dict[tuple[Size, Features, bool], list[Lattice]] = {}
 _lent = 0
@@ -144,11 +144,11 @@ _lent = 0
 
 @contextlib.contextmanager
 def borrowed(batch: int, columns: int, rows: int, features: Features) -> Iterator[Lattice]:
-    """A lattice of this size and with these features for the time of a run.
+    """A lattice of this size and with these features for the duration of a run.
 
-    Lattices are kept and lent again, for other sizes too: Taichi compiles its kernels anew for
-    every new set of fields. When many lie idle, all are given up at once: Taichi gives memory of
-    kernels back in no other way. How thoroughly kernels are compiled: see `engine.effort`.
+    Lattices are kept and lent again, also for other sizes, because Taichi compiles its kernels
+    anew for every new set of fields. When many are idle, all are given up at once: Taichi frees the
+    memory of kernels in no other way. For the compiler's optimisation level see `engine.effort`.
     """
     global _lent
     runtime.start()
@@ -172,7 +172,7 @@ def borrowed(batch: int, columns: int, rows: int, features: Features) -> Iterato
 def _give_up_idle() -> None:
     """Forget all lattices, if there are many and none is lent.
 
-    Not where a program has fields of its own, which would be lost too.
+    Does nothing if the program has Taichi fields of its own, which would be lost too.
     """
     made = sum(map(len, _idle.values()))
     if _lent == 0 and made >= MOST_IDLE and runtime.has_only(trees=made * Layout.TREES):

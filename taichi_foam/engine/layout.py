@@ -1,4 +1,4 @@
-"""Layout: how the fields of a batch of lattices with the same counts lie in memory."""
+"""Layout: how the fields of a batch of lattices of the same size are laid out in memory."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,39 +7,41 @@ from taichi_foam.backend import ti
 from taichi_foam.engine import runtime
 from taichi_foam.engine.lanes import CPU_LANES
 
-# Room in the neighbour list, for each node: pairs, and candidates that have one. The paper's tests
-# need up to 0.7 and 0.3. Shattered foam needs more; but then it is no big block.
+# Room in the neighbour list per node of the lattice: pairs, and candidates that have a pair. The
+# paper's tests need up to 0.7 and 0.3. Shattered foam needs more, but big blocks do not shatter as
+# a whole.
 SMALL_BLOCK = 50_000
 PAIRS = {"small": 2.0, "big": 1.0}
 CANDIDATES = {"small": 1.0, "big": 0.5}
 
-# Columns of forces that a sweep keeps: those left of, at and right of a node, the last one of the
-# sweep and the one beyond it, and zeros for what is left and right of the lattice.
+# Columns of forces that a sweep keeps: those left of, at and right of a node, the sweep's last
+# column and the one beyond it, and a column of zeros for both sides of the lattice.
 RING = 3
 SWEEP_SLOTS = RING + 3
 
-# Threads of a GPU's block. More would leave each too few registers for 64-bit numbers.
+# Threads in a GPU block. More would leave each too few registers for 64-bit numbers.
 THREADS = 256
-# Up to so many nodes one block steps a lattice by itself. It takes them in turns of THREADS, some
-# 10 us of a step each; the kernels of a step that is spread over blocks take 100 us to start.
-# Estimates: benchmarks/gpu.py measures them.
+# Up to this many nodes, one block steps a lattice alone. It handles THREADS nodes at a time, each
+# time for some 10 us of a step; launching the kernels of a step spread over blocks takes 100 us.
+# These are estimates: benchmarks/gpu.py measures them.
 BLOCK_NODES = 4_096
-# Blocks that a bigger lattice is spread over at most: as many as a large GPU runs at a time.
+# Most blocks that a bigger lattice is spread over: as many as a large GPU runs at a time.
 MOST_BLOCKS = 512
 
 
-# Room is made for so many lattices, columns and packs of rows, or twice as many, four times, ...
+# Room for lattices is one of ROOM_LATTICES; room for columns and for packs of rows is the number
+# below or that number times a power of two.
 ROOM_LATTICES = (1, 16, 64)
 ROOM_COLUMNS = 24
 ROOM_PACKS = 6
-# as long as no more nodes than these have room: bigger lattices have as much as they need
+# Most nodes in the room for several lattices; beyond it, only the lattices needed get room.
 ROOM_NODES = 400_000
-SWEEPS = 8  # of a lattice that is seldom swept by more than one thread
+SWEEPS = 8  # of a small lattice, which is seldom swept by more than one thread
 
 
 @dataclass(frozen=True)
 class Size:
-    """How many lattices there are side by side, and how many nodes one has."""
+    """Number of lattices in a batch, and the columns and rows of nodes in each."""
 
     batch: int
     columns: int
@@ -50,10 +52,10 @@ class Size:
         return self.columns * self.rows
 
     def room(self) -> "Size":
-        """What room is made for, so that lattices of other sizes find theirs in the same fields.
+        """The size to allocate, rounded up so that lattices of other sizes fit the same fields.
 
-        Kernels are compiled for the room. How many nodes there are they read from the device. A GPU
-        and big lattices have what they need and no more.
+        Kernels are compiled for the allocated size and read the number of nodes from the device.
+        On a GPU, and for big lattices, exactly the required size is allocated.
         """
         if runtime.settings()["arch"] != "cpu" or self.nodes >= SMALL_BLOCK:
             return self
@@ -71,33 +73,33 @@ def _doubled(room: int, count: int) -> int:
 
 
 def sweeps_of(columns: int, most: int) -> int:
-    """How many sweeps so many columns are dealt out in, each of five at least."""
+    """Number of sweeps that the columns are divided into, each of at least five columns."""
     return max(1, min(columns // 5, most))
 
 
 def bins_of(count: int) -> int:
-    """Bins of the search grid along so many columns or rows: foam that flies off has room."""
+    """Bins of the search grid along `count` columns or rows, with room for fragments flying off."""
     return count + count // 4 + 4
 
 
 class Layout:
-    """What there is room for, and the trees that fields are placed in.
+    """The room allocated, and the SNode trees that fields are placed in.
 
-    batch, columns, rows, nodes   lattices side by side; nodes of one
+    batch, columns, rows, nodes   lattices in the batch; columns, rows and nodes of each
     lanes, packs      nodes in a pack, packs in a column
-    strips            groups of nodes that one thread takes at a time: columns on a CPU, THREADS a
-                      block on a GPU
-    sweeps            what the columns of one big lattice are dealt out in on a CPU, at most
+    strips            groups of nodes that one thread handles: columns on a CPU; on a GPU, THREADS
+                      strips in each block
+    sweeps            most sweeps that the columns of a lattice are divided into on a CPU
     slots             columns of forces that are kept at a time
-    blocks            of a GPU that one lattice is spread over
+    blocks            GPU blocks that one lattice is spread over
     most_pairs, most_candidates, bins_x, bins_y   room for self-contact
 
     Every field has a leading batch axis. Node fields are padded by one column and one pack on each
-    side, so that a neighbour's index is always valid and a missing neighbour is only a bond that
-    never was: their indices are (batch, -1..columns, -1..packs).
+    side, so that a neighbour's index is always valid and a missing neighbour is merely an absent
+    bond: their indices are (batch, -1..columns, -1..packs).
 
-    Whole numbers have a tree of their own: Taichi's Vulkan backend packs fields without padding and
-    reads a float at an address that is no multiple of eight from another one, in silence.
+    Integers have a tree of their own: Taichi's Vulkan backend packs fields without padding, and a
+    64-bit float whose address is not a multiple of eight is silently read from a wrong address.
     """
 
     TREES = 2
@@ -132,7 +134,7 @@ class Layout:
         self._padded = (batch, columns + 2, self.packs + 2)
 
     def of_nodes(self, *fields: Any, whole: bool = False) -> None:
-        """Node fields, the packs of each field one after the other."""
+        """Node fields: (batch, -1..columns, -1..packs), the packs of each field contiguous."""
         for field in fields:
             tree = self._whole if whole else self._numbers
             tree.dense(ti.ijk, self._padded).place(field, offset=(0, -1, -1))
@@ -146,8 +148,8 @@ class Layout:
     def by_columns(self, *records: Any) -> None:
         """Node fields of several members: a column of the first, then of the second, and so on.
 
-        Numbers of nodes above one another then lie side by side, and a pack that is shifted by a
-        node is one load.
+        The values of nodes above one another are then contiguous, and a pack shifted by one node is
+        one load.
         """
         for record in records:
             column = self._numbers.dense(ti.ij, self._padded[:2])
@@ -169,17 +171,17 @@ class Layout:
             self._numbers.dense(ti.ij, (self.batch * self.sweeps, count)).place(record)
 
     def of_strips(self, *fields: Any) -> None:
-        """(batch, strips + sweeps): columns at the seams of sweeps are looked at by two."""
+        """(batch, strips + sweeps): columns at the seams of sweeps are visited by two sweeps."""
         for field in fields:
             self._numbers.dense(ti.ij, (self.batch, self.strips + self.sweeps)).place(field)
 
     def of_all(self, counts: Any) -> None:
-        """Whole numbers that all lattices share."""
+        """Integers that all lattices share."""
         self._whole.place(counts)
 
     def of_lattices(self, *fields: Any) -> None:
-        """(batch,), side by side: apart, lattices would share cache lines that one thread writes
-        and another reads."""
+        """(batch,), all fields of a lattice together: placed separately, lattices would share cache
+        lines that one thread writes and another reads."""
         self._numbers.dense(ti.i, self.batch).place(*fields)
 
     def listed(self, count: int, *fields: Any, whole: bool = False) -> None:

@@ -17,7 +17,7 @@ FIRST_OF_TURN = COLUMN[TURN_COLUMNS[0]]
 
 @ti.func
 def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
-    """Stored energy [J] of the bond from (i, j) along `axis`, 0 where there is none."""
+    """Stored energy [J] of the bond from (i, j) along `axis`, 0 if it is absent."""
     condition, worst, strain = bonds.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
     if condition > ABSENT:
@@ -47,7 +47,7 @@ def energy_column(lattice: ti.template(), b, i, p: ti.template()):
 def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec_now:
     """Energies [J] of a node and its two bonds."""
     energy = vec_now(0.0)
-    for axis in range(2):  # not unrolled: the law is long, and compiles once so
+    for axis in range(2):  # not unrolled, so that the long law compiles once
         energy[IN_BONDS] += _stored(lattice, axis, b, i, j, p)
     mass = makeup.mass(lattice, b, i, j, p)
     speed = lanes.velocity(lattice, lattice.state.motion, b, i, j)
@@ -68,7 +68,7 @@ def energy_of_cells(lattice: ti.template(), b, i, k, p: ti.template()) -> vec_no
 
 @ti.func
 def add_strips(lattice: ti.template(), b):
-    """Energies and booked works of a lattice [J], from its strips."""
+    """Energies and booked works of a lattice [J], summed over its strips."""
     energy, works = vec_now(0.0), vec_works(0.0)
     for strip in range(lattice.counts[None].strips):
         energy += lattice.scratch.energy[b, strip]
@@ -78,7 +78,7 @@ def add_strips(lattice: ti.template(), b):
 
 @ti.func
 def write_row(lattice: ti.template(), b, energy: vec_now, by_nodes: vec_works):
-    """Append a row to the lattice's history; `by_nodes` is what its nodes have booked."""
+    """Append a row to the lattice's history; `by_nodes` are the works booked by its nodes."""
     clock = lattice.state.clock[b]
     row = clock.rows
     works = by_nodes

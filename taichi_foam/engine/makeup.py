@@ -1,8 +1,8 @@
-"""What the foam of a place is: its constants, the share of its cells that it fills.
+"""The foam at a place in the block: its constants, and the share of cells and faces that it fills.
 
-In a plain block of one foam they are the same everywhere, and kernels read them from the block's
-constants. Elsewhere they differ from mass point to mass point (`Features.shaped`), and from row to
-row and from axis to axis (`Features.foams`).
+In a plain block of one foam these are the same everywhere, and kernels read them from the block's
+constants. Otherwise the shares differ between mass points (`Features.shaped`), and the constants
+between rows and between axes (`Features.foams`).
 """
 
 from taichi_foam.backend import ti
@@ -12,7 +12,7 @@ from taichi_foam.engine.grading import A
 
 @ti.func
 def column(lattice: ti.template(), i):
-    """Where a shaped block keeps what the mass points of column `i` stand for."""
+    """Column of the fields in which a shaped block keeps the values of column `i`."""
     if ti.static(lattice.features.alike):
         return 0
     return i
@@ -20,7 +20,7 @@ def column(lattice: ti.template(), i):
 
 @ti.func
 def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
-    """The law's constants for a pack of bonds along `axis`: numbers, or packs of them."""
+    """The law's constants for a pack of bonds along `axis`: scalars, or packs."""
     if ti.static(lattice.features.foams > 1):
         return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].bond
     return p.bond
@@ -28,7 +28,7 @@ def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template(
 
 @ti.func
 def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
-    """What the length of a pack's bonds along `axis` makes of their limits and dashpots."""
+    """`model.SHARES` of a pack's bonds along `axis`: limits and dashpots by bond length."""
     if ti.static(lattice.features.foams > 1):
         return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].shares
     if ti.static(axis == A):
@@ -38,7 +38,7 @@ def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
 
 @ti.func
 def constants_at(lattice: ti.template(), axis, b, j, p: ti.template()):
-    """The law's constants for a bond of row `j` along an axis that is known at run time only."""
+    """The law's constants for a bond of row `j`; `axis` may be known only at run time."""
     if ti.static(lattice.features.foams > 1):
         foam = lattice.model.foam_of_row[b, axis * lattice.most_rows + j]
         return lattice.model.foams[b, foam].bond
@@ -47,7 +47,7 @@ def constants_at(lattice: ti.template(), axis, b, j, p: ti.template()):
 
 @ti.func
 def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template()):
-    """Area of the faces of a pack of bonds along `axis` [m2]: a number, or a pack."""
+    """Area of the faces of a pack of bonds along `axis` [m2]: a scalar, or a pack."""
     area = p.area[axis]
     if ti.static(not lattice.features.shaped):
         return area
@@ -78,7 +78,7 @@ def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
 
 @ti.func
 def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
-    """Reference volume [m3] that a bond stands for."""
+    """Reference volume [m3] that a bond represents."""
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
@@ -118,7 +118,7 @@ def shares_of_points(lattice: ti.template(), b, i, k):
 
 @ti.func
 def cell_share(lattice: ti.template(), b, i, k):
-    """Share of a pack's lattice cells, those between four mass points, that is foam."""
+    """Share of a pack's lattice cells, each between four mass points, that is foam."""
     found = lanes.zeros(lattice) + 1.0
     if ti.static(lattice.features.shaped):
         found = lattice.model.filling[b, column(lattice, i), k].cell
@@ -127,7 +127,7 @@ def cell_share(lattice: ti.template(), b, i, k):
 
 @ti.func
 def contact_stiffness(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
-    """That of a mass point's contact with a body [N/m]: one that is lighter gives way more."""
+    """Stiffness of a mass point's contact with a body [N/m], lower for a lighter mass point."""
     found = p.contact_stiffness
     if ti.static(lattice.features.shaped):
         found *= ti.min(mass(lattice, b, i, j, p) / p.node_mass, 1.0)
@@ -136,7 +136,7 @@ def contact_stiffness(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f
 
 @ti.func
 def mobility(lattice: ti.template(), b, i, k):
-    """What forces on a pack of mass points are multiplied by, and gravity; see `ModelFields`."""
+    """Inverse masses of a pack of mass points, and gravity; see `ModelFields`."""
     if ti.static(lattice.features.shaped):
         return lattice.model.mobility[b, column(lattice, i), k]
     return lattice.model.mobility[b, k]
@@ -144,7 +144,7 @@ def mobility(lattice: ti.template(), b, i, k):
 
 @ti.func
 def is_there(lattice: ti.template(), b, i, j) -> ti.i32:
-    """Whether a mass point stands for any foam."""
+    """Whether there is a mass point, that is, any foam."""
     found = 1
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
@@ -154,7 +154,7 @@ def is_there(lattice: ti.template(), b, i, j) -> ti.i32:
 
 @ti.func
 def is_held(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
-    """Whether the base holds a mass point, or there is none: bodies do not touch it."""
+    """Whether the base holds a mass point, or there is none: bodies then do not touch it."""
     found = ti.i32(p.hold_y and j == 0)
     if ti.static(lattice.features.shaped):
         k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)

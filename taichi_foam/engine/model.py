@@ -1,7 +1,7 @@
 """Model: the constants of a scene, as values and as fields.
 
-They are data, not compile-time constants: scenes of a batch may differ in every one of them, and a
-study that varies one compiles nothing again. What kernels are compiled for are `Features`.
+They are data, not compile-time constants: the scenes of a batch may differ in any of them, and a
+study that varies one recompiles nothing. `Features` lists what kernels are compiled for.
 """
 
 import math
@@ -32,18 +32,18 @@ from taichi_foam.scene.options import MOST_PULSE_POINTS
 RK4_RADIUS = 2.61
 RK4_DECAY = 2.785
 
-# In a step nothing moves further than this part of a cell: half of the skin, within which the
-# neighbour list misses nothing.
+# In a step no node moves further than this fraction of a cell: half the skin, within which the
+# neighbour list misses no pair.
 MOST_WAY = 0.05
 
-# An impactor so many times as heavy as the nodes that it may touch does not swing on them. The
-# swing of a lighter one carries all of the impact's energy: it is to be followed, by steps so many
-# times shorter than stable ones.
+# An impactor HEAVY times as heavy as the nodes it may touch does not oscillate on them. The
+# oscillation of a lighter one carries all of the impact's energy and must be resolved: steps are
+# FOLLOWED times shorter than stability requires.
 HEAVY = 100.0
 FOLLOWED = 4.0
 
-# The support stops the impactor as hard as it can without asking for a shorter step: the impactor
-# swings on it this many times as slowly as a node on the impactor.
+# The support stops the impactor as hard as it can without requiring a shorter step: the impactor
+# oscillates on it this many times as slowly as a node on the impactor.
 SLOWNESS = 20.0
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
 
 MEMBERS = {
-    # SI units; of a pair, the first is of the bonds along x (A), the second along y (B)
+    # SI units; the first of a pair is for the bonds along x (A), the second for those along y (B)
     "cell": vec2,  # (dx, dy), also the bonds' lengths
     "area": vec2,  # of the bonds' faces
     "node_mass": ti.f64,
@@ -62,33 +62,33 @@ MEMBERS = {
     "hold_y": ti.i32,
     "floor_friction": ti.f64,
     "contact_stiffness": ti.f64,  # node against impactor, and of the friction springs [N/m]
-    "contact_dashpot": ti.f64,  # beside that spring, over its stiffness [s]
+    "contact_dashpot": ti.f64,  # parallel to that spring, over its stiffness [s]
     "support_stiffness": ti.f64,  # impactor against the support [N/m]
-    # whole numbers of 32 bits come in pairs: Vulkan misreads what lies between two words
+    # 32-bit integers come in pairs: Vulkan misreads floats that are not aligned to 64 bits
     "impactor": ti.i32,  # whether there is one
     "end_at_rebound": ti.i32,
     "impactor_x": ti.f64,
     "impactor_half_width": ti.f64,
     "impactor_height": ti.f64,
-    "impactor_centre": vec2,  # of mass, about the reference point as it starts
-    "impactor_reach": ti.f64,  # furthest point from there
+    "impactor_centre": vec2,  # of mass, relative to the reference point at the start
+    "impactor_reach": ti.f64,  # distance of the furthest point from there
     "impactor_inertia": ti.f64,
-    "pulse_points": ti.f64,  # in `ModelFields.pulse`, as a number: see Layout of whole ones
-    "hull_corners": ti.f64,  # in `ModelFields.hull`, as a number: see Layout of whole ones
-    "support_rows": ti.f64,  # in `ModelFields.support`, as a number: see Layout of whole ones
+    "pulse_points": ti.f64,  # number in `ModelFields.pulse`; a float, for integers see Layout
+    "hull_corners": ti.f64,  # number in `ModelFields.hull`; a float, for integers see Layout
+    "support_rows": ti.f64,  # number in `ModelFields.support`; a float, for integers see Layout
     "support_low": vec2,  # corners of the box around the support with an outline
     "support_high": vec2,
     "impactor_mass": ti.f64,
-    "impactor_rate": ti.f64,  # of its swing on all nodes it may touch, squared; 0: heavy [1/s2]
+    "impactor_rate": ti.f64,  # squared, of its oscillation on touched nodes [1/s2]; 0: heavy
     "impactor_friction": ti.f64,
-    "surface_rows": ti.f64,  # of the impactor, in `ModelFields.surface`, as a number
-    "piece_area": ti.f64,  # of the contact of node with node [m2]
+    "surface_rows": ti.f64,  # number in `ModelFields.surface`; a float, for integers see Layout
+    "piece_area": ti.f64,  # of the contact between two nodes [m2]
     "piece_length": ti.f64,
     "piece_size": ti.f64,  # radius of a node in contact over half its cell
     "piece_friction": ti.f64,
-    "piece_dashpot": ti.f64,  # between pieces that rub, up to what friction holds [N s/m]
+    "piece_dashpot": ti.f64,  # between pieces that slide, up to the friction limit [N s/m]
     "thickness": ti.f64,
-    "skin": ti.f64,  # how far beyond touch the neighbour list looks [m]
+    "skin": ti.f64,  # gap up to which the neighbour list contains pairs [m]
     "step": ti.f64,  # given step size [s], or 0: automatic
     "largest_step": ti.f64,
     "safety": ti.f64,
@@ -98,25 +98,26 @@ MEMBERS = {
 
 
 SHARES = (
-    # what the length of bonds makes of their limits, see `laws.bond.base.Limit`
-    "tensile_share",  # limit over that of the law
+    # how a bond's length changes its limits, see `laws.bond.base.Limit`
+    "tensile_share",  # limit over the law's limit
     "shear_share",
-    "tensile_tail",  # how far a bond holds beyond it, over the limit, at least 1
+    "tensile_tail",  # where the stress has fallen to zero, over the limit; at least 1
     "shear_tail",
-    "flow_share",  # time in which worst strains flow, over a step's
+    "flow_share",  # time over which worst strains flow, over the step
     "dashpot",  # along a bond [N s/m]
-    "shear_viscosity",  # of the cells [Pa s], for both axes
+    "shear_viscosity",  # of the cells [Pa s], the same for both axes
 )
-"""Of the bonds of a foam along one axis."""
+"""Values for the bonds of a foam along one axis."""
 
 
 @cache
 def foam_type(law: type[BondLaw]) -> Any:
     """Taichi record of a foam: its law's constants as `bond`, SHARES of bonds A and B as `a`, `b`.
 
-    Masses [kg] are least ones of mass points that have bonds of it: `bond_mass` over the mean share
-    of a point's two faces along an axis, `cell_mass` over that of its four cells, `piece_mass` over
-    that of its own cell. In a plain block all are a whole cell's.
+    The masses [kg] are minima over the mass points that have bonds of this foam: of the mass over
+    the mean share of the point's two faces along an axis (`bond_mass`), over the mean share of its
+    four cells (`cell_mass`), and over the share of its own cell (`piece_mass`). In a plain block
+    all three are the mass of a whole cell.
     """
     shares = ti.types.struct(**dict.fromkeys(SHARES, ti.f64))
     masses = dict.fromkeys(("bond_mass", "cell_mass", "piece_mass"), ti.f64)
@@ -125,7 +126,7 @@ def foam_type(law: type[BondLaw]) -> Any:
 
 @cache
 def parameters_type(law: type[BondLaw]) -> Any:
-    """Taichi record of a lattice's constants: those of its first foam, and MEMBERS."""
+    """Taichi record of a lattice's constants: those of its first foam, then MEMBERS."""
     return ti.types.struct(**foam_type(law).members, **MEMBERS)
 
 
@@ -134,13 +135,13 @@ class Model:
     """The constants of a scene, as the device takes them.
 
     numbers    (n,) every member of `parameters_type`, in its order
-    lists      by the names of `ModelFields.lists`, (n, m) each; of mobilities (J,)
-    tables     (TABLE_ROWS, TABLE_COLUMNS) of each foam's law, if that looks things up
-    of_nodes   by the names of fields, (I, J) or of columns that are alike (1, J): if the block is
-               not plain those of `ModelFields.filling`, `mobility` and `reach`; strengths of the
-               bonds over the mean of all, if they differ
-    foams      (foams, n) every member of `foam_type`; None: there is one
-    places     (2, J) which of them bonds A and B of a row are of
+    lists      by the names of `ModelFields.lists`, (n, m) each; mobilities (J,)
+    tables     (TABLE_ROWS, TABLE_COLUMNS) for each foam, if its law is tabulated
+    of_nodes   by the names of fields, (I, J), or (1, J) where columns are identical: those of
+               `ModelFields.filling`, `mobility` and `reach` (I, J), unless the block is plain;
+               strengths of the bonds over their mean, (I, J), if they are scattered
+    foams      (foams, n) every member of `foam_type`; None: there is one foam
+    places     (2, J) index of the foam of bonds A and B of each row
     """
 
     numbers: Array
@@ -186,14 +187,14 @@ def _tables(scene: Scene, graded: Grading) -> Sequence[Array]:
     if any(table is None for table in found):
         return ()
     tables = np.array(found)
-    if scene.across.foam is not None:  # sheared as much on both sides of a cell's corner
+    if scene.across.foam is not None:  # both foams get the larger rise in shear stiffness
         pair = [*{*graded.places[:, graded.places[A] != graded.places[B]].ravel().tolist()}]
         tables[pair, :, SHEAR] = tables[pair, :, SHEAR].max(axis=0)
     return tables
 
 
 def _moved(scene: Scene, mass: Array, stands: Array) -> dict[str, Array]:
-    """See `ModelFields.mobility`, of mass points [kg], of which some stand on the base."""
+    """`ModelFields.mobility` of mass points of given mass [kg]; `stands`: which are on the base."""
     kind = scene.base.kind
     free = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
     y = np.where(stands, 0.0, free) if kind in ("held", "gripped") else free
@@ -205,7 +206,7 @@ def _moved(scene: Scene, mass: Array, stands: Array) -> dict[str, Array]:
 
 
 def _filled(scene: Scene, alike: bool) -> dict[str, Array]:
-    """See `Model.of_nodes`."""
+    """The part of `Model.of_nodes` for a block that is not plain."""
     filled, shape = filling(scene.block), (scene.block.columns, scene.block.rows)
     if alike:
         shape = 1, scene.block.rows
@@ -230,7 +231,7 @@ def _foams(scene: Scene, graded: Grading) -> Array:
 
 
 def _numbers(record: Any, values: dict[str, Any]) -> Iterator[float]:
-    """The numbers of a record, nested ones and vectors too, in the record's order."""
+    """The numbers of a record, nested records and vectors included, in the record's order."""
     for name, kind in record.members.items():
         value = values[name]
         if isinstance(value, dict):
@@ -246,24 +247,24 @@ class ModelFields:
 
     parameters  (batch,) records of `parameters_type`
     surface     (batch, SURFACE_ROWS) three numbers each, see `Impactor.surface`
-    hull        (batch, MOST_CORNERS) corners of a convex hull, where impactors turn
-    pulse       (batch, MOST_PULSE_POINTS) time and acceleration of the base, where it is shaken
-    support     (batch, SURFACE_ROWS) three numbers each, as `surface`, where it has an outline
-    mobility    (batch, packs) of the rows of nodes: what a force is multiplied by to give an
-                acceleration along x and y [1/kg], 0 where it is held, and the gravity [m/s2];
-                (batch, I, packs) of the nodes of a shaped block, likewise
-    filling     (batch, I, packs) of a shaped block: mass of each mass point [kg], share of the
-                faces of bonds A and B, share of its cell, and of that between it and the points to
-                the right and above; see `makeup.column`
-    reach       (batch, I, packs) of such foam's face from each mass point [m]
+    hull        (batch, MOST_CORNERS) corners of the impactor's convex hull, if impactors turn
+    pulse       (batch, MOST_PULSE_POINTS) time and acceleration of the base, if it is shaken
+    support     (batch, SURFACE_ROWS) three numbers each, as in `surface`, if it has an outline
+    mobility    (batch, packs) per row of nodes: inverse mass along x and y [1/kg], 0 where the node
+                is held, and gravity [m/s2]; in a shaped block (batch, I, packs), per node
+    filling     (batch, I, packs) of a shaped block: mass of each mass point [kg], shares of the
+                faces of bonds A and B, share of its cell, and share of the lattice cell to the
+                right of and above it; I is 1 if columns are identical, see `makeup.column`
+    reach       (batch, I, packs) of a shaped block: distance of the foam's face from each mass
+                point [m]
     foams       (batch, foams) records of `foam_type`, if there are several
-    graded      (batch, 2 * packs) the same in packs, of bonds A and of bonds B by rows
-    foam_of_row (batch, 2 * rows) which of `foams` bonds A and B of each row are of
-    strength_a, strength_b, strengths   (batch, I, packs) of bonds over the mean of all, if they
-                are scattered
-    table       (batch * foams, TABLE_ROWS) TABLE_COLUMNS numbers each, of a law that looks up
-    law         the bond law, which knows that table
-    lists       names and fields of the constants that come in rows of several numbers
+    graded      (batch, 2 * packs) the same in packs by row, for bonds A, then for bonds B
+    foam_of_row (batch, 2 * rows) index in `foams` for bonds A, then bonds B of each row
+    strength_a, strength_b, strengths   (batch, I, packs) of bonds over their mean, if they are
+                scattered
+    table       (batch * foams, TABLE_ROWS) TABLE_COLUMNS numbers each, if the law is tabulated
+    law         the bond law, with that table
+    lists       names and fields of the constants that come as lists
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -322,7 +323,7 @@ class ModelFields:
         layout.listed(2 * layout.packs, self.graded)
         layout.listed(2 * layout.rows, self.foam_of_row, whole=True)
         self.foam_members = list(_members(self.foams))
-        packs = list(_members(self.graded))[:: layout.lanes]  # each of its lanes comes by itself
+        packs = list(_members(self.graded))[:: layout.lanes]  # `_members` yields every lane
         self.graded_members = [
             [
                 (pack[0], source[0])
@@ -338,7 +339,7 @@ class ModelFields:
 
 
 def _members(record: Any) -> Iterator[tuple]:
-    """The number fields of a record field, nested ones too: field, component of a vector, kind."""
+    """The scalar members of a record field, nested ones included: field, vector component, kind."""
     for name in record.keys:
         member = record.get_member_field(name)
         if isinstance(member, ti.StructField):
@@ -350,7 +351,7 @@ def _members(record: Any) -> Iterator[tuple]:
 
 
 def parameters_of(scene: Scene) -> dict:
-    """Every member of `parameters_type` for one scene, by name; 0 what it does without."""
+    """Every member of `parameters_type` for one scene, by name; 0 if the scene does not use it."""
     block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
     impactor, base = scene.impactor, scene.base
     stiffness = foam.youngs_modulus * block.depth  # of a square cell's bond [N/m]
@@ -379,7 +380,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,
         "piece_friction": model.piece_friction,
-        # half a bond's: the eight that the step's bound counts are four bonds' worth
+        # half a bond's: the bound on the step counts eight of them, equal to four bonds'
         "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
         "thickness": block.depth,
         "skin": 0.1 * cell,
@@ -425,22 +426,23 @@ def parameters_of(scene: Scene) -> dict:
 
 
 def _surface(scene: Scene) -> NDArray[np.float64]:
-    """Rows of three numbers (n, 3) of the impactor, see `laws.shape.edges.surface_of`."""
+    """The impactor's surface (n, 3), see `laws.shape.edges.surface_of`."""
     if scene.impactor is None:
         return np.zeros((1, 3))
     return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))
 
 
 def _hull(scene: Scene) -> Array:
-    """Corners of the convex hull of the impactor (n, 2), about its reference point [m]."""
+    """Corners of the impactor's convex hull (n, 2), relative to its reference point [m]."""
     assert scene.impactor is not None
     return convex_hull(scene.impactor.outline())
 
 
 def _answering_mass(impactor: Impactor) -> float:
-    """The least mass [kg] with which any point of an impactor answers a push.
+    """The smallest effective mass [kg] at any point of an impactor.
 
-    A free one swings away, a point at r from its centre with 1 / (1/m + r^2/I).
+    A free impactor also turns: a point at distance r from its centre of mass has the effective mass
+    1 / (1/m + r^2/I).
     """
     if impactor.guided:
         return impactor.mass
@@ -448,16 +450,16 @@ def _answering_mass(impactor: Impactor) -> float:
 
 
 def _impactor_rate(scene: Scene, contact: float) -> float:
-    """The square of the rate [1/s] at which the impactor alone swings on the nodes it may touch.
+    """The squared rate [1/s2] at which the impactor oscillates on the nodes it may touch.
 
-    Each is a spring of `contact` [N/m]. Added to the fastest mode of the nodes on an impactor that
-    does not move, squared, it bounds that of both; it counts FOLLOWED times as fast. It is 0 for
-    one that is heavy.
+    Each node is a spring of `contact` [N/m]. The sum of this and the squared rate of the nodes'
+    fastest mode on a fixed impactor bounds the squared rate of the coupled system. The rate is
+    taken FOLLOWED times as fast. It is 0 for a heavy impactor.
     """
     block, impactor = scene.block, scene.impactor
     assert impactor is not None
     width, depth = impactor.extent, impactor.nose_depth
-    if not impactor.guided:  # with any of its sides
+    if not impactor.guided:  # any of its sides may touch
         width = depth = 2 * impactor.reach
     touching = _touching(block, width, depth)
     mass = _answering_mass(impactor)
@@ -467,7 +469,7 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
 
 
 def _foam(scene: Scene, graded: Grading, n: int) -> dict:
-    """Every member of `foam_type` for the foam number `n` of a scene's block, by name."""
+    """Every member of `foam_type` for foam `n` of a scene's block, by name."""
     block, foam = scene.block, graded.foams[n]
     areas = block.dy * block.depth, block.dx * block.depth
     along, across = _viscosities(scene, foam)
@@ -494,14 +496,14 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
 
 
 def _whole_mass(block: Block) -> float:
-    """Mass [kg] of a mass point whose cell is full, of the lightest foam that there is."""
+    """Mass [kg] of a mass point whose cell is full, of the block's lightest foam."""
     filled = filling(block)
     whole = filled.mass[filled.share >= 1.0]
     return float(whole.min() if whole.size else filled.mass.max())
 
 
 def _swing(scene: Scene, contact: float) -> float:
-    """Time [s] in which a whole mass point and a body swing by a radian on contacts [N/m]."""
+    """Inverse angular frequency [s] of a whole mass point and the impactor on contacts [N/m]."""
     block, impactor = scene.block, scene.impactor
     squared = contact / _whole_mass(block)
     if impactor is not None:
@@ -510,14 +512,14 @@ def _swing(scene: Scene, contact: float) -> float:
 
 
 def _touching(block: Block, width: float, depth: float) -> int:
-    """How many mass points a body touches that is so wide, on flanks so deep [m], at most."""
+    """Most mass points that a body of this width touches, with flanks of this depth [m]."""
     across = min(block.columns, math.floor(width / block.dx) + 1)
     flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
     return max(across, flanks)
 
 
 def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
-    """See `foam_type`; `here` tells the rows (2, J) whose bonds A and B are of the foam."""
+    """The masses of `foam_type`; `here` (2, J): the rows whose bonds A and B are of the foam."""
     filled = filling(block)
     faces = np.zeros((2, *filled.mass.shape))
     met = np.zeros(filled.mass.shape, dtype=bool)
@@ -527,14 +529,14 @@ def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
             ends = (end, slice(None)) if axis == A else (slice(None), end)
             faces[axis][ends] += 0.5 * shares
             met[ends] |= mine
-    if not met.any():  # it has no bonds: what touches may still be of it
+    if not met.any():  # the foam has no bonds, but contacts may still use it
         met = filled.there
     mass = filled.mass[met]
     cells = np.pad(filled.cell, 1)
     around = 0.25 * (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:])
 
     def least(shares: Array) -> float:
-        """The least mass over a share of what a mass point stands for."""
+        """The smallest mass of a mass point over its share."""
         there = shares[met] > 0.0
         return float(min(mass.max(), (mass[there] / shares[met][there]).min(initial=np.inf)))
 
@@ -546,7 +548,7 @@ def _masses(block: Block, here: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
-    """Viscosity [Pa s] of a foam along its bonds, and of its cells in shear."""
+    """Viscosities [Pa s] of a foam: along its bonds, and of its cells in shear."""
     if scene.model.damping == "absolute":
         return 0.0, 0.0
     time, most = scene.numerics.damping_time, foam.most_damping
@@ -561,9 +563,10 @@ def _viscosities(scene: Scene, foam: BondFoam) -> tuple[float, float]:
 def fastest_rate(
     lattice: ti.template(), b, stiffened: ti.f64, crush: ti.f64, p: ti.template()
 ) -> ti.f64:
-    """Bound on the rate [1/s] of every mode, when the stiffest stiffened bond has that many N/m.
+    """Upper bound on the rate [1/s] of every mode.
 
-    No foam is crushed beyond the strain `-crush`.
+    `stiffened` is the stiffness of the stiffest stiffened bond [N/m]; no foam is crushed beyond the
+    strain `-crush`.
     """
     rate = 0.0
     if ti.static(lattice.features.foams > 1):
@@ -580,13 +583,14 @@ def fastest_rate(
 def _fastest_rate(
     lattice: ti.template(), stiffened: ti.f64, crush: ti.f64, foam: ti.template(), p: ti.template()
 ) -> ti.f64:
-    """The same of the mass points that have bonds of one foam, a record of `foam_type`.
+    """The same for the mass points that have bonds of one foam, a record of `foam_type`.
 
-    Gershgorin's theorem bounds the modes: a node answers with at most 4 k of its bonds, 4 r G Z of
-    its cells' shear (of bonds that carry it twice that) and 4 r k_r of their room, where a cell's
-    longer side is r times the shorter, 8 k of packed pieces, and once the contact with a body
-    (normal and friction act across each other), on which a light impactor swings too; dashpots
-    decay alike, with eight more of pieces that rub, a drag at C / m.
+    Gershgorin's theorem bounds the modes by the row sum of a node's stiffness: at most 4 k from its
+    bonds, 4 r G Z from its cells' shear (twice that if bonds carry it), 4 r k_r from the cells'
+    room, where r is a cell's longer side over its shorter one, 8 k from packed pieces, and once
+    the contact with a body (its normal and friction forces act at right angles). A light impactor's
+    oscillation adds to it. Dashpots are bounded likewise, with eight more of pieces that slide and
+    a drag at C / m.
     """
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(foam.bond) * per_length.max()
@@ -598,7 +602,7 @@ def _fastest_rate(
     sheared *= modulus
     stiffest = ti.max(elastic, stiffened)
     if ti.static(lattice.law.heeds_rate):
-        stiffest = elastic + stiffened  # the overstress comes on top
+        stiffest = elastic + stiffened  # the overstress adds to it
     of_bonds, of_cells, of_pieces = 4.0 * stiffest, 0.0, 0.0
     if ti.static(lattice.features.faces):
         of_bonds += sheared
@@ -609,7 +613,7 @@ def _fastest_rate(
     if ti.static(lattice.features.crushed_room):
         ratio = p.cell.max() / p.cell.min()
         of_cells += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness
-    # what has little mass has small faces and small cells, and its contacts are as much softer
+    # a mass point of little mass has small faces and cells, and proportionally softer contacts
     squared = of_bonds / foam.bond_mass + of_cells / foam.cell_mass + of_pieces / foam.piece_mass
     squared += p.contact_stiffness / p.node_mass
     decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
@@ -626,9 +630,9 @@ def automatic_step(
 ) -> ti.f64:
     """Step size [s] for a lattice whose fastest mode has the rate `rate` [1/s].
 
-    It also looks ahead. Nothing moves by more than MOST_WAY cells in a step, at the largest speed
-    there is [m/s]; and the step is still stable (without the margin of safety) if the bond that is
-    crushed most, to the strain `-crush`, is closed by both its nodes at that speed.
+    It also looks ahead: no node moves by more than MOST_WAY cells in a step at the largest nodal
+    speed [m/s]; and the step stays stable (without the safety margin) if both nodes of the most
+    crushed bond, at the strain `-crush`, close on each other at that speed.
     """
     step = ti.min(p.safety * RK4_RADIUS / rate, p.largest_step)
     cell = p.cell.min()
@@ -637,7 +641,7 @@ def automatic_step(
     if ti.static(lattice.law.stiffens):
         closing = 2.0 * speed / cell
         if not _stays_stable(lattice, b, step, crush, closing, p):
-            # the step and the stiffness at its end depend on one another
+            # the step and the stiffness at its end depend on each other: bisection
             low, high = 0.0, step
             for _ in range(20):
                 middle = 0.5 * (low + high)
@@ -653,7 +657,10 @@ def automatic_step(
 def _stays_stable(
     lattice: ti.template(), b, step: ti.f64, crush: ti.f64, closing: ti.f64, p: ti.template()
 ) -> ti.i32:
-    """Whether a step is stable to its end, with a bond that closes from `crush` on [1/s]."""
+    """Whether a step is stable to its end if a bond at the strain `-crush` closes at a rate [1/s].
+
+    `closing` is that rate.
+    """
     strain = -crush - closing * step
     stable = 1
     if ti.static(lattice.features.foams > 1):

@@ -1,7 +1,7 @@
-"""Nodes and impactor: gather the forces of a stage, and take it in the Runge-Kutta sum.
+"""Nodes and impactor: gather the forces of a stage, and add the stage to the Runge-Kutta sum.
 
-What a strip of nodes adds up is kept per strip: the sums then have one order, whoever runs the
-strips. On a CPU a strip is a column.
+Sums are kept per strip of nodes: their order is then the same whichever threads run the strips. On
+a CPU a strip is a column.
 """
 
 from taichi_foam.backend import ti
@@ -23,8 +23,8 @@ from taichi_foam.engine.state import (
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
 
-# A node this far away [m] or this fast [m/s] belongs to a run that has blown up: the foam's waves
-# travel at hundreds of metres a second. Breaking may keep such a run finite for ever.
+# A node this far away [m] or this fast [m/s] belongs to a run that has diverged: waves in the foam
+# travel at hundreds of metres per second. Breaking bonds may keep such a run finite.
 DIVERGED_SIZE = 1e5
 
 
@@ -38,10 +38,10 @@ def node_pack(
     `slot` and `left_slot` hold the forces of the bonds and cells of this column and of the one to
     its left. After the last stage the step is accepted.
 
-    Left and right bonds are added first, then below and above, and the cells of the right column
-    and of the left one: the mirror image adds the same numbers. The powers [W] that the nodes give
-    to the bonds and cells are added to the strip's tally, and what they give to anything else to
-    its work.
+    Forces are added in a mirror-neutral order: bonds to the right and left, then those above and
+    below, then the sum of the cells in the right and the left column. The power [W] that the nodes
+    give to bonds and cells is added to the strip's tally, the work that they do on anything else to
+    the strip's work.
     """
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
@@ -64,7 +64,7 @@ def node_pack(
             j = k * lattice.lanes + lane
             if j < lattice.counts[None].rows:
                 reaction = contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
-                # not by way of memory: a wide load behind a narrow store would wait for it
+                # not through memory: a wide load after a narrow store would stall
                 force_x += lanes.only(lattice, lane, reaction.x)
                 force_y += lanes.only(lattice, lane, reaction.y)
     if ti.static(lattice.features.self_contact):  # noqa: SIM102 - the static test must stand alone
@@ -80,7 +80,7 @@ def node_pack(
         book(lattice, b, strip, DASHPOTS, weight * by_drag)
         force_x -= drag * now.u
         force_y -= drag * now.v
-    # what is held has no mobility: a test for it would cost all others their vectors
+    # held nodes have zero mobility: a branch for them would prevent vectorisation
     mobility = makeup.mobility(lattice, b, i, k)
     a_x = force_x * mobility.x
     a_y = force_y * mobility.y - mobility.gravity
@@ -118,7 +118,7 @@ def node_pack(
 
 @ti.func
 def inspect_pack(lattice: ti.template(), b, i, k, strip):
-    """After the last stage: how far nodes have moved in the step, and whether any has diverged."""
+    """Tally after the last stage how far nodes moved in the step, and how many diverged."""
     now = lattice.state.motion[b, i, k]
     path = lattice.state.increment[b, i, k]
     moved = path.x * path.x + path.y * path.y
@@ -127,7 +127,7 @@ def inspect_pack(lattice: ti.template(), b, i, k, strip):
     )
     size = ti.abs(now.x) + ti.abs(now.y) + ti.abs(now.u) + ti.abs(now.v)
     tally = ti.static(lattice.scratch.tally)
-    diverged = ti.select(size <= DIVERGED_SIZE, 0.0, 1.0)  # of NaN too
+    diverged = ti.select(size <= DIVERGED_SIZE, 0.0, 1.0)  # 1 for NaN too
     tally[b, strip].diverged = tally[b, strip].diverged + diverged
 
 
@@ -145,7 +145,7 @@ def node_column(lattice: ti.template(), b, i, stage, sweep, slot, left_slot, p: 
 
 @ti.func
 def clear_nodes(lattice: ti.template(), b, strip, stage):
-    """Start the tally of a strip's nodes."""
+    """Reset the tally of a strip's nodes."""
     lattice.scratch.contact_force[b, strip] = 0.0
     if ti.static(lattice.features.turns):
         lattice.scratch.side_force[b, strip] = 0.0
@@ -164,9 +164,9 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
 def close_nodes(lattice: ti.template(), b, strip, stage):
     """Add a stage's tally to the strip's work.
 
-    The ledger: what the bonds and cells take up is the power of their forces on the nodes, in the
-    same Runge-Kutta sum as the motion, and so are its parts: of the cells' shear and room, and of
-    the dashpots. It therefore closes to the integrator's order, each mechanism by itself.
+    The energy ledger integrates the power of bonds and cells on the nodes, and its parts due to the
+    cells' shear and room and to the dashpots, by the same Runge-Kutta sum as the motion. So it
+    closes to the integrator's order, for each mechanism separately.
     """
     weight = stage_weight(stage, lattice.state.clock[b].step)
     tally = ti.static(lattice.scratch.tally)
@@ -179,7 +179,7 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
 
 @ti.func
 def first_diverged(lattice: ti.template(), b) -> ti.i32:
-    """The node with the lowest number that has diverged."""
+    """The smallest number of a diverged node; the number of nodes if none has diverged."""
     found = lattice.counts[None].nodes
     for i in range(lattice.counts[None].columns):
         for j in range(lattice.counts[None].rows):
@@ -204,7 +204,7 @@ def contact_force_of_strips(lattice: ti.template(), b) -> ti.f64:
 
 @ti.func
 def stage_of_strips(lattice: ti.template(), b, stage, p: ti.template()):
-    """The same stage for the impactor, once all strips have told what they do to it."""
+    """The same stage for the impactor, once the loads of all strips on it are known."""
     if ti.static(lattice.features.turns):
         free_stage(lattice, b, stage, turning.load_of_strips(lattice, b), p)
     else:
@@ -222,19 +222,19 @@ def free_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
 
 @ti.func
 def body_stage(lattice: ti.template(), b, stage, by_nodes, p: ti.template()):
-    """A stage for an impactor on rails, once the force of all nodes on it is known [N]."""
+    """A stage for a guided impactor, once the force of all nodes on it [N] is known."""
     step = lattice.state.clock[b].step
     weight = stage_weight(stage, step)
     force = by_nodes
     body = lattice.state.body[b]
     if p.impactor:
-        # the support stops the impactor too, once it has gone right through the block
+        # the support also stops the impactor, if it goes right through the block
         stop = contact_law.normal_force(p.support_stiffness, body.trial_y)
         body.support_work -= weight * stop * body.trial_v
         force += stop
     acceleration = force / p.impactor_mass - p.gravity
     if ti.static(lattice.features.crosshead):
-        # what drives it carries all other forces, and does their work
+        # the drive balances all other forces, and does their work
         body.support_work += weight * p.impactor_mass * acceleration * body.trial_v
         acceleration = 0.0
     if ti.static(lattice.features.shaken):
@@ -271,5 +271,5 @@ def stage_weight(stage, step) -> ti.f64:
 
 @ti.func
 def stage_ahead(stage, step) -> ti.f64:
-    """How far ahead of the step's start the next stage looks: half a step twice, then a whole."""
+    """Time of the next stage after the step's start: half a step twice, then a whole step."""
     return ti.select(stage < 2, 0.5 * step, step)

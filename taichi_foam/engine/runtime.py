@@ -1,8 +1,8 @@
 """The one place that starts Taichi.
 
-A second ``ti.init`` frees the memory of every field made before it, and touching such a field
-afterwards ends the process, so the runtime starts once and keeps its settings. `begin_anew` is for
-the one who knows that all fields are his, and that nobody uses them any more.
+A second ``ti.init`` frees the memory of every field made before it, and access to such a field then
+crashes the process, so the runtime starts once and keeps its settings. `begin_anew` is for a caller
+that owns all fields and knows that none is in use.
 """
 
 import contextlib
@@ -20,12 +20,12 @@ from taichi_foam.errors import UserError
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal")
 
-MOST_THREADS = 64  # of a CPU, that kernels may use
+MOST_THREADS = 64  # most CPU threads that kernels may use
 
 
 @dataclass(frozen=True)
 class Device:
-    """One graphics device; `is_software` if the processor plays its part."""
+    """A graphics device; `is_software`: emulated by the CPU."""
 
     name: str
     is_software: bool = False
@@ -40,15 +40,16 @@ _aside: list[Callable[[], None]] = []
 def start(arch: str | None = None, threads: int | None = None) -> None:
     """Start Taichi on `arch` with `threads` CPU threads.
 
-    None takes what already runs, else the CPU with all its cores: a GPU is never guessed.
+    None keeps the settings of a running runtime, or else takes the CPU with all its cores: a GPU is
+    never chosen by default.
 
-    Asking again for the same is free. Floats are 64-bit, and fast maths is off: it would
-    reorder sums and fuse products, and the mirror symmetry and the independence of batch and
-    thread count hold to the last bit only without it.
+    Asking again for the same settings does nothing. Floats are 64-bit, and fast math is off: it
+    would reorder sums and fuse products, and only without it are the mirror symmetry and the
+    independence of batch and thread count exact to the last bit.
 
     Raises:
-        UserError: unknown or absent architecture, a device without 64-bit floats, bad thread
-            count, or other settings than those that the process already runs with.
+        UserError: unknown or absent architecture, a device without 64-bit floats, invalid thread
+            count, or settings that differ from those of the running runtime.
     """
     global _started, _device
     cores = os.cpu_count() or 1
@@ -85,9 +86,9 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
 
 
 def begin_anew() -> None:
-    """Give back all memory of fields and compiled kernels; settings stay as they are.
+    """Free all memory of fields and compiled kernels, and restart with the same settings.
 
-    Every field made so far is lost. Kernels that were compiled are loaded from the disk again.
+    Every field made so far is lost. Compiled kernels are loaded from the disk again.
     """
     assert _started is not None
     while _aside:
@@ -98,9 +99,9 @@ def begin_anew() -> None:
 
 
 def set_aside(shape: tuple[int, int], field: Any, forget: Callable[[], None]) -> None:
-    """Give memory to a field of the package that belongs to no lattice.
+    """Allocate a field of the package that belongs to no lattice.
 
-    `forget` is called before it is lost (`begin_anew`).
+    `forget` is called before the field is lost (`begin_anew`).
     """
     start()
     tree = ti.FieldsBuilder()
@@ -110,9 +111,9 @@ def set_aside(shape: tuple[int, int], field: Any, forget: Callable[[], None]) ->
 
 
 def has_only(trees: int) -> bool:
-    """Whether there are so many trees of fields, and no other fields and arrays on the device.
+    """Whether the device has only this many trees of fields, and no other fields or arrays.
 
-    Those that were set aside do not count.
+    Fields that were set aside do not count.
     """
     return not backend.has_fields_elsewhere(trees + len(_aside))
 
@@ -127,22 +128,22 @@ def _init(arch: str, threads: int) -> None:
             cpu_max_num_threads=threads,
             fast_math=False,
             offline_cache=folder is not None,
-            # at its end Taichi makes this folder in any case, and a refusal ends the process
+            # Taichi makes this folder at exit in any case, and the process crashes if it cannot
             offline_cache_file_path=str(folder or os.path.abspath(os.sep)),
-            # takes longer than LLVM, and makes kernels slower; of the other passes see `passes`
+            # slower than LLVM's own, and makes kernels slower; for the other passes see `passes`
             cfg_optimization=False,
             advanced_optimization=_has_all_passes(arch),
             log_level=ti.ERROR,
-            unrolling_limit=0,  # no warning of loops that are unrolled on purpose
+            unrolling_limit=0,  # no warnings about loops that are unrolled on purpose
         )
     _share_kernels()
 
 
 def _share_kernels() -> None:
-    """Let kernels on disk serve any number of threads.
+    """Make kernels on disk independent of the number of threads.
 
-    Taichi writes the number into each kernel that it compiles, as the most that it may use; the
-    threads that there are have been started by then, and no loop gets more of them.
+    Taichi writes the number of threads into each kernel that it compiles, as an upper limit; the
+    actual threads have been started before, and no loop gets more than these.
     """
     backend.compiling().cpu_max_num_threads = MOST_THREADS
 
@@ -150,17 +151,17 @@ def _share_kernels() -> None:
 def _has_all_passes(arch: str) -> bool:
     """Whether kernels compile with Taichi's advanced passes.
 
-    With a GPU's packs, vectors of one number, Taichi 1.7.4 fails for Vulkan: it cannot say what
-    type the sum of such a vector and a number has.
+    They are off on a GPU: with its packs, vectors of one component, Taichi 1.7.4 fails for Vulkan,
+    since it cannot infer the type of the sum of such a vector and a scalar.
     """
     return arch == "cpu"
 
 
 @contextlib.contextmanager
 def passes(advanced: bool) -> Iterator[None]:
-    """Compile with Taichi's advanced passes or without; without them on a GPU.
+    """Compile with or without Taichi's advanced passes; on a GPU always without.
 
-    They merge what each access to a field works out anew, which LLVM cannot, and take a time that
+    They merge repeated address computations of field accesses, which LLVM cannot, and their time
     grows with the square of a kernel's length.
     """
     assert _started is not None
@@ -174,7 +175,7 @@ def passes(advanced: bool) -> Iterator[None]:
 
 
 def settings() -> dict[str, str | int]:
-    """What the runtime was started with, for a result's record."""
+    """The runtime's settings, for a result's record."""
     assert _started is not None
     told: dict[str, str | int] = {"arch": _started[0], "threads": _started[1]}
     if _device is not None:
@@ -182,14 +183,14 @@ def settings() -> dict[str, str | int]:
     return told
 
 
-# What a graphics device is called and whether it computes in 64 bits, asked of its driver: Taichi
-# tells neither. Where a driver's library does not answer, nothing is known of the device.
+# Name and 64-bit support of a graphics device are queried from its driver: Taichi reports neither.
+# If a driver's library does not answer, nothing is known about the device.
 
-# Vulkan's numbers for kinds of devices, in the order in which Taichi prefers them.
+# Vulkan's numbers for device types, in Taichi's order of preference.
 DISCRETE, INTEGRATED, VIRTUAL, SOFTWARE = 2, 1, 3, 4
 PREFERENCE = (DISCRETE, INTEGRATED, VIRTUAL, SOFTWARE)
 
-# Where Vulkan's records hold what is asked for here, in 32-bit words.
+# Offsets in Vulkan's records of the values needed here, in 32-bit words.
 DEVICE_TYPE = 4
 DEVICE_NAME = 5
 SHADER_FLOAT64 = 39
@@ -205,7 +206,7 @@ def device_of(arch: str) -> Device | None:
             return _vulkan_device()
     except (OSError, AttributeError):
         return None
-    # Metal's language has no 64-bit numbers
+    # Metal's language has no 64-bit floats
     return Device("Metal", has_float64=False) if arch == "metal" else None
 
 
@@ -236,7 +237,7 @@ def _vulkan_device() -> Device | None:
 
 
 def _ask(driver: ctypes.CDLL, handle: int) -> tuple[int, Device]:
-    """Kind and description of one physical device."""
+    """Type and description of one physical device."""
     properties = (ctypes.c_uint32 * RECORD_WORDS)()
     features = (ctypes.c_uint32 * RECORD_WORDS)()
     driver.vkGetPhysicalDeviceProperties(ctypes.c_void_p(handle), properties)

@@ -1,4 +1,4 @@
-"""Scratch: what a step works in. Only rows of the history stay in it, until they are harvested."""
+"""Scratch: working memory of a step. Only history rows persist in it, until they are harvested."""
 
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
@@ -9,13 +9,13 @@ HISTORY_ROWS = 256  # kept on the device between two calls
 
 # Members of a GPU's sums over a lattice.
 CONTACT_FORCE = 0  # on the impactor, upwards [N]
-SIDE_FORCE = 1  # and, if it turns, to the right [N]
-TORQUE = 2  # [N m]
-MOVED = 3  # furthest squared in this step [m2]
-STIFFEST = 4  # stiffened bond [N/m]
-OVERLAP = 5  # deepest so far in the impactor [m]
-DIVERGING = 6  # minus the lowest number of a node that has diverged
-CRUSH = 7  # largest of any bond
+SIDE_FORCE = 1  # on an impactor that turns, to the right [N]
+TORQUE = 2  # on an impactor that turns [N m]
+MOVED = 3  # largest squared displacement of a node in this step [m2]
+STIFFEST = 4  # stiffest stiffened bond [N/m]
+OVERLAP = 5  # largest overlap with the impactor so far [m]
+DIVERGING = 6  # minus the smallest number of a diverged node
+CRUSH = 7  # largest crush of a bond
 BREAKS = 8  # bonds that break in this step
 ENERGIES = 9  # those of `records.history.ENERGIES_NOW`, then BOOKED [J]
 ENERGY_SUMS = len(ENERGIES_NOW) + len(BOOKED)
@@ -26,21 +26,21 @@ class ScratchFields:
     """Workspace of a batch of lattices on the device.
 
     trial     motion of the nodes at the current stage
-    force     of the bonds [N]; on a CPU of the few columns that a sweep needs at a time
-    strain    of the bonds of a column now
-    tally     what a strip of nodes adds up; a sum over strips has one order on any machine
-    stiffest, contact_force, energy   of each strip: stiffened bond [N/m], force of its nodes on the
-              impactor now [N]; energies of `records.history.ENERGIES_NOW` [J]
+    force     forces of the bonds [N]; on a CPU, of the few columns that a sweep needs at a time
+    strain    present strains of the bonds of a column
+    tally     sums over a strip of nodes; strips are then added in the same order on any machine
+    stiffest, contact_force, energy   of each strip: its stiffest stiffened bond [N/m], the present
+              force of its nodes on the impactor [N], energies of `records.history.ENERGIES_NOW` [J]
     side_force, torque   of each strip on an impactor that turns [N], [N m]
-    column_breaks   bonds that break in this step
+    column_breaks   bonds of each column that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
-    cell_push   by which cells push the second ends of both their diagonals [N], kept as `force`
-    column_softens  bonds that lose a part of their faces in it
-    push      of other pieces on the nodes [N]; on a CPU also by candidate
+    cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
+    column_softens  bonds of each column that soften in this step
+    push      forces of other pieces on the nodes [N]; on a CPU also by candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, `row_columns`) rows since the last harvest
-    shake     acceleration of the base at the stage that comes next [m/s2]
-    sums, totals   of a GPU's blocks, and of the lattice
+    shake     acceleration of the base at the next stage [m/s2]
+    sums, totals   sums over each of a GPU's blocks, and over the lattice
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -53,17 +53,17 @@ class ScratchFields:
             self.strain = ti.types.struct(a=pack, b=pack).field()
             layout.listed_by_sweep(layout.packs, self.strain)
         tally = {
-            "least": pack,  # strain
+            "least": pack,  # smallest strain
             "sheared": pack,  # power of shear [W]
-            "damped": pack,  # and of the dashpots
-            "pressed": pack,  # and of the cells
+            "damped": pack,  # power of the dashpots [W]
+            "pressed": pack,  # power of the cells' room [W]
             "breaks": pack,  # bonds that break in this step
-            "by_bonds": pack,  # power of all bonds at the stage [W]
-            "moved": pack,  # squared motion in the step [m2]
-            "diverged": pack,  # nodes that have
+            "by_bonds": pack,  # power of all bonds and cells at the stage [W]
+            "moved": pack,  # largest squared displacement in the step [m2]
+            "diverged": pack,  # number of diverged nodes
         }
         if features.softens:
-            tally["softens"] = pack  # bonds that lose a part of their faces in this step
+            tally["softens"] = pack  # bonds that soften in this step
             self.column_softens = ti.field(ti.i32)
             layout.listed(layout.columns, self.column_softens, whole=True)
         self.tally = ti.types.struct(**tally).field()
@@ -110,6 +110,6 @@ class ScratchFields:
         else:
             self.radius = layout.pack.field()  # at the time of listing [m]
             layout.of_nodes(self.radius)
-            # apart from what is read: a wide load behind a narrow store would wait for it
+            # separate from fields that are read: a wide load after a narrow store would stall
             self.candidate_push = ti.types.vector(2, ti.f64).field()
             layout.listed(layout.most_candidates, self.candidate_push)

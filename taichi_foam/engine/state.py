@@ -1,7 +1,7 @@
-"""State: everything of a lattice that changes from step to step, as a value and as fields.
+"""State: everything in a lattice that changes from step to step, as a value and as fields.
 
-A `State` is taken from the device, stored, loaded, put back and continued: the steps that follow
-are the same to the last bit.
+A `State` can be taken from the device, stored, loaded, put back and continued: the steps that
+follow are the same to the last bit.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ from taichi_foam.scene.filling import Filling, filling
 
 Array = NDArray[np.float64]
 
-# What a bond is (`condition`).
+# Values of a bond's `condition`.
 ABSENT = -1
 BROKEN = 0
 WHOLE = 1
@@ -40,25 +40,25 @@ BREAKING = 2  # whole until the end of this step
 
 NEVER = 1e30
 
-# Why a lattice no longer steps.
+# Values of a lattice's `status`: whether it still steps, and if not, why.
 RUNNING = 0
 AT_END_TIME = 1
 AT_REBOUND = 2
 DIVERGED = 3
 CROWDED = 4
-EMPTY = 5  # nothing was loaded, or it has been taken away
+EMPTY = 5  # nothing is loaded
 
-# Members of a strip's work [J], in the order of `records.history.BOOKED`: works of the nodes on
-# what takes them up, positive where the nodes lose energy; stored energy that was lost as bonds
-# broke and cells let go; and, not added up but as it is at the end of the last step, what contacts
-# hold.
+# Members of a strip's work [J], in the order of `records.history.BOOKED`: the work that the nodes
+# do on each part of the model, positive where the nodes lose energy; the stored energy lost when
+# bonds broke and cells let go; and the energy that contacts store, which is not accumulated but is
+# the value at the end of the last step.
 (
     BONDS, SHEAR, ROOM, DASHPOTS, CONTACT, FRICTION, PIECES, BASE,
     LOST_BY_BONDS, LOST_BY_SHEAR, LOST_BY_ROOM,
     HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES,
 ) = range(len(BOOKED))  # fmt: skip
 WORKS = len(BOOKED)
-HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # beyond the impactor's time
+HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # kept for the next impact
 
 
 @ti.dataclass
@@ -72,15 +72,15 @@ class Body:
     rate_y: ti.f64  # weighted sums of the RK4 stages
     rate_v: ti.f64
     force: ti.f64  # on the impactor at the current stage [N]
-    support_work: ti.f64  # that the support has taken from it [J]
+    support_work: ti.f64  # energy that the support has taken from it [J]
 
 
 @ti.dataclass
 class Turn:
-    """What else moves of an impactor without rails, see `engine.turning`."""
+    """The other degrees of freedom of an unguided impactor, see `engine.turning`."""
 
-    x: ti.f64  # how far sideways since the start [m]
-    angle: ti.f64  # turned since the start, counter-clockwise [rad]
+    x: ti.f64  # horizontal displacement since the start [m]
+    angle: ti.f64  # rotation since the start, counter-clockwise [rad]
     u: ti.f64  # velocity to the right [m/s]
     spin: ti.f64  # [rad/s]
     trial_x: ti.f64
@@ -97,7 +97,7 @@ class Turn:
 
 @ti.dataclass
 class Clock:
-    """Where one lattice stands in time."""
+    """Time, step sizes and counters of one lattice."""
 
     time: ti.f64
     step: ti.f64
@@ -108,20 +108,20 @@ class Clock:
     last_contact: ti.f64
     reversal: ti.f64  # time of the impactor's zero velocity, NEVER before it
     drift: ti.f64  # how far any node can have moved since the neighbours were listed [m]
-    stiffest: ti.f64  # stiffened bond at the end of the last step [N/m]; < 0: not known yet
-    crush: ti.f64  # largest of any bond there, or so far (BondLaw.shears_stiffer), as a fraction
+    stiffest: ti.f64  # stiffest stiffened bond at the end of the last step [N/m]; < 0: unknown
+    crush: ti.f64  # largest -strain of a bond then, or so far (BondLaw.shears_stiffer)
     speed: ti.f64  # of the fastest node in the last step [m/s]
-    pause: ti.f64  # time at which a call hands the lattice back
+    pause: ti.f64  # time at which a call stops stepping the lattice
     steps: ti.i32
     status: ti.i32
     broken: ti.i32  # bonds broken so far
-    bad_node: ti.i32  # the first that diverged
-    stale: ti.i32  # the neighbour list is to be built again
+    bad_node: ti.i32  # the first node that diverged
+    stale: ti.i32  # the neighbour list must be rebuilt
     candidates: ti.i32  # nodes that have a pair in the neighbour list
-    pairs: ti.i32  # in the list; a GPU counts each from both sides
-    rows: ti.i32  # of the history on the device
+    pairs: ti.i32  # in the list; a GPU counts each pair twice
+    rows: ti.i32  # rows of the history on the device
     active: ti.i32  # takes part in the current step (staged stepping)
-    spare: ti.i32  # an even number of them, see Layout
+    spare: ti.i32  # makes the number of 32-bit members even, see Layout
 
 
 def _members(record: Any, *passing: str) -> tuple[str, ...]:
@@ -137,17 +137,17 @@ BODY = _members(Body, "trial_y", "trial_v", "rate_v")
 TURN = _members(
     Turn, "trial_x", "trial_angle", "trial_u", "trial_spin", "rate_u", "rate_spin", "cosine", "sine"
 )
-"""Members of a turn that a state holds, if there is one."""
+"""Members of a turn that a state holds, if the impactor is unguided."""
 
 
 @dataclass(frozen=True)
 class Kept(Per):
-    """Declares an array of a state by its annotation.
+    """Annotation that declares an array of a state.
 
-    device  names of its numbers on the device, see `StateFields`
-    start   what it is at a start, and in scenes whose features do without it
-    beyond  what it is around the block
-    seen    whether snapshots show it
+    device  names of its components on the device, see `StateFields`
+    start   its value at the start, and in scenes whose features do not use it
+    beyond  its value outside the block
+    seen    whether snapshots contain it
     """
 
     device: tuple[str, ...] = ()
@@ -166,24 +166,24 @@ class State:
     """One lattice of I x J nodes between two steps. SI units.
 
     position, velocity  (I, J, 2)
-    increment       (I, J, 2) motion in the last step, which the friction springs follow [m]
-    stretch         (I, J, 2) of the friction springs: impactor, floor [m]
-    room            (I, J) most that a node's contact radius may be [m], NEVER if anything
+    increment       (I, J, 2) displacement in the last step, which the friction springs follow [m]
+    stretch         (I, J, 2) stretch of the friction springs: impactor, floor [m]
+    room            (I, J) upper limit of a node's contact radius [m], NEVER if there is none
     surface         (I, J) whether the node can touch others, see `engine.contact`
-    hold            (I-1, J-1) what a cell holds of its forces, 1 to 0, see `engine.cells`
+    hold            (I-1, J-1) fraction of its forces that a cell still carries, see `engine.cells`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
-    break_time_a, break_time_b  the same [s], NaN while whole
-    intact_a, intact_b          the same, share of a whole bond's face that carries tension and
-                    shear: less than 1 only where bonds hold beyond their limits
-    clock, body     numbers by name, CLOCK and BODY
-    turn            the same, TURN; empty where impactors do not turn
-    work            (strips, WORKS) of each strip of nodes [J], see `records.history.BOOKED`; at a
-                    start as of one strip, since how many there are is the device's
-    overlap         (strips,) deepest so far in the impactor [m], likewise
+    break_time_a, break_time_b  (I-1, J), (I, J-1) time of breaking [s], NaN while whole
+    intact_a, intact_b          (I-1, J), (I, J-1) share of a whole bond's face that carries
+                    tension and shear: less than 1 only where bonds soften beyond their limits
+    clock, body     numbers by name, see CLOCK and BODY
+    turn            numbers by name, see TURN; empty if the impactor does not turn
+    work            (strips, WORKS) work of each strip of nodes [J], see `records.history.BOOKED`;
+                    one strip at the start, since the number of strips depends on the device
+    overlap         (strips,) largest overlap with the impactor so far [m], likewise
     neighbours      the neighbour list as the device keeps it, by field
 
-    An array that is declared here goes to the device and comes back, and is in checkpoints. One
-    that a `Cushion` has too goes on to the next impact.
+    Every array declared here goes to the device and comes back, and is in checkpoints. Those that
+    `Cushion` also has are carried over to the next impact.
     """
 
     position: Annotated[Array, Kept.at(NODES, "motion.x", "motion.y", seen=True)]
@@ -219,7 +219,7 @@ class State:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "State":
-        """The state that `to_arrays` gave. Raises KeyError: an array is missing."""
+        """The state from the arrays of `to_arrays`. Raises KeyError: an array is missing."""
         nested = {"clock": float, "body": float, "turn": float, "neighbours": np.asarray}
         values: dict[str, Any] = {}
         for field in fields(cls):
@@ -235,7 +235,7 @@ class State:
         return cls(**values)
 
     def cushion(self) -> Cushion:
-        """What it leaves of the block for the next impact."""
+        """The block as this state leaves it for the next impact."""
         return Cushion(
             **{name: getattr(self, name) for name in ARRAYS if name in _CARRIED},
             **{name: self.clock[name] for name in CLOCK if name in _CARRIED},
@@ -246,12 +246,12 @@ class State:
         )
 
     def snapshot(self) -> Snapshot:
-        """What a viewer sees of it. Without an impactor `impactor_y` is NaN."""
+        """A snapshot of the state. Without an impactor, `impactor_y` is NaN."""
         return snapshot_of(vars(self), self.clock, self.body, self.turn)
 
 
 ARRAYS: dict[str, Kept] = declared(State)
-"""How each array of a state was declared."""
+"""The declaration of each array of a state."""
 
 _CARRIED = {each.name for each in fields(Cushion)}
 
@@ -263,7 +263,7 @@ def snapshot_of(
     turn: Mapping[str, float],
     stress: NDArray[np.float32] | None = None,
 ) -> Snapshot:
-    """A snapshot of parts of a state, of whose arrays those that are `seen` are there."""
+    """A snapshot from parts of a state; of the arrays, only the `seen` ones are needed."""
     return Snapshot(
         time=clock["time"],
         impactor_y=np.nan if body["y"] == NEVER else body["y"],
@@ -280,10 +280,10 @@ def snapshot_of(
 
 
 def initial_state(scene: Scene) -> State:
-    """What a scene starts with; nodes that the base holds stand still.
+    """The state at a scene's start; nodes that the base holds are at rest.
 
-    Start's deformation gradient without the unit matrix is applied to the reference positions, so
-    that an undeformed block starts on its reference to the last bit.
+    The start's displacement gradient F - I is applied to the reference positions, so that an
+    undeformed block starts exactly at its reference positions.
     """
     block, start, impactor = scene.block, scene.start, scene.impactor
     columns, rows = block.columns, block.rows
@@ -296,7 +296,7 @@ def initial_state(scene: Scene) -> State:
     velocity[filled.on_base, 1] *= scene.base.kind == "floor"
     worst = [min(0.0, strain) for strain in start.strains]
     if scene.foam.law_for(scene.model).heeds_rate:
-        worst = [0.0, 0.0]  # such foam has had no time to flow
+        worst = [0.0, 0.0]  # rate-dependent foam has had no time to flow
     cut = np.where(cuts(scene), 0.0, np.nan)
     cut[:-1, :, 0][filled.face_a == 0.0] = np.nan
     cut[:, :-1, 1][filled.face_b == 0.0] = np.nan
@@ -334,12 +334,12 @@ def initial_state(scene: Scene) -> State:
 
 
 def state_after(scene: Scene, cushion: Cushion) -> State:
-    """What a scene starts with on a block as another run has left it.
+    """The state at a scene's start, on a block as another run has left it.
 
-    The block goes on where it was, to the last bit. Bonds that are broken were so from the start,
-    as cuts are. Clock, works and the impactor begin anew; its friction springs are slack, the
-    floor's are not. Floor and pieces hold what they held. Raises ValueError: none of the block is
-    beneath the impactor.
+    The block continues exactly as it was. Broken bonds count as broken from the start, as cuts do.
+    The clock, the works and the impactor start afresh: the impactor's friction springs are slack,
+    the floor's keep their stretch. Contacts with the floor and between pieces keep their stored
+    energy. Raises ValueError: no part of the block is beneath the impactor.
     """
     start = initial_state(scene)
     stretch = np.zeros_like(start.stretch)
@@ -364,13 +364,13 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
 
 
 def _held(filled: Filling) -> Array:
-    """What cells hold of their room's pressure at the start: 0 where a corner has no foam."""
+    """`State.hold` at the start: 0 where a corner of the cell has no foam."""
     there = filled.there
     return (there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]).astype(float)
 
 
 def _product(vectors: Array, matrix: Array) -> Array:
-    """matrix . vector for each of `vectors`, in one order of sums on every machine."""
+    """matrix . vector for each of `vectors`, summed in the same order on every machine."""
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([x * row[0] + y * row[1] for row in matrix], axis=-1)
 
@@ -379,18 +379,20 @@ class StateFields:
     """The states of a batch of lattices on the device.
 
     motion     position x, y [m] and velocity u, v [m/s] of the nodes
-    increment  the step's weighted sums of their rates, of the last step between steps
-    bond_a, bond_b, bonds   worst strain, condition, time of breaking [s]; where bonds hold beyond
-               their limits also `intact`, see State. The condition of a whole one is then what will
-               be left after this step
-    grip       share of a whole cell's foam that carries shear in a cell
+    increment  the current step's weighted sums of their rates; between steps, those of the last
+    bond_a, bond_b, bonds   worst strain, condition, time of breaking [s]; where bonds soften beyond
+               their limits also `intact`, see State. The condition of a whole bond is then the
+               share that will be intact after this step
+    grip       share of a cell that carries shear, relative to a whole cell of foam
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
     body, turn, clock, work, overlap   see State
     pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
-               candidates; their nodes; positions, velocities and radii; how many a column has
-    partners, partner_start, partner_count, radius   on a GPU: those that each node may touch
-    lists      of the neighbour list by name, numbers of one kind each
+               candidates; the candidates' nodes; their positions, velocities and radii; the number
+               of candidates in each column
+    partners, partner_start, partner_count, radius   the neighbour list on a GPU: the nodes that
+               each node may touch
+    lists      the neighbour list's fields by name
     """
 
     def __init__(self, layout: Layout, features: Features) -> None:
@@ -404,7 +406,7 @@ class StateFields:
         if features.softens:
             bond["intact"] = small_pack
             if layout.on_gpu:
-                bond["spare"] = small_pack  # an even number of 32-bit members, see Layout
+                bond["spare"] = small_pack  # makes the number of 32-bit members even, see Layout
         bond = ti.types.struct(**bond)
         self.motion, self.increment = motion.field(), motion.field()
         layout.by_columns(self.motion, self.increment)
@@ -458,7 +460,7 @@ class StateFields:
 
 @ti.dataclass
 class Candidate:
-    """A node that may touch others: what its pairs read, gathered in one place."""
+    """A node that may touch others: the values its pairs read, gathered in one place."""
 
     x: ti.f64  # [m]
     y: ti.f64
@@ -469,5 +471,5 @@ class Candidate:
 
 @ti.func
 def book(lattice: ti.template(), b, strip, member: ti.template(), work):
-    """Add to a member of a strip's work [J]. A strip has one thread: no atomics."""
+    """Add to a member of a strip's work [J]. One thread handles a strip, so no atomics."""
     lattice.state.work[b, strip][member] = lattice.state.work[b, strip][member] + work

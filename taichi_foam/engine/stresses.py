@@ -1,4 +1,4 @@
-"""Stresses outside a run: of bonds along a curve, about the mass points of a stored instant."""
+"""Stresses outside a run: of bonds at given strains, and about the mass points of a snapshot."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,9 +25,9 @@ WholeNumbers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
 def with_own_table(law: BondLaw, forget: Callable[[], None]) -> tuple[BondLaw, Any]:
-    """A law to be called outside a lattice, and the field (1, TABLE_ROWS) that it looks up.
+    """A law for use outside a lattice, and the field (1, TABLE_ROWS) of its table.
 
-    The field is None for a law without one. `forget` is called before it is lost.
+    The field is None for a law without a table. `forget` is called before the field is lost.
     """
     if not law.tabulated:
         return law, None
@@ -38,7 +38,7 @@ def with_own_table(law: BondLaw, forget: Callable[[], None]) -> tuple[BondLaw, A
 
 @cache
 def _kernel(law: BondLaw) -> tuple[Any, Any]:
-    """The law's normal stress, mapped over arrays, and the table that it looks up."""
+    """A kernel that maps the law's normal stress over arrays, and the field of its table."""
     law, table = with_own_table(law, _kernel.cache_clear)
 
     @ti.kernel
@@ -60,7 +60,7 @@ def normal_stresses(
     """Engineering stress [Pa] of the scene's foam, tension positive (Eq. 26, Fig. 19).
 
     Args:
-        scene: whose foam and readings hold.
+        scene: gives the foam and the model choices.
         strain: engineering strain now, any shape.
         worst: the most compressive strain so far (<= 0), of that shape or a number.
         broken: which bonds are broken, of that shape; default none.
@@ -82,14 +82,14 @@ def normal_stresses(
 
 
 def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
-    """Stress xx, yy and xy [Pa] about each mass point at an instant (I, J, 3), tension positive.
+    """Stress xx, yy and xy [Pa] about each mass point of a snapshot (I, J, 3), tension positive.
 
-    As the run has kept it; else worked out again from what the instant holds. That lacks friction,
-    contact of pieces, dashpots of contact, and what bonds beyond their limits have lost.
+    It is the stress that the run kept, or else is recomputed from the snapshot. The recomputed
+    stress lacks friction, contact of pieces, contact dashpots, and the softening of bonds.
     """
     if snapshot.stress is not None:
         return snapshot.stress
-    # an instant does not tell how fast the impactor is
+    # a snapshot does not contain the impactor's velocity
     undamped = scene.numerics.model_copy(update={"contact_damping": 0.0})
     scene = scene.model_copy(update={"numerics": undamped})
     start = initial_state(scene)

@@ -1,4 +1,4 @@
-"""What goes to the device and what comes back, a lattice of a batch at a time; and how it steps."""
+"""Transfer to and from the device, one lattice of a batch at a time, and the choice of stepping."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -40,19 +40,20 @@ AnyNumbers = ti.types.ndarray(ndim=1)
 
 CLOCK_REPORT = ("status", "time", "rows", "steps", "shortest", "longest", "stable", "bad_node")
 REPORT = (*CLOCK_REPORT, "overlap")
-"""Of every lattice after a call: members of the clock that a run records, the deepest overlap."""
+"""Reported for each lattice after a call: clock members that a run records, the largest overlap."""
 
-# From this many nodes on, a stage is worth spreading over a CPU's threads.
+# From this many nodes on, spreading a stage over a CPU's threads pays off.
 STAGED_NODES = 50_000
 
 AT_A_TIME = 500_000
-"""Numbers of nodes that are copied at a time: a copy of a big lattice would be as large as it."""
+"""Values copied at a time: a copy of a whole big lattice would need as much memory again."""
 
 
 def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> None:
     """Set lattice `b` of the batch to a state of `scene`, by default to its start.
 
-    The others go on. The lattice must have the scene's counts and features.
+    The other lattices of the batch are unaffected. The lattice must have the scene's counts and
+    features.
     """
     model = model_of(scene)
     _put_model(lattice, b, model)
@@ -65,14 +66,15 @@ def load(lattice: Lattice, b: int, scene: Scene, state: State | None = None) -> 
 
 
 def unload(lattice: Lattice, b: int) -> None:
-    """Take lattice `b` away: calls no longer step it."""
+    """Unload lattice `b`: calls no longer step it."""
     lattice.state.clock[b].status = EMPTY
 
 
 def _prepare(lattice: Lattice, b: int, knows_stiffest: bool) -> None:
-    """Of a state that has been put: what its cells carry, and its stiffest bond if unknown.
+    """Derive from a state just put what its cells carry, and its stiffest bond if unknown.
 
-    Apart, since the second is the whole law of bonds to compile, and few states ask for it.
+    The stiffest bond has a kernel of its own: it compiles the whole bond law, and few states need
+    it.
     """
     kernels = gpu if lattice.on_gpu else cpu
     if lattice.features.cells:
@@ -104,7 +106,7 @@ def _put_model(lattice: Lattice, b: int, model: Model) -> None:
 def _put_constants(
     lattice: ti.template(), b: ti.i32, numbers: Numbers, ends: WholeNumbers, lists: Numbers
 ):
-    """All in one call: setting them one by one takes longer than a short run."""
+    """Set all constants in one call: one by one takes longer than a short run."""
     for _ in range(1):
         for n in ti.static(range(len(lattice.model.members))):
             member, component, kind = ti.static(lattice.model.members[n])
@@ -123,7 +125,7 @@ def _put_constants(
 
 @ti.kernel
 def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNumbers):
-    """The foams, and each bond's own by rows; a pack's spare lanes have those of the last row."""
+    """Set the foams and each row's foam; a pack's spare lanes get the last row's foam."""
     for foam in range(lattice.features.foams):
         for n in ti.static(range(len(lattice.model.foam_members))):
             lattice.model.foam_members[n][0][b, foam] = foams[foam, n]
@@ -144,7 +146,7 @@ def _put_foams(lattice: ti.template(), b: ti.i32, foams: Table, places: WholeNum
 
 @ti.kernel
 def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
-    """That of one of the block's foams; the first one is also what is asked without a place."""
+    """Set the table of one foam; the first foam's is also the lattice's default."""
     place = b * lattice.features.foams + foam
     if foam == 0:
         lattice.model.parameters[b].bond.place = place
@@ -153,14 +155,14 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
             lattice.model.table[place, row][column] = table[row, column]
 
 
-# Numbers of nodes, bonds and cells.
+# Values of nodes, bonds and cells.
 
 Parts = Mapping[str, tuple[Array, Any]]
-"""Of fields by name: values by columns and rows, and what is beyond them."""
+"""Fields by name: their values by column and row, and the values outside the block."""
 
 
 def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Parts:
-    """What the device keeps of a state; what pads a block stands still on its lattice."""
+    """A state's node fields on the device; padding nodes are at rest on the reference lattice."""
     parts: dict[str, tuple[Array, Any]] = {}
     for name, told in ARRAYS.items():
         values = getattr(state, name)
@@ -194,14 +196,14 @@ def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Par
 
 
 def _height(lattice: Lattice) -> int:
-    """Rows of a column of packs with those that pad it."""
+    """Rows of a column of packs, padding included."""
     return (-(-lattice.size.rows // lattice.lanes) + 2) * lattice.lanes
 
 
 def _put_nodes(
     lattice: Lattice, packs: Packs, b: int, parts: Parts, columns: tuple[int, int] | None = None
 ) -> None:
-    """Set fields of lattice `b`, from one column to another; by default all, and what pads them."""
+    """Set fields of lattice `b` in a range of columns; by default in all, padding included."""
     if not packs.fields:
         return
     lanes_, height = lattice.lanes, _height(lattice)
@@ -228,7 +230,7 @@ def _put_nodes(
 def _put_packs(
     lattice: ti.template(), packs: ti.template(), b: ti.i32, first: ti.i32, values: Stack
 ):
-    """Columns from `first` on, by rows from those of the pack below the block on."""
+    """Set columns from `first` on; the rows begin with the padding pack below the block."""
     for i in range(values.shape[1]):
         for n in ti.static(range(len(packs.fields))):
             field = ti.static(packs.fields[n])
@@ -238,7 +240,7 @@ def _put_packs(
 
 
 def _take_nodes(lattice: Lattice, packs: Packs, b: int) -> Iterator[tuple[slice, dict[str, Array]]]:
-    """Fields of lattice `b` by name, some columns at a time; it may be changed."""
+    """Fields of lattice `b` by name, some columns at a time. The caller may change the arrays."""
     columns, rows = lattice.size.columns, lattice.size.rows
     count = max(1, AT_A_TIME // (len(packs.names) * rows))
     for first in range(0, columns, count):
@@ -259,7 +261,7 @@ def _take_packs(
 
 
 def _arrays(lattice: Lattice, b: int, packs: Packs, seen: bool) -> dict[str, Array]:
-    """Those arrays of a state that are `seen`, or that are not."""
+    """The arrays of a state that are `seen`, or those that are not."""
     size = lattice.size.columns, lattice.size.rows
     told = {name: each for name, each in ARRAYS.items() if each.seen == seen}
     found = {name: np.empty(each.shape(*size)) for name, each in told.items()}
@@ -268,7 +270,7 @@ def _arrays(lattice: Lattice, b: int, packs: Packs, seen: bool) -> dict[str, Arr
             found[name][...] = each.start
     for columns, taken in _take_nodes(lattice, packs, b):
         if seen:
-            for bond in ("bond_a", "bond_b"):  # nor what never was
+            for bond in ("bond_a", "bond_b"):  # whole and absent bonds have no time of breaking
                 taken[f"{bond}.break_time"][taken[f"{bond}.condition"] != BROKEN] = np.nan
         for name, each in told.items():
             for n, device in enumerate(each.device):
@@ -282,11 +284,11 @@ def _arrays(lattice: Lattice, b: int, packs: Packs, seen: bool) -> dict[str, Arr
     return found
 
 
-# Numbers of a lattice and of its strips.
+# Values of a lattice and of its strips.
 
 
 def _of_lattice(lattice: Lattice, state: State) -> tuple[Array, Array]:
-    """What the device keeps of the state of a whole lattice: of each strip, and single numbers."""
+    """A state's values that are not per node: those of each strip, and those of the lattice."""
     strips = np.zeros((lattice.filled_strips, WORKS + 1))
     given = len(state.work)
     strips[:given, :WORKS], strips[:given, WORKS] = state.work, state.overlap
@@ -335,7 +337,7 @@ def _take_numbers(lattice: ti.template(), b: ti.i32, strips: Table, numbers: Num
 
 
 def _numbers(lattice: Lattice, b: int) -> tuple[Array, dict[str, dict[str, float]]]:
-    """Of each strip its works and its overlap; members of clock, body and turn by name."""
+    """Each strip's works and overlap; the members of clock, body and turn by name."""
     strips = np.empty((lattice.filled_strips, WORKS + 1))
     numbers = np.empty(len(lattice.numbers))
     _take_numbers(lattice, b, strips, numbers)
@@ -370,13 +372,13 @@ def take(lattice: Lattice, b: int) -> State:
 
 
 def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapshot:
-    """What a viewer sees of lattice `b` between two steps; of a `stressed` block with stresses."""
+    """A snapshot of lattice `b` between two steps; with stresses if `stressed` is its block."""
     stress = None if stressed is None else virial.stresses(lattice, b, stressed)
     arrays = _arrays(lattice, b, lattice.seen, True)
     return snapshot_of(arrays, **_numbers(lattice, b)[1], stress=stress)
 
 
-# The neighbour list: kept as it is, since sums go in its order.
+# The neighbour list. It is kept as it is, since its order is the order of sums.
 
 
 def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) -> None:
@@ -437,7 +439,7 @@ def _take_list(field: ti.template(), b: ti.i32, values: AnyNumbers):
 
 
 def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
-    """The faster way to take up to so many steps of every lattice of a batch that goes on."""
+    """The faster function to step the lattices of a batch; its second argument limits the steps."""
     if lattice.on_gpu:
         return gpu.advance_blocks if lattice.size.nodes <= BLOCK_NODES else gpu.advance_wide
     return cpu.advance_staged if lattice.size.nodes >= STAGED_NODES else cpu.advance_fused
@@ -445,13 +447,13 @@ def advance_of(lattice: Lattice) -> Callable[[Lattice, int], None]:
 
 @ti.kernel
 def set_pause(lattice: ti.template(), times: Numbers):
-    """Set the times [s] at which a call hands each lattice back."""
+    """Set the time [s] at which a call stops stepping each lattice."""
     for b in range(times.shape[0]):
         lattice.state.clock[b].pause = times[b]
 
 
 def harvest(lattice: Lattice) -> tuple[dict[str, np.ndarray], list[np.ndarray]]:
-    """Where every lattice stands (REPORT), and its rows (n, k) since the last harvest."""
+    """Each lattice's REPORT, and its history rows (n, k) since the last harvest."""
     report = np.empty((lattice.size.batch, len(REPORT)))
     rows = np.empty((lattice.size.batch, HISTORY_ROWS, len(row_columns(lattice.features.turns))))
     _harvest(lattice, report, rows)

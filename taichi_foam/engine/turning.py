@@ -1,8 +1,8 @@
-"""An impactor without guide rails: where its points are and how they move, and a stage for it.
+"""An impactor without guide rails: the motion of its points, and its Runge-Kutta stage.
 
-Its reference point, mid-width and lowest level of the outline as it starts, is carried along with
-its centre of mass: `Body` has the height of that point, `Turn` how far it has moved sideways, and
-how far the body has turned about its centre of mass.
+Its reference point, at mid-width and the lowest level of the outline at the start, moves with its
+centre of mass: `Body` holds the height of that point, `Turn` its horizontal displacement and the
+body's rotation about its centre of mass.
 """
 
 from taichi_foam.backend import ti
@@ -24,7 +24,7 @@ def arm_to(lattice: ti.template(), b, x, y, p: ti.template()):
 
 @ti.func
 def in_body(lattice: ti.template(), b, x, y, p: ti.template()):
-    """A point, or a pack of them, about the reference point, as if the body had not turned [m]."""
+    """A point, or a pack of them, in the unturned body's frame, about its reference point [m]."""
     arm_x, arm_y = arm_to(lattice, b, x, y, p)
     cosine, sine = lattice.state.turn[b].cosine, lattice.state.turn[b].sine
     across = (cosine * arm_x + sine * arm_y) + p.impactor_centre.x
@@ -33,7 +33,7 @@ def in_body(lattice: ti.template(), b, x, y, p: ti.template()):
 
 @ti.func
 def turned(lattice: ti.template(), b, along: vec2) -> vec2:
-    """A direction of the body as it stands now."""
+    """A direction of the unturned body, turned with the body."""
     cosine, sine = lattice.state.turn[b].cosine, lattice.state.turn[b].sine
     return vec2(cosine * along.x - sine * along.y, cosine * along.y + sine * along.x)
 
@@ -48,7 +48,7 @@ def is_near(lattice: ti.template(), b, x, y, p: ti.template()):
 
 @ti.func
 def velocity_of(lattice: ti.template(), b, arm: vec2) -> vec2:
-    """Velocity [m/s] of the body's point at an arm [m]."""
+    """Velocity [m/s] of the body's point at an arm [m] from its centre of mass."""
     turn = lattice.state.turn[b]
     return vec2(
         turn.trial_u - turn.trial_spin * arm.y,
@@ -58,7 +58,7 @@ def velocity_of(lattice: ti.template(), b, arm: vec2) -> vec2:
 
 @ti.func
 def slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
-    """How far [m] the body's point has moved since friction springs were latched.
+    """How far [m] the body's point at `arm` has moved since friction springs were latched.
 
     They are latched at a step's first stage, whose rates still hold the last step's motion.
     """
@@ -67,28 +67,28 @@ def slid(lattice: ti.template(), b, arm: vec2, stage) -> vec2:
     if stage > 0:
         way = vec2(turn.trial_x - turn.x, body.trial_y - body.y)
         by_turn = turn.trial_angle - turn.angle
-    # the arm halfway between, so that the path is the chord
+    # with the arm at half the turn, the path is the chord
     half_x, half_y = arm.x + 0.5 * by_turn * arm.y, arm.y - 0.5 * by_turn * arm.x
     return vec2(way.x - by_turn * half_y, way.y + by_turn * half_x)
 
 
 @ti.func
 def fastest(lattice: ti.template(), b, p: ti.template()) -> ti.f64:
-    """No point of the body is faster [m/s]."""
+    """Upper bound on the speed of the body's points [m/s]."""
     turn, v = lattice.state.turn[b], lattice.state.body[b].v
     return ti.sqrt(turn.u * turn.u + v * v) + ti.abs(turn.spin) * p.impactor_reach
 
 
 @ti.func
 def rises(lattice: ti.template(), b, p: ti.template()) -> ti.i32:
-    """Whether no point of the body moves down, however far it turns."""
+    """Whether no point of the body moves down, whatever its angle."""
     sinking = ti.abs(lattice.state.turn[b].spin) * p.impactor_reach
     return ti.i32(lattice.state.body[b].v >= sinking)
 
 
 @ti.func
 def add_reaction(lattice: ti.template(), b, strip, force: vec2, arm: vec2):
-    """Add to a strip's what a node, pushed by `force`, does to the body besides lifting it."""
+    """Add to a strip's sums the horizontal force and torque on the body of a node under `force`."""
     side, torque = ti.static(lattice.scratch.side_force, lattice.scratch.torque)
     side[b, strip] = side[b, strip] - force.x
     torque[b, strip] = torque[b, strip] - (arm.x * force.y - arm.y * force.x)
@@ -98,8 +98,8 @@ def add_reaction(lattice: ti.template(), b, strip, force: vec2, arm: vec2):
 def load_of_strips(lattice: ti.template(), b) -> vec3:
     """The nodes' force on the body, up and to the right [N], and their torque [N m].
 
-    Strips of mirrored columns are added first: a symmetric impact does not turn the body, and the
-    mirror image adds the same numbers.
+    Strips of mirrored columns are added in pairs, so that a symmetric impact does not turn the body
+    and a mirrored impact gives the same numbers.
     """
     load = vec3(0.0)
     for strip in range((lattice.counts[None].strips + 1) // 2):
@@ -119,10 +119,10 @@ def _load(lattice: ti.template(), b, strip) -> vec3:
 
 @ti.func
 def _support(lattice: ti.template(), b, weight, p: ti.template()) -> vec3:
-    """Load of the support on a body that has gone right through the block, and its work.
+    """Load of the support on a body that has gone right through the block; its work is booked.
 
-    Each corner of the convex hull that is below it stands on half the spring that stops an
-    impactor on rails: a level face, on two corners, on all of it.
+    Each corner of the convex hull below y = 0 meets half the spring that stops a guided impactor: a
+    level face, with two corners, meets the whole spring.
     """
     load = vec3(0.0)
     body = lattice.state.body[b]

@@ -1,14 +1,13 @@
 """Stress about each mass point: the virial of all forces on it (Love; Irving & Kirkwood).
 
-Of half of each of its bonds, a quarter of each of its cells, and of contact, with impactor, floor,
-other pieces and what holds it, from the mass point to where its cell ends:
-
     stress = 1/V sum of arm (x) force
 
-over the volume V that it has now; tension positive. The forces are those of the engine's own
-functions at a middle stage, which change no state.
+over the mass point's present volume V; tension positive. The sum takes half of each of its bonds, a
+quarter of each of its cells, and the forces of contact with the impactor, the floor and other
+pieces and of the base that holds it, each with the arm from the mass point to its cell's side. The
+forces are computed by the engine's own functions at a middle stage, which change no state.
 
-Kernels of it take some seconds to compile: runs keep stresses only if they are asked to
+The kernels take some seconds to compile: runs keep stresses only on request
 (`Output.keeps_stress`).
 """
 
@@ -25,11 +24,11 @@ from taichi_foam.scene.filling import filling
 
 Stack = ti.types.ndarray(dtype=ti.f64, ndim=3)
 
-# What the forces are asked for as: a stage that brings no history up to date, and the share of a
-# step by which works are booked.
+# Arguments with which forces are computed: a stage that updates no history, and zero weight for
+# works.
 MIDDLE, NOTHING = 1, 0.0
 
-# A volume is no less than this part of what the worst strains have left: lattices fold.
+# Smallest volume, over that which the worst strains leave: lattices fold.
 LEAST_ROOM = 0.5
 
 vec2 = ti.types.vector(2, ti.f64)
@@ -53,7 +52,7 @@ def stresses(lattice: Lattice, b: int, block: Block) -> NDArray[np.float32]:
 
 
 def _shares(block: Block) -> NDArray[np.float64]:
-    """Foam of each mass point over a whole cell's, (I, J); infinite where there is none."""
+    """Foam of each mass point over that of a whole cell, (I, J); infinite where there is none."""
     filled = filling(block)
     held = filled.owner[..., 0] >= 0
     total = np.zeros_like(filled.share)
@@ -155,7 +154,10 @@ def _add_node(
     lattice: ti.template(), stage, weight, b, i, j, strip, sweep, slot, left, found: ti.template(),
     p: ti.template(),
 ):  # fmt: skip
-    """What bonds, cells and bodies give to a node's virial [J]; `left` is the column beside it."""
+    """Contribution of bonds, cells and bodies to a node's virial [J].
+
+    `left` is the slot of the column to the left.
+    """
     force, motion = ti.static(lattice.scratch.force, lattice.scratch.trial)
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     low_k, low_lane = lanes.pack_of(lattice, j - 1), lanes.lane_of(lattice, j - 1)
@@ -194,7 +196,7 @@ def _add_node(
         deepest = lattice.state.overlap[b, strip]
         by_bodies = contact.touch_bodies(lattice, b, i, j, strip, stage, weight, p)
         lattice.state.overlap[b, strip] = deepest
-        # it acts where the cell ends, on the side that it presses
+        # the force acts on the side of the cell that it presses
         arm = across
         if ti.abs(by_bodies.dot(upright)) * across.norm() > (
             ti.abs(by_bodies.dot(across)) * upright.norm()
@@ -220,7 +222,7 @@ def _pushes(lattice: ti.template(), sweep, slot, k, lane):
 def _of_cell(
     lattice: ti.template(), motion: ti.template(), b, i, j, first: vec2, second: vec2
 ) -> vec3:
-    """A quarter of what the forces of cell (i, j) along both its diagonals give [J]."""
+    """A quarter of the virial of the forces of cell (i, j) on its diagonals' ends [J]."""
     start = lanes.position(lattice, motion, b, i, j)
     right = lanes.position(lattice, motion, b, i + 1, j)
     up = lanes.position(lattice, motion, b, i, j + 1)
@@ -230,7 +232,7 @@ def _of_cell(
 
 @ti.func
 def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> vec3:
-    """What the contact of two pieces gives to each of them [J]."""
+    """Contribution of the contact of two pieces to the virial of each [J]."""
     here, there = contact.place_of(lattice, one), contact.place_of(lattice, two)
     motion = ti.static(lattice.scratch.trial)
     away = contact.node_at(motion, b, here) - contact.node_at(motion, b, there)
@@ -241,7 +243,7 @@ def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> ve
 
 @ti.func
 def _divide(lattice: ti.template(), b, i, j, found: ti.template(), p: ti.template()):
-    """Make a node's virial a stress."""
+    """Divide a node's virial by its volume."""
     _, _, area = _cell(lattice, b, i, j, p)
     for c in ti.static(range(3)):
         found[i, j, c] = found[i, j, c] / (area * p.thickness)
@@ -249,7 +251,7 @@ def _divide(lattice: ti.template(), b, i, j, found: ti.template(), p: ti.templat
 
 @ti.func
 def _cell(lattice: ti.template(), b, i, j, p: ti.template()):
-    """The two sides of a node's cell as its whole bonds have them now [m], and its area [m2]."""
+    """The two sides of a node's cell from its whole bonds at present [m], and its area [m2]."""
     across, width = _side(lattice, A, b, i, j, p)
     upright, height = _side(lattice, B, b, i, j, p)
     area = across.x * upright.y - across.y * upright.x
@@ -258,7 +260,7 @@ def _cell(lattice: ti.template(), b, i, j, p: ti.template()):
 
 @ti.func
 def _side(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()):
-    """Mean of a node's whole bonds along `axis` [m], and the length that crushing has left it."""
+    """Mean of a node's whole bonds along `axis`, and the length left by crushing [m]."""
     motion, state = ti.static(lattice.scratch.trial, lattice.state.bonds[axis])
     step = ti.static((1, 0) if axis == A else (0, 1))
     total, worst, count, there = vec2(0.0), 0.0, 0, 0

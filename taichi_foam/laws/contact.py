@@ -1,4 +1,4 @@
-"""Forces between a mass point and a rigid body, and between pieces that rub.
+"""Forces between a mass point and a rigid body, and friction between pieces.
 
 Normal force by penalty, tangential force by a spring with a Coulomb slider
 (Cundall & Strack 1979, Geotechnique 29:47), which sticks without creep.
@@ -9,15 +9,15 @@ from taichi_foam.backend import ti
 
 @ti.func
 def normal_force(stiffness: ti.f64, distance: ti.f64) -> ti.f64:
-    """Penalty force [N], never pulling, for a signed distance [m], negative inside."""
+    """Penalty force [N], never tensile, for a signed distance [m], negative inside."""
     return stiffness * ti.max(-distance, 0.0)
 
 
 @ti.func
 def damped_force(spring: ti.f64, dashpot: ti.f64, parting: ti.f64) -> ti.f64:
-    """Force [N] of a contact's spring and of the dashpot beside it, never pulling.
+    """Force [N] of a contact's spring and its parallel dashpot, never tensile.
 
-    Of two that part at a speed [m/s], negative where they close.
+    `parting` is the speed of separation [m/s], negative on approach.
     """
     return ti.max(spring - dashpot * parting, 0.0)
 

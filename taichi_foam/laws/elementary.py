@@ -1,9 +1,9 @@
 """Exponential, logarithm, power and sine in plain float64 arithmetic, of scalars and vectors alike.
 
-SPIR-V, and so Vulkan, has these in 32 bits only. Every backend takes them from here, the CPU too,
+SPIR-V, and so Vulkan, has these in 32 bits only. Every backend uses these functions, the CPU too,
 so that all agree to rounding: they are sums, products, one division, comparisons, selections and
-shifts. Nothing branches on a value and no bits are reinterpreted, and so the compiler works out a
-vector of four side by side, where a library's function would be called four times.
+shifts. Nothing branches on a value and no bits are reinterpreted, so the compiler can vectorise
+them for four numbers at once, where a library function would be called four times.
 
 Errors are given in ulp, the distance from the true value to the next double, and were measured
 against 40 digits. A compiler that fuses products with sums may change them by a part of an ulp.
@@ -13,8 +13,8 @@ import math
 
 from taichi_foam.backend import ti
 
-# The exponential is 0 below the first (where it is 3e-308 and would soon be subnormal, which many
-# devices flush to 0, and a process that has imported Taichi too), and infinite above the second.
+# The exponential is set to 0 below the first (where it is 3e-308; subnormal numbers are flushed to
+# 0 by many devices, and in a process that has imported Taichi), and infinite above the second.
 LEAST_EXPONENT = -708.0
 GREATEST_EXPONENT = 709.782712893384
 
@@ -27,7 +27,7 @@ LN_2_LOW = 1.9082149292705877e-10
 PER_LN_2 = 1.0 / math.log(2.0)
 SQRT_2 = math.sqrt(2.0)
 
-# The binary exponent of LEAST_EXPONENT: counted from there none is negative.
+# The binary exponent of LEAST_EXPONENT: counted from there, no exponent is negative.
 LEAST_BINARY = -1021
 # Powers of two, their inverses and their logarithms: enough to bring any number down to 1.
 HALVINGS = tuple((2.0**k, 2.0**-k, float(k)) for k in (512, 256, 128, 64, 32, 16, 8, 4, 2, 1))
@@ -52,7 +52,7 @@ LOG_SERIES = tuple(2.0 / k for k in range(21, 1, -2))
 def smaller(x, y):
     """The smaller of two numbers; `y` if either is NaN.
 
-    One instruction. ti.min, which prefers what is not NaN, takes three.
+    It takes one instruction; ti.min, which returns the number that is not NaN, takes three.
     """
     return ti.select(x < y, x, y)
 
@@ -67,13 +67,13 @@ def larger(x, y):
 def exp(x):
     """e^x within 1.2 ulp for x from -708 to 709.78; 0 below that, infinity above, NaN of NaN."""
     bounded = ti.select(x > LEAST_EXPONENT, ti.min(x, GREATEST_EXPONENT), LEAST_EXPONENT)
-    # x = n ln 2 + r with |r| <= ln(2) / 2, so that e^x = 2^n e^r; a NaN goes on in r
+    # x = n ln 2 + r with |r| <= ln(2) / 2, so that e^x = 2^n e^r; r propagates a NaN
     n = ti.floor(bounded * PER_LN_2 + 0.5)
     r = (x - n * LN_2_HIGH) - n * LN_2_LOW
     series = r * EXP_SERIES[0]
     for coefficient in ti.static(EXP_SERIES[1:]):
         series = (series + coefficient) * r
-    # 2^n = 2^(2 half + odd + LEAST_BINARY), a half having 10 bits: 2, 4 and 4 of them are shifted
+    # 2^n = 2^(2 half + odd + LEAST_BINARY); half has 10 bits, shifted in groups of 2, 4 and 4
     binary = ti.cast(n, ti.i32) - LEAST_BINARY
     half = binary >> 1
     root = ti.cast(1 << (half >> 8), ti.f64)

@@ -2,7 +2,7 @@
 
 A face's force per reference area is F S N (Eqs 10-11 with Nanson's formula): its normal stress acts
 along the gradient's column along the bond, its shear stress along the column across it.
-Arguments may be numbers or vectors of them, one for each of several bonds.
+Arguments may be scalars, or vectors with one component per bond.
 """
 
 from taichi_foam.backend import ti

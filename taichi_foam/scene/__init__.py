@@ -1,8 +1,8 @@
 """Scenes: one impact on one foam block, as typed, frozen, validated values in SI units.
 
-Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end.
-A value that is not allowed raises `pydantic.ValidationError`; `scene.messages.explain` turns that
-into text for people.
+Every part has defaults, those of the paper's tests; `Scene()` lacks only an impactor or an end
+time. An invalid value raises `pydantic.ValidationError`; `scene.messages.explain` turns it into
+readable text.
 """
 
 from taichi_foam.choices import CHOICE_SETS

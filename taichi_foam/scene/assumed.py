@@ -1,8 +1,8 @@
-"""Values of a foam of one's own that the scene assumes, since nobody gave them.
+"""Values of a user's foam that the program assumed.
 
-The paper's foam is known as a whole. Of a foam of which somebody gave some constants, the others
-are derived from these, or are those of the paper's foam: each such key stands in the scene's
-`assumed`, with what stands for it, so that no result hides them.
+The paper's foam is fully known. If a user gives some constants of a foam, the others are derived
+from them, or are those of the paper's foam. Each such key is listed in the scene's `assumed` with
+the origin of its value, so that no result hides it.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
 _READINGS = frozenset({"crush_band"})
-"""Of a foam's keys, those that sets of choices give, too: they alone make no foam of one's own."""
+"""Keys of a foam that sets of choices also give: alone they do not make it a user's foam."""
 
 _KEPT = frozenset({*_READINGS, "softening", "strength_scatter", "strength_seed"})
-"""What a foam keeps when a curve takes the place of its law."""
+"""Keys that a foam keeps when a curve replaces its law."""
 
 _ELSEWHERE = {
     "block.density": "that of the paper's foam",
     "numerics.damping_time": "that of the paper's foam: dashpots of so much of its stiffness",
     "model.shear_pressure_coefficient": "calibrated on the paper's foam",
 }
-"""What describes a foam and stands in other parts of a scene, and what it is unless given."""
+"""Keys in other parts of a scene that describe a foam, with the origin of their defaults."""
 
 _WHOLE = re.compile(r"block(\.layers(\[\d+\])?)?")
-"""Keys of layers, together or one by one."""
+"""Keys of the block, of its layers, or of a single layer."""
 
 _PARTS = ("across", "block", "numerics", "model")
-"""Parts of a scene that have such values besides the foam."""
+"""Parts of a scene, other than the foam, that have such values."""
 
 _OTHERS = ("across.", "block.layers[")
-"""How keys of foams begin that are not [foam]."""
+"""Beginnings of keys of foams other than [foam]."""
 
 
 class Assumed(Part):
-    """A key that nobody gave, and what stands for its value."""
+    """A key that was not given, and the origin of its value."""
 
     key: str = Field(
         description="dotted key of the scene",
@@ -58,7 +58,7 @@ class Assumed(Part):
 
 
 def followed(scene: Any) -> dict[str, Any]:
-    """The parts of a scene with what its foams assume, by name, where something follows."""
+    """Changed parts of a scene by name: its `assumed`, and parts with foams completed by [foam]."""
     found = [_unsaid(scene, head) for head in heads_of_foams(scene)]
     parts = _with_readings(scene)
     if any(entries is not None for entries in found):
@@ -68,7 +68,7 @@ def followed(scene: Any) -> dict[str, Any]:
 
 
 def _with_readings(scene: Any) -> dict[str, Any]:
-    """Parts whose foams are read as [foam] is, where they do not say otherwise."""
+    """Parts whose foams take the readings of [foam] that they do not give themselves."""
 
     readings = _READINGS & _given(scene.foam)
     if not readings:
@@ -86,14 +86,14 @@ def _with_readings(scene: Any) -> dict[str, Any]:
 
 
 def _unsaid(scene: Any, head: str) -> list[Assumed] | None:
-    """What a scene assumes of one of its foams and has not said yet; None: it is the paper's."""
+    """Assumptions about one of a scene's foams that are not listed yet; None: the paper's foam."""
     foam, earlier = at(scene, f"{head}foam"), scene.assumed
     kind, given = type(foam), _given(foam)
     known = {each.key for each in earlier or ()}
     of_others = {key for key in known if key.startswith(_OTHERS)}
     if head:
         said = any(key.startswith(f"{head}foam.") for key in of_others)
-    else:  # a list without entries says that all of it was given
+    else:  # an empty list means that all of [foam] was given
         said = earlier is not None and (not known or bool(known - of_others))
     if not said and all(
         getattr(foam, key) in (kind.model_fields[key].default, PAPERS_FOAM.get(key))
@@ -108,9 +108,10 @@ def _unsaid(scene: Any, head: str) -> list[Assumed] | None:
 
 
 def given_data(scene: Any) -> dict[str, Any]:
-    """Nested data of a scene, without what follows from the rest: to be changed, and checked anew.
+    """Nested data of a scene without values that follow from others, to be changed and rechecked.
 
-    Of the paper's foam nothing was given. What a foam file assumes stays, with its entry.
+    Of the paper's foam no key counts as given. The assumptions of a foam file stay, with their
+    entries.
     """
     data = scene.model_dump(exclude_none=True)
     for key in scene.block.computed:
@@ -119,17 +120,17 @@ def given_data(scene: Any) -> dict[str, Any]:
     if scene.assumed is not None:
         data["assumed"] = [each for each in data["assumed"] if each["key"] not in unsaid]
         if not data["assumed"] and _is_papers(scene, ""):
-            del data["assumed"]  # without entries it would say that all of [foam] was given
+            del data["assumed"]  # an empty list would mean that all of [foam] was given
     for key in unsaid:
         _take(data, key)
     return data
 
 
 def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
-    """Keys that nobody gave of one of a scene's foams, whose nested data is `data`.
+    """Keys of one of a scene's foams that were not given; `data` is the scene's nested data.
 
-    They are what it has if they are left out: a value that somebody wrote over what was assumed is
-    given.
+    Their values are those that the foam has if they are left out: a value that replaces an assumed
+    one counts as given.
     """
     foam, own = at(scene, f"{head}foam"), f"{head}foam."
     reasons = _unless_given(type(foam), head)
@@ -155,11 +156,11 @@ def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
 
 
 def _is_papers(scene: Any, head: str) -> bool:
-    """Whether nobody gave one of a scene's foams, so that it is the paper's."""
+    """Whether one of a scene's foams is the paper's, since none of its keys was given."""
     if scene.assumed is None:
         return True
     if not head and len(list(heads_of_foams(scene))) == 1:
-        return False  # it is of it that the scene says what is assumed
+        return False  # the scene's assumptions are about this foam
     foam = at(scene, f"{head}foam")
     described = {f"{head}foam.{key}" for key in type(foam).model_fields} | _around_foam(head).keys()
     return not any(each.key in described for each in scene.assumed) and all(
@@ -168,19 +169,19 @@ def _is_papers(scene: Any, head: str) -> bool:
 
 
 def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Take from nested data of a scene what described foams that `values` are about to replace.
+    """Remove from nested data of a scene what describes foams that `values` are about to replace.
 
-    A name, a file or a whole foam replaces one, and so does a curve where there was none.
+    A name, a file or a whole foam replaces a foam, and so does a curve if the foam had none.
 
     Raises:
-        UserError: `values` say what is assumed, which only the program does.
+        UserError: `values` contain `assumed`, which only the program writes.
     """
     if any(key.partition(".")[0].partition("[")[0] == "assumed" for key in values):
         raise UserError("assumed: written by the program; give the keys that it names instead")
     for key in values:
         if data.get("assumed") and _WHOLE.fullmatch(
             key
-        ):  # its layers go with what is assumed of them
+        ):  # layers are replaced together with the assumptions about them
             _forget(data, key if key.endswith("]") else "block.layers[")
     for head in list(heads_of_foams(data)):
         place = at(data, head.rstrip("."))
@@ -197,10 +198,13 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def _forget(data: dict[str, Any], head: str) -> list[str]:
-    """Take entries of keys that begin so, or without a head those of [foam]; returns these keys."""
+    """Remove entries whose keys begin with `head`, or those of [foam] if it is empty.
+
+    Returns their keys.
+    """
     entries = data.get("assumed")
     if not isinstance(entries, list):
-        return []  # what is wrong with it is said where it is checked
+        return []  # a later check reports the error
     keys = [str(_key(each)) for each in entries]
     gone = [key.startswith(head) if head else not key.startswith(_OTHERS) for key in keys]
     data["assumed"] = [each for each, goes in zip(entries, gone, strict=True) if not goes]
@@ -210,14 +214,14 @@ def _forget(data: dict[str, Any], head: str) -> list[str]:
 
 
 def _take(data: Any, key: str) -> None:
-    """Take a dotted key out of nested data, if it is there."""
+    """Remove a dotted key from nested data, if present."""
     part, _, last = key.rpartition(".")
     if isinstance(table := at(data, part), dict):
         table.pop(last, None)
 
 
 def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Nested data of a scene whose `values` have just been changed: what is assumed no longer."""
+    """Remove from nested data the entries and sources that no longer hold once `values` changed."""
     for head in heads_of_foams(data):
         own, foam = f"{head}foam.", at(data, f"{head}foam")
         kind = FOAMS.kind_of(foam)
@@ -230,13 +234,13 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         )
         changed = any(key in keys or key.startswith(f"{own}curve.") for key in values)
         if changed and f"{own}source" not in values:
-            foam.pop("source", None)  # it is that foam no longer
+            foam.pop("source", None)  # it is no longer the foam from that source
     if isinstance(entries := data.get("assumed"), list) and entries:
         data["assumed"] = [each for each in entries if _key(each) not in values]
 
 
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
-    """Entries whose key is none of a scene's values."""
+    """Problems of entries whose key is not that of a value of the scene."""
     return [
         f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
         "numerics; leave assumed out, the program writes it"
@@ -246,7 +250,7 @@ def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
 
 
 def _is_value(scene: Any, key: str) -> bool:
-    """Whether what stands under a key is a value of a part, and no part or list of parts."""
+    """Whether a key is that of a value of a part, and not of a part or a list of parts."""
     head, _, last = key.rpartition(".")
     part, found = at(scene, head), at(scene, key)
     if not isinstance(part, Part) or last not in type(part).model_fields:
@@ -256,7 +260,7 @@ def _is_value(scene: Any, key: str) -> bool:
 
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
-    """All keys of a scene that describe a foam of a law, and what they are unless given."""
+    """All keys of a scene that describe a foam of a law, with the origin of their defaults."""
     shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else ()
     reasons = dict(kind.unless_given) | dict.fromkeys(shared, "that of [foam]")
     own = {f"{head}foam.{key}": why for key, why in reasons.items()}
@@ -264,20 +268,20 @@ def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
 
 
 def _around_foam(head: str) -> Mapping[str, str]:
-    """Those that stand beside the foam's table."""
-    if head == "across.":  # it is the same foam, and so as dense
+    """The same for keys outside the foam's table."""
+    if head == "across.":  # the same foam has the same density
         return {}
     return {f"{head}density": "that of the block"} if head else _ELSEWHERE
 
 
 def _key(entry: Any) -> str | None:
-    """The key of an entry, or of its raw data; None where that is no text."""
+    """The key of an entry, or of its raw data; None if it is not text."""
     key = entry.get("key") if isinstance(entry, Mapping) else getattr(entry, "key", None)
     return key if isinstance(key, str) else None
 
 
 def _own(kind: type[BondFoam]) -> set[str]:
-    """Keys of a law of which one alone makes a foam of one's own."""
+    """Keys of a law any of which, if given, makes it a user's foam."""
     return kind.unless_given.keys() - _READINGS
 
 

@@ -1,4 +1,4 @@
-"""The block that is hit: its size and outline, its lattice, its density and layers."""
+"""The foam block: its size and outline, its lattice, its density and layers."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ MOST_LAYERS = 100
 MOST_HOLES = 1000
 
 CELLS_IN_HEIGHT, CELLS_IN_WIDTH = 20, 10
-"""Square cells are so small that there are as many at least, unless somebody says otherwise."""
+"""Fewest square cells in the height and in the width, unless a scene gives their number or size."""
 
 SQUARE = "for square cells"
-"""What stands for the default of numbers of cells."""
+"""Text in place of a default for the numbers of columns and rows."""
 
 OBLONG = 1.25
-"""Cells that are so many times as long one way as the other are advised against."""
+"""Aspect ratio of cells above which `advice` warns."""
 
 _Outline = Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
 _Hole = Annotated[tuple[Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
@@ -37,7 +37,7 @@ _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 
 
 class Layer(Part):
-    """A level band of the block, of a foam or a density of its own."""
+    """A horizontal layer of the block, with a foam or a density of its own."""
 
     bottom: float = quantity(..., "m", "lower face of the layer, up from the block's bottom",
                              at_least=0, below=5)  # fmt: skip
@@ -61,7 +61,7 @@ class Layer(Part):
 
 
 class Across(Part):
-    """What the foam of [foam] is along x, where it rises upwards and is another one across that."""
+    """The foam along x, if the foam of [foam] rises along y and differs across its rise."""
 
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
@@ -73,7 +73,7 @@ class Across(Part):
 class Block(Part):
     """A block on its lattice of mass points, its density and layers (paper, Table 6, Fig. 14).
 
-    It is a rectangle, or what an outline with holes leaves of it.
+    It is a rectangle, or the part of it within an outline with holes.
     """
 
     width: float = quantity(0.2, "m", "width of the block", at_least=1e-4, at_most=5)
@@ -151,7 +151,7 @@ class Block(Part):
     @model_validator(mode="wrap")
     @classmethod
     def _complete(cls, data: Any, handler: Any) -> Block:
-        """With the numbers of cells that nobody gave; what was given is told apart."""
+        """Add numbers of columns and rows that were not given; record which were."""
         if not isinstance(data, Mapping):
             return handler(data)
         given = _by_todays_names(data)
@@ -181,7 +181,7 @@ class Block(Part):
 
     @property
     def computed(self) -> frozenset[str]:
-        """Numbers of cells that nobody gave."""
+        """Which of `columns` and `rows` were not given."""
         return frozenset({"columns", "rows"} - self.model_fields_set)
 
     @property
@@ -201,7 +201,7 @@ class Block(Part):
 
     @property
     def row_edges(self) -> NDArray[np.float64]:
-        """Heights (rows + 1,) at which rows of cells begin and end [m], none outside the block.
+        """Heights (rows + 1,) at which rows of cells begin and end [m], clipped to the block.
 
         With mass points on the faces the first and the last row are half as high as the others.
         """
@@ -210,7 +210,7 @@ class Block(Part):
 
     @property
     def node_mass(self) -> float:
-        """Mass of a mass point whose cell is whole, of the block's density [kg]: rho dX dY Z."""
+        """Mass of a mass point with a whole cell, at the block's density [kg]: rho dX dY Z."""
         return self.density * self.dx * self.dy * self.depth
 
     @property
@@ -221,7 +221,7 @@ class Block(Part):
 
     @property
     def is_rectangle(self) -> bool:
-        """Whether foam fills the whole lattice."""
+        """Whether foam fills every cell of the lattice completely."""
         return not self.outline and not self.holes and self.mass_points == "cells"
 
     @property
@@ -232,13 +232,13 @@ class Block(Part):
         return self.turned(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
 
     def turned(self, points: NDArray[Any]) -> NDArray[Any]:
-        """Points (..., 2) [m] of the lattice where they are once it has been turned."""
+        """Points (..., 2) [m] of the unturned lattice, moved with the turned lattice."""
         if self.lattice_angle_deg == 0:
             return points
         return self._middle + (points - [0.0, self.height / 2]) @ self._turn.T
 
     def on_lattice(self, points: NDArray[Any]) -> NDArray[Any]:
-        """Points (..., 2) [m] as they lie on the lattice: `turned` backwards."""
+        """Points (..., 2) [m] in the frame of the unturned lattice: the inverse of `turned`."""
         if self.lattice_angle_deg == 0:
             return points
         return [0.0, self.height / 2] + (points - self._middle) @ self._turn
@@ -251,13 +251,13 @@ class Block(Part):
 
     @property
     def _middle(self) -> NDArray[np.float64]:
-        """Of the outline [m]: there a turned lattice has its own."""
+        """Middle of the outline's bounding box [m], which is also that of a turned lattice."""
         points = np.array(self.corners)
         return (points.min(axis=0) + points.max(axis=0)) / 2
 
 
 def advice(block: Block) -> str | None:
-    """What to say against cells that are far from square; None: they are near to it."""
+    """Advice against cells that are far from square; None: they are nearly square."""
     longer, shorter = max(block.dx, block.dy), min(block.dx, block.dy)
     if longer <= OBLONG * shorter:
         return None
@@ -269,7 +269,7 @@ def advice(block: Block) -> str | None:
 
 
 def todays_key(key: str) -> str:
-    """A dotted key of a scene under its name of today; notes that another was given."""
+    """The present name of a dotted key of a scene; prints a note if a former one was given."""
     if key != "block.thickness":
         return key
     note(
@@ -280,18 +280,18 @@ def todays_key(key: str) -> str:
 
 
 def _by_todays_names(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Raw data of a block under the names of today, unless it has one thing under both."""
+    """Raw data of a block under present key names, unless both names of one key are given."""
     if {"thickness", "depth"} <= data.keys():
         return dict(data)
     return {todays_key(f"block.{key}").removeprefix("block."): data[key] for key in data}
 
 
 def _square(given: Mapping[str, Any]) -> dict[str, int]:
-    """Numbers of columns and rows that make cells square, where raw data does not give them."""
+    """Numbers of columns and rows that make cells square, from a block's raw data."""
     known = {key: given.get(key, Block.model_fields[key].default) for key in ("width", "height")}
     known |= {key: given[key] for key in ("cell", "columns", "rows") if given.get(key) is not None}
     if not all(is_number(value) and value > 0 for value in known.values()):
-        return {}  # what is wrong with it is said where it is checked
+        return {}  # later checks report the error
     width, height = known["width"], known["height"]
     points = given.get("mass_points", Block.model_fields["mass_points"].default)
     more = int(points == "faces")
@@ -310,7 +310,7 @@ def _square(given: Mapping[str, Any]) -> dict[str, int]:
 
 
 def _problems_of_cell(block: Block) -> list[str]:
-    """Say which numbers of cells contradict the edge of one."""
+    """Which numbers of cells contradict `block.cell`."""
     if block.cell is None:
         return []
     fit = _square({key: getattr(block, key) for key in ("width", "height", "cell", "mass_points")})
@@ -329,7 +329,7 @@ def _in_rows(block: Block) -> NDArray[np.float64]:
 
 
 def _problems_of_outline(block: Block) -> list[str]:
-    """Say why the outline and the holes are none, or do not lie on the lattice."""
+    """Why the outline and the holes are invalid, or do not lie on the lattice."""
     if block.is_rectangle and block.lattice_angle_deg == 0:
         return []
     found = outlines.problems(block.corners, block.holes)
@@ -368,7 +368,7 @@ def _problems_of_outline(block: Block) -> list[str]:
 
 
 def _problems_of_layers(block: Block) -> list[str]:
-    """Say why the layers cannot be those of this block."""
+    """Why the layers do not fit this block."""
     found = []
     least = outlines.TOLERANCE * block.height
     faces = block.mass_points == "faces"
@@ -407,7 +407,7 @@ def _problems_of_layers(block: Block) -> list[str]:
 
 
 def rows_of(block: Block, layer: Layer) -> NDArray[np.bool_]:
-    """Rows (J,) of cells that belong to a layer: their middles lie in it."""
+    """Which rows (J,) of cells belong to a layer: those whose middles lie in it."""
     middle = _in_rows(block) * block.dy
     least = outlines.TOLERANCE * block.height
     below = (middle < layer.top - least) | (layer.top >= block.height - least)

@@ -1,7 +1,7 @@
-"""Columns of numbers in text files: encoding, what stands between cells, where the numbers begin.
+"""Columns of numbers in text files: encoding, separator, and where the numbers begin.
 
-Such a file is what a testing machine or a spreadsheet writes: free text, a header, then rows of
-numbers, with commas, semicolons, tabs or spaces between them.
+Testing machines and spreadsheets write such files: free text, a header, then rows of numbers
+separated by commas, semicolons, tabs or spaces.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?$")
 _LINE_END = re.compile(r"\r\n?|\n")
 _MARKS = (";", "\t", ",", None)
-"""What may stand between cells, the likeliest first; None: spaces."""
+"""Possible separators of cells, the likeliest first; None: spaces."""
 
 _LOOKED_AT = 200
-"""Lines at either end of a file by which it is told what stands between its cells."""
+"""Lines at either end of a file by which its separator is determined."""
 
 Row = tuple[int, list[str]]
 """Number of a line, from 1, and its cells."""
@@ -40,10 +40,10 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Rows:
-    """The lines of a file that say something, in cells.
+    """The lines of a file, without empty ones and comments, as cells.
 
-    encoding  that the file is read by
-    above     text before the first row of numbers
+    encoding  the file's encoding
+    above     lines before the first row of numbers
     body      that row and all after it
     """
 
@@ -52,10 +52,10 @@ class Rows:
     body: list[Row]
 
     def header(self, units: Collection[str]) -> tuple[list[str] | None, int]:
-        """The nearest row above the numbers that has two cells, and of how many lines it is.
+        """The last row above the numbers with at least two cells, and its number of lines.
 
-        A line of `units` may stand below the names: each name then has its own in brackets. None,
-        of no line: there is no header.
+        If a line of `units` follows the names, each name is returned with its unit in brackets.
+        (None, 0): there is no header.
         """
         lines = [cells for _, cells in self.above if sum(map(bool, cells)) >= 2]
         if not lines:
@@ -73,7 +73,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Kind:
-    """What a column can hold: by which words its header is known, in which units it may be."""
+    """A kind of column: the words by which its header is recognised, and its possible units."""
 
     name: str
     units: Mapping[str, float]
@@ -91,11 +91,11 @@ class Kind:
 class Column:
     """A column of a file.
 
-    kind    what it holds
-    number  of the column, from 1
+    kind    the kind of its values
+    number  number of the column, from 1
     head    its header; None: it has none
-    unit    as header or options say it; None: neither does, it is SI
-    over    what it was divided by [m or m2]; None: by nothing
+    unit    its unit from the header or the options; None: SI
+    over    the size by which it was divided [m or m2]; None: it was not
     values  (n,) SI
     """
 
@@ -108,9 +108,10 @@ class Column:
 
 
 def read_rows(path: Path, needs: str) -> Rows:
-    """The rows of a text file; lines that begin with `#`, and empty ones, are left out.
+    """The rows of a text file, without empty lines and those that begin with `#`.
 
-    Raises UserError: it cannot be read, or has no row of two numbers; `needs` says of what.
+    Raises UserError: it cannot be read, or has no row of two numbers; `needs` says which numbers
+    are needed.
     """
     text, encoding = _text(path)
     lines = [
@@ -131,9 +132,9 @@ def read_rows(path: Path, needs: str) -> Rows:
 def two_columns(path: Path, needs: str, kinds: tuple[Kind, Kind]) -> tuple[Column, Column]:
     """The first two columns of a text file.
 
-    Each by the unit in its header's brackets, or in a line of units below; without one it is SI.
-    Raises UserError with file, line and value: unreadable, no number, an unknown unit, one that
-    stands further up, with text between it and the numbers.
+    Units are in brackets in the header, or in a line of units below it; by default they are SI.
+    Raises UserError with file, line and value: unreadable, not a number, an unknown unit, or a
+    header with units that is separated from the numbers by text.
     """
     rows = read_rows(path, needs)
     heads, _ = rows.header({"", *kinds[0].units, *kinds[1].units})
@@ -162,9 +163,9 @@ def column(
     head: str | None = None,
     over: float | None = None,
 ) -> Column:
-    """The column at a place, from 0, in a unit that stands in its header, unless `where` says so.
+    """The column at an index, from 0, in a given unit; `where` names the unit's source in messages.
 
-    Raises UserError with file, line and value: an unknown unit, no number.
+    Raises UserError with file, line and value: an unknown unit, not a number.
     """
     if unit is not None and plain_unit(unit) not in kind.units:
         raise UserError(
@@ -177,7 +178,7 @@ def column(
 
 
 def plain_unit(unit: str) -> str:
-    """A unit as it is looked up."""
+    """A unit in the spelling by which it is looked up."""
     return unit.strip().lower().replace("²", "2")
 
 
@@ -204,7 +205,7 @@ def number_in(path: Path, line: int, cells: Sequence[str], at: int) -> float:
 
 
 def _text(path: Path) -> tuple[str, str]:
-    """The text of a file and its encoding: UTF-8, UTF-16 if it is marked so, else Latin-1."""
+    """The text of a file and its encoding: UTF-16 if it has a mark, else UTF-8, else Latin-1."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin it out")
@@ -226,7 +227,7 @@ def _text(path: Path) -> tuple[str, str]:
 
 
 def _separator(lines: Sequence[str]) -> str | None:
-    """What stands between the cells: with what most lines are numbers, whole or in part."""
+    """The separator with which most lines consist of numbers, entirely or in part."""
 
     def numbers(mark: str | None) -> tuple[int, int]:
         rows = [cells for line in lines if (cells := _split(line, mark)) and len(cells) > 1]
@@ -237,7 +238,7 @@ def _separator(lines: Sequence[str]) -> str | None:
 
 
 def _split(line: str, between: str | None) -> list[str] | None:
-    """The cells of a line; None where it is no CSV. A quote that is not closed ends with it."""
+    """The cells of a line; None if it is not CSV. An unclosed quote ends with the line."""
     if between is None:
         return line.split()
     try:
@@ -255,9 +256,10 @@ def _cells(path: Path, number: int, line: str, between: str | None) -> list[str]
 
 
 def _first(rows: list[Row]) -> int | None:
-    """Which row is the first of numbers: the first that has them where most rows do.
+    """Index of the first row of numbers: the first with numbers in the same cells as most rows.
 
-    Rows right above it that have a number there are some of them, and their text is a mistake.
+    Rows directly above it with a number in one of these cells count as rows of numbers with a
+    mistake.
     """
     ends = rows[:_LOOKED_AT] + rows[-_LOOKED_AT:]
     counts = Counter(places for _, cells in ends if len(places := _places(cells)) > 1)

@@ -18,8 +18,8 @@ from taichi_foam.scene.values import following
 def scene_to_toml(scene: Scene) -> str:
     """A scene as TOML with every default filled in; `scene_from_toml` gives an equal scene back.
 
-    What follows from a value that was given in its place is left out: a fall's velocity, the end of
-    a crosshead's travel, the numbers of cells of an edge.
+    Values that follow from a key given in their place are left out: the velocity of a fall, the end
+    time of a crosshead's travel, the numbers of cells that follow from their size.
     """
     data = scene.model_dump(exclude_none=True)
     for key in following(scene):
@@ -29,20 +29,20 @@ def scene_to_toml(scene: Scene) -> str:
 
 
 def scene_from_toml(path: Path) -> Scene:
-    """The scene of a TOML file. Raises UserError: unreadable, or a scene that cannot be."""
+    """The scene of a TOML file. Raises UserError: unreadable, or an invalid scene."""
     return Scene.checked(read_scene(path), str(path))
 
 
 def read_scene(path: Path) -> dict[str, Any]:
-    """The data of a scene's TOML file, with the foam and the curve that it names, not yet checked.
+    """The raw data of a scene's TOML file, with the files that it names read in, not yet checked.
 
-    Relative names are those of files beside it. Raises UserError: unreadable, or files that are.
+    Names are relative to the file. Raises UserError: the file or a named one is unreadable.
     """
     return completed_scene(read_toml(path), path.parent, str(path))
 
 
 def completed_scene(data: Mapping[str, Any], folder: Path, source: str) -> dict[str, Any]:
-    """Raw data of a scene with what the files stand for that it names, relative ones in `folder`.
+    """Raw data of a scene with the files that it names read in; relative names are in `folder`.
 
     Raises UserError, titled with the source.
     """
@@ -53,5 +53,5 @@ def completed_scene(data: Mapping[str, Any], folder: Path, source: str) -> dict[
 
 
 def scene_from_text(text: str, source: str) -> Scene:
-    """The scene of TOML text from `source`. Raises UserError: not TOML, or no scene."""
+    """The scene of TOML text from `source`. Raises UserError: not TOML, or an invalid scene."""
     return Scene.checked(parsed(text, source), source)

@@ -1,7 +1,7 @@
-"""What the foam of a block fills: mass of each mass point, share of each bond's face.
+"""How foam fills a block's lattice: mass of each mass point, share of each bond's face.
 
-Cells are cut by the outline. One that is less than a quarter full has no mass point: what it holds
-goes to a neighbour.
+Cells are cut by the outline. A cell that is less than a quarter full has no mass point: its foam is
+assigned to a neighbour.
 """
 
 from __future__ import annotations
@@ -22,28 +22,29 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LEAST = 0.25
-"""Share of a cell from which on it has a mass point."""
+"""Smallest share of foam with which a cell has a mass point."""
 
 LONGEST_TIP = 3
-"""Cells of a tip that may have no mass points of their own, or beside them."""
+"""Longest row of cells in a tip with no mass point of their own or beside them."""
 
 NO_FACE = 1e-6
-"""Share of a face below which it is none."""
+"""Share of a face below which there is no bond."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """A block on its lattice of I x J cells, one mass point in each that is a quarter full.
+    """A block on its lattice of I x J cells; each that is at least a quarter full has a mass point.
 
-    mass    (I, J) of the mass points [kg]; 0: there is none
+    mass    (I, J) mass of the mass points [kg]; 0: there is none
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
-    face_b  (I, J-1) the same of B(i, j)
-    reach   (I, J) from a mass point to the foam's nearest face [m], negative where it lies outside;
-            inside of the block half a cell, sqrt(dX dY) / 2
-    share   (I, J) of each cell's area that is foam
-    cell    (I-1, J-1) of the area between four mass points that is foam; 0: a side has no bond
+    face_b  (I, J-1) the same for B(i, j)
+    reach   (I, J) distance from a mass point to the foam's nearest face [m], negative if the point
+            is outside the foam; inside the block half a cell, sqrt(dX dY) / 2
+    share   (I, J) share of each cell's area that is foam
+    cell    (I-1, J-1) foam of the lattice cell between four mass points over a whole cell's,
+            including foam beside it that no other cell carries; 0: a side has no bond
     on_base (I, J) whether the foam of a mass point lies on the base
-    owner   (I, J, 2) cell of the mass point that has what a cell holds; (-1, -1): it holds nothing
+    owner   (I, J, 2) cell of the mass point to which a cell's foam belongs; (-1, -1): no foam
     """
 
     mass: Array
@@ -57,12 +58,12 @@ class Filling:
 
     @property
     def there(self) -> NDArray[np.bool_]:
-        """(I, J) where there are mass points."""
+        """(I, J) whether there is a mass point."""
         return self.mass > 0.0
 
     @property
     def area(self) -> Array:
-        """(I, J) of the foam that each mass point has, over that of a whole cell."""
+        """(I, J) area of each mass point's foam over that of a whole cell."""
         found = np.zeros(self.share.shape)
         held = self.owner[..., 0] >= 0
         np.add.at(found, tuple(self.owner[held].T), self.share[held])
@@ -70,19 +71,19 @@ class Filling:
 
     @cached_property
     def is_alike(self) -> bool:
-        """Whether every column of mass points stands for what every other does."""
+        """Whether all columns of mass points are identical."""
         arrays = (self.mass, self.share, self.on_base, self.face_a, self.face_b, self.cell)
         return all(bool(np.all(array == array[:1])) for array in arrays)
 
     @property
     def is_full(self) -> bool:
-        """Whether foam fills every cell of a lattice that stands on the base."""
+        """Whether foam fills every cell and just the bottom row is on the base."""
         level = self.on_base[:, 0].all() and not self.on_base[:, 1:].any()
         return bool(level and np.all(self.share == 1.0))
 
 
 def filling(block: Block) -> Filling:
-    """What the foam of a block fills."""
+    """The filling of a block's lattice."""
     return _kept(block)  # type: ignore[arg-type]  # pydantic's frozen classes do have a hash
 
 
@@ -94,7 +95,7 @@ def _kept(block: Block) -> Filling:
 
 
 def in_cells(block: Block) -> Polygon:
-    """The foam's polygon on the lattice, in cells: cell (i, j) is the square from (i, j) on."""
+    """The foam's polygon in units of cells: cell (i, j) is the square (i, i+1) x (j, j+1)."""
 
     def placed(corners: outlines.Corners) -> Array:
         corner = np.array([-0.5 * block.columns * block.dx, block.foot - 0.5 * block.dy])
@@ -106,9 +107,9 @@ def in_cells(block: Block) -> Polygon:
 
 
 def _rectangle(block: Block) -> Filling:
-    """An upright rectangle: all cells are full, or half full where mass points lie on its faces.
+    """The filling of a rectangle: cells are full, or half full where mass points lie on its faces.
 
-    What is the same in every column takes no memory for each of them.
+    Arrays that are the same in every column share memory.
     """
     columns, rows = block.columns, block.rows
     outside = 0.5 if block.mass_points == "faces" else 0.0  # of the first and the last row
@@ -133,7 +134,7 @@ def _rectangle(block: Block) -> Filling:
 
 
 def _cut(block: Block, shape: Polygon) -> Filling:
-    """What an outline leaves of the cells."""
+    """The filling of an outline."""
     columns, rows = block.columns, block.rows
     across, levels = np.arange(columns + 1.0), _levels(block)
     up = np.arange(rows + 1.0)
@@ -142,7 +143,7 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     inner_b = outlines.lengths(shape, up[1:-1], across, upright=False).T
     edge = _signed_distance(block)
     mirrored = block.lattice_angle_deg == 0 and outlines.is_mirrored(shape, columns)
-    if mirrored:  # but for rounding, and from here on to the last bit
+    if mirrored:  # except for rounding; made exact here
         area, inner_a, inner_b, edge = map(_mirrored, (area, inner_a, inner_b, edge))
     share = np.add.reduceat(area, np.searchsorted(levels, up[:-1]), axis=1)
     there = share >= LEAST - outlines.TOLERANCE
@@ -154,7 +155,7 @@ def _cut(block: Block, shape: Polygon) -> Filling:
     between = outlines.shares(shape, across[:-1] + 0.5, up[:-1] + 0.5)
     sides = (face_a[:, :-1], face_a[:, 1:], face_b[:-1], face_b[1:])
     cell = _carried(between, np.min(sides, axis=0) > 0.0)
-    if mirrored:  # sums of several have their order
+    if mirrored:  # sums depend on their order
         mass, face_a, face_b, cell = map(_mirrored, (mass, face_a, face_b, cell))
     on_base = np.zeros((columns, rows), dtype=bool)
     on_base[tuple(owner[_on_base(block, shape, share)].T)] = True
@@ -171,9 +172,9 @@ def _cut(block: Block, shape: Polygon) -> Filling:
 
 
 def _carried(between: Array, spanned: NDArray[np.bool_]) -> Array:
-    """Foam that each cell between mass points carries: its own, and its share of what lies beside.
+    """Foam of each cell between mass points: its own, and its share of foam beside it.
 
-    Where a side is missing no cell is spanned, and the foam there is its neighbours'.
+    A cell with a missing side is not spanned; its foam is divided among its neighbours.
     """
     carried = np.where(spanned, between, 0.0)
     beside = [(step, *_pair(step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))]
@@ -187,12 +188,12 @@ def _carried(between: Array, spanned: NDArray[np.bool_]) -> Array:
 
 
 def _mirrored(figures: Array) -> Array:
-    """Figures (I, ...) of columns that are those of the mirrored ones."""
+    """Values (I, ...) made symmetric under mirroring of the columns."""
     return 0.5 * (figures + figures[::-1])
 
 
 def _levels(block: Block) -> Array:
-    """Heights [cells] at which rows of cells and layers begin and end, rising."""
+    """Heights [cells] at which rows of cells and layers begin and end, in rising order."""
     rows = np.arange(block.rows + 1.0)
     heights = (each for layer in block.layers for each in (layer.bottom, layer.top))
     faces = [(each - block.foot) / block.dy + 0.5 for each in heights]
@@ -205,7 +206,7 @@ def _levels(block: Block) -> Array:
 
 
 def _mass(block: Block, area: Array) -> Array:
-    """Mass (I, J) [kg] of the foam in each cell, of its area between `_levels`."""
+    """Mass (I, J) [kg] of the foam in each cell, from its areas between `_levels`."""
     levels = _levels(block)
     middle = ((levels[:-1] + levels[1:]) / 2 - 0.5) * block.dy + block.foot
     density = np.full(len(middle), block.density)
@@ -217,9 +218,9 @@ def _mass(block: Block, area: Array) -> Array:
 
 
 def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArray[np.int32]:
-    """Cell (I, J, 2) whose mass point has what each cell holds; (-1, -1) of an empty one.
+    """Cell (I, J, 2) of the mass point to which each cell's foam belongs; (-1, -1) if it is empty.
 
-    Its own; else the neighbour's with which it shares the longest face; else the nearest.
+    That is the cell itself; or the neighbour with which it shares the longest face; or the nearest.
     """
     own = _own(share.shape)
     longest = np.full(share.shape, NO_FACE)
@@ -242,19 +243,19 @@ def _owners(share: Array, there: NDArray[np.bool_], a: Array, b: Array) -> NDArr
 
 
 def _own(shape: tuple[int, ...]) -> NDArray[np.int32]:
-    """The number of each cell itself, (I, J, 2)."""
+    """The indices of each cell, (I, J, 2)."""
     return np.moveaxis(np.indices(shape, dtype=np.int32), 0, -1)
 
 
 def _pair(step: tuple[int, int]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Cells that have a neighbour in a direction, and these neighbours, as slices."""
+    """Slices of the cells that have a neighbour in a direction, and of these neighbours."""
     here = tuple(slice(max(0, -each), -each if each > 0 else None) for each in step)
     other = tuple(slice(max(0, each), each if each < 0 else None) for each in step)
     return here, other  # type: ignore[return-value]
 
 
 def _faces(owner: NDArray[np.int32], inner: Array, axis: int) -> Array:
-    """Faces of the bonds along an axis: those between the cells that their mass points have."""
+    """Faces of the bonds along an axis, summed over the cells of their two mass points."""
     step = np.array([axis == 0, axis == 1], dtype=np.int64)
     count = np.array(owner.shape[:2])
     found = np.zeros(tuple(count - step))
@@ -289,7 +290,7 @@ def _on_base(block: Block, shape: Polygon, share: Array) -> NDArray[np.bool_]:
 
 
 def _signed_distance(block: Block) -> Array:
-    """Distance (I, J) of cells' middles from the outline [m], negative outside of it."""
+    """Distance (I, J) of mass points from the outline [m], negative outside it."""
     import shapely
 
     whole = outlines.polygon(block.corners, block.holes)
@@ -300,7 +301,7 @@ def _signed_distance(block: Block) -> Array:
 
 
 def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
-    """See `Filling`; `edge` is the distance from the outline [m]."""
+    """`Filling.reach`; `edge` is the distance from the outline [m]."""
     for half in (0.5 * block.dx, 0.5 * block.dy):
         whole = np.round(edge / half) * half
         edge = np.where(np.abs(edge - whole) < outlines.TOLERANCE * half, whole, edge)
@@ -312,7 +313,7 @@ def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np
 
 
 def problems(block: Block) -> list[str]:
-    """Say in whole sentences why the lattice cannot hold the block's outline and layers."""
+    """Why the lattice cannot represent the block's outline and layers, in whole sentences."""
     if block.is_rectangle:
         return []
     filled = filling(block)
@@ -348,12 +349,12 @@ def problems(block: Block) -> list[str]:
 
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
-    """A cell whose foam no mass point beside it has, one of more than LONGEST_TIP in a row."""
+    """A cell with foam but no mass point beside it, one of more than LONGEST_TIP in a row."""
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
     if not far.any():
         return None
-    from scipy import ndimage  # takes long to load, and most blocks need none of it
+    from scipy import ndimage  # slow to import, and seldom needed
 
     label = np.zeros(far.shape, dtype=np.int64)
     ndimage.label(far, np.ones((3, 3)), output=label)
@@ -365,12 +366,12 @@ def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
 
 
 def _parts(filled: Filling) -> NDArray[np.int64]:
-    """The part, of those that bonds join, of each mass point."""
+    """For each mass point the number of the part, connected by bonds, that it belongs to."""
     count = int(filled.there.sum())
     a, b = filled.face_a > 0, filled.face_b > 0
     if filled.there.all() and a.all() and b.all():
         return np.zeros(count, dtype=np.int64)
-    from scipy.sparse import coo_array  # takes long to load
+    from scipy.sparse import coo_array  # slow to import
     from scipy.sparse.csgraph import connected_components
 
     number = np.cumsum(filled.there.ravel()).reshape(filled.there.shape) - 1
@@ -383,8 +384,8 @@ def _parts(filled: Filling) -> NDArray[np.int64]:
 def thin_parts(block: Block) -> tuple[float, float] | None:
     """A place [m] where foam is thinner than two cells; None if there is none.
 
-    Thin is what is gone when the foam is narrowed by a cell's larger side all around, and then
-    widened by as much. Less than a cell of it, as at a tip, does not count.
+    Thin foam is what disappears when the outline is shrunk by a cell's larger side and then grown
+    by as much. Less than a cell's area of it, as at a tip, does not count.
     """
     if block.is_rectangle:
         return None

@@ -18,20 +18,20 @@ CHOSEN: Mapping[str, Registry[Any]] = {"foam": FOAMS, "impactor": SHAPES}
 """Parts of a scene that are one of several classes, by their key."""
 
 REQUIRED = "must be given"
-"""What stands for the default of a key that has none."""
+"""Text in place of a default for a key that has none."""
 
 
 @dataclass(frozen=True)
 class Key:
-    """A key of a scene, in words.
+    """A key of a scene, described in words.
 
-    key      dotted, as in TOML
-    unit     SI, degrees or pixels; "-" for a plain number; empty where it is no number
-    default  as one would write it
+    key      dotted key, as in TOML
+    unit     SI, degrees or pixels; "-" for a plain number; empty if it is not a number
+    default  as written in a scene
     allowed  range or choices
-    meaning  what it is
-    only     shapes or laws that have it, or read it so; empty: all
-    others   whether others have it too, and read it otherwise
+    meaning  description
+    only     shapes or laws that have this key with this meaning; empty: all
+    others   whether others have the key with another meaning
     """
 
     key: str
@@ -44,12 +44,12 @@ class Key:
 
     @property
     def part(self) -> str:
-        """The part that has it; "scene" for what is in no part."""
+        """The part that has the key; "scene" for a key outside parts."""
         return self.key.rpartition(".")[0] or "scene"
 
     @property
     def about(self) -> str:
-        """The meaning, and which shapes or laws have the key if not all."""
+        """The meaning, and the shapes or laws that have the key, if not all do."""
         if not self.only:
             return self.meaning
         which = f"{CHOSEN[self.part].tag} {' or '.join(self.only)}"
@@ -58,9 +58,9 @@ class Key:
 
 @lru_cache
 def parts(scene: type[Part]) -> dict[str, type[Part]]:
-    """Classes of a scene's parts but those that are chosen, by the key that they stand under.
+    """Classes of a scene's parts by their key, except those that are chosen by tag.
 
-    A field that says what is allowed for it is told as one, whatever class it holds.
+    A field that states its allowed values is treated as a single key, whatever its class.
     """
     return {
         name: kind
@@ -76,7 +76,7 @@ def parts(scene: type[Part]) -> dict[str, type[Part]]:
 
 @lru_cache
 def listed(scene: type[Part]) -> dict[str, type[Part]]:
-    """Classes of which a scene's parts hold lists, by the key of the list and "[]"."""
+    """Classes of which a scene's parts have lists, by the key of the list with "[]"."""
     found = {}
     for head, part in parts(scene).items():
         for name, field in part.model_fields.items():
@@ -86,7 +86,7 @@ def listed(scene: type[Part]) -> dict[str, type[Part]]:
 
 
 def listed_in(field: FieldInfo) -> type[Part] | None:
-    """The class of the parts that a field has a list of; None: it is no such list."""
+    """The class of the parts in a field's list; None: it is not a list of parts."""
     kind = field.annotation  # a list, or a list or none
     lists = (one for one in (kind, *get_args(kind)) if get_origin(one) is tuple)
     first = next((get_args(one)[0] for one in lists), None)
@@ -94,7 +94,7 @@ def listed_in(field: FieldInfo) -> type[Part] | None:
 
 
 def all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
-    """Yield every class that a scene can hold, with the key that it stands under."""
+    """Yield every class of parts that a scene can have, with its key."""
     yield from listed(scene).items()
     yield from parts(scene).items()
     for name, registry in CHOSEN.items():
@@ -104,7 +104,7 @@ def all_parts(scene: type[Part]) -> Iterator[tuple[str, type[Part]]]:
 def keys(scene: type[Part]) -> Iterator[Key]:
     """Yield every key of a scene, part by part.
 
-    A key that some shapes or laws read otherwise than others comes once for each reading.
+    A key that has different meanings for different shapes or laws comes once for each meaning.
     """
     for name, field in scene.model_fields.items():
         if name in CHOSEN:
@@ -120,7 +120,7 @@ def keys(scene: type[Part]) -> Iterator[Key]:
 
 
 def written(value: Any) -> str:
-    """A value as one would write it in TOML, words without their quotes; None is "none"."""
+    """A value as in TOML, but text without quotes; None is "none"."""
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -133,7 +133,7 @@ def written(value: Any) -> str:
 
 
 def _chosen(part: str, registry: Registry[Any]) -> Iterator[Key]:
-    """Yield what tells the classes of a part apart, then their fields."""
+    """Yield the key that selects the class of a part, then the keys of the classes."""
     default, tags = registry.default or REQUIRED, ", ".join(registry)
     yield Key(f"{part}.{registry.tag}", "", default, tags, registry.meaning)
     having: dict[Key, list[str]] = {}
@@ -165,7 +165,7 @@ def _allowed(kind: Any, stated: str) -> str:
         return "true, false"
     if get_origin(kind) is Literal:
         return ", ".join(map(str, get_args(kind)))
-    # Ranges that begin otherwise say themselves what kind of number they want.
+    # Other ranges already say what kind of number is allowed.
     return (
         f"whole number, {stated}" if kind is int and stated.startswith(("above", "at")) else stated
     )

@@ -1,4 +1,4 @@
-"""Which foam each row of a block's lattice is of, and where rows only lie on one another."""
+"""The foam of each row of a block's lattice, and the loose interfaces between rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taichi_foam.scene.block import Block, rows_of
 
 
 def layer_of_rows(block: Block) -> NDArray[np.int64]:
-    """Place in `block.layers` of the layer of each row (J,); -1: none."""
+    """Index in `block.layers` of the layer of each row (J,); -1: none."""
     found = np.full(block.rows, -1)
     for number, layer in enumerate(block.layers):
         found[rows_of(block, layer)] = number
@@ -20,9 +20,9 @@ def layer_of_rows(block: Block) -> NDArray[np.int64]:
 
 
 def foams_of(scene: Any) -> tuple[tuple[BondFoam, ...], NDArray[np.int64]]:
-    """The foams of a scene's block, `scene.foam` first and each once, and that of each row (J,)."""
+    """The distinct foams of a scene's block, `scene.foam` first, and each row's index (J,)."""
     foams = [scene.foam]
-    kinds = [0]  # of a row in no layer; then of each layer
+    kinds = [0]  # index for rows in no layer, then for each layer
     for layer in scene.block.layers:
         foam = layer.foam or scene.foam
         if foam not in foams:
@@ -34,11 +34,11 @@ def foams_of(scene: Any) -> tuple[tuple[BondFoam, ...], NDArray[np.int64]]:
 def foams_of_bonds(
     scene: Any,
 ) -> tuple[tuple[BondFoam, ...], NDArray[np.int64], NDArray[np.int64]]:
-    """The foams of a scene's block, that of bonds A of each row (J,), of bonds B above it (J-1,).
+    """The foams of a block's bonds, and the index for bonds A of each row (J,), B above it (J-1,).
 
-    A bond between two layers is of the one that crushes first: the other, half a cell of it, would
-    hardly be strained. Bonds A of [foam] are of that of [across], if there is one; a plane has one
-    shear modulus, that of [foam].
+    A bond between two layers is of the foam that crushes first: the other foam's half cell would
+    hardly be strained. In rows of [foam], bonds A are of the foam of [across], if there is one. A
+    plane has one shear modulus, that of [foam].
     """
     foams, rows = foams_of(scene)
     plateau = np.array([foam.landmarks.plateau_stress for foam in foams])
@@ -50,7 +50,7 @@ def foams_of_bonds(
 
 
 def loose_rows(block: Block) -> NDArray[np.int64]:
-    """Rows j whose bonds B(i, j) to row j + 1 a loose interface cuts at the start."""
+    """Rows j whose bonds B(i, j) to row j + 1 are cut at the start by a loose interface."""
     layer = layer_of_rows(block)
     loose = np.array([False, *(each.interface == "loose" for each in block.layers)])[layer + 1]
     return np.flatnonzero((layer[:-1] != layer[1:]) & (loose[:-1] | loose[1:]))

@@ -1,8 +1,8 @@
-"""What a scene names: foams of the library, and files of foams, tests, drawings and pulses.
+"""Foams and files that a scene names: the foam library, foam files, tests, drawings and pulses.
 
-A foam file is TOML: what is known of the foam, and its constants in a table `[foam]`, which has the
-keys of a scene's. `taichi-foam foam import` writes one from a test. The library's own are in
-`foams/`; rigid polyurethane of any density follows from a scaling.
+A foam file is TOML: a description of the foam, and its constants in a table `[foam]` with the same
+keys as a scene's. `taichi-foam foam import` writes one from a test. The library's own are in
+`foams/`; rigid polyurethane of any density in a range follows from a scaling law.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SOLID = 1200.0
 """Density of solid polyurethane [kg/m3] (Gibson & Ashby 1997)."""
 
 SCALED = (20, 100)
-"""Densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
+"""Range of densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
 
 _LENGTH = Kind("length", LENGTH_UNITS, "m")
 _TIME = Kind("time", TIME_UNITS, "s")
@@ -49,7 +49,7 @@ _RESILIENT = ("epe", "eva", "epp", "pe-foam", "sponge", "latex", "memory", "neop
 
 
 def _words(default: Any, meaning: str, most: int) -> Any:
-    """A field for words, from one letter up to so many."""
+    """A field for text of 1 to `most` characters."""
     return Field(
         default=default,
         description=meaning,
@@ -60,7 +60,7 @@ def _words(default: Any, meaning: str, most: int) -> Any:
 
 
 class FoamFile(Part):
-    """A foam as its file tells of it."""
+    """The contents of a foam file."""
 
     title: str = _words(..., "what foam it is", 200)
     source: str = _words(..., "who measured it, where", 1000)
@@ -96,20 +96,20 @@ class FoamFile(Part):
 
 
 def packaged() -> list[str]:
-    """The names of the foams that the library has files of."""
+    """The names of the foams for which the library has files."""
     files = resources.files("taichi_foam.scene").joinpath("foams").iterdir()
     return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
 
 
 def names() -> list[str]:
-    """The names of the library, those of a scaling with their densities."""
+    """The names in the library, including the range of scaled foams."""
     return [*packaged(), f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
 
 
 def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFile:
-    """The foam of a name, or of a file whose name ends with .toml; `asked` begins messages.
+    """The foam with a name, or of a file whose name ends with .toml; `asked` begins messages.
 
-    Raises UserError: no such name or file, a foam file that cannot be, resilient foam.
+    Raises UserError: no such name or file, an invalid foam file, resilient foam.
     """
     if name.endswith(".toml"):
         return read_foam(folder / name)
@@ -133,9 +133,9 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
 
 
 def read_foam(path: Path) -> FoamFile:
-    """The foam of a file; a curve's file that it names lies beside it.
+    """The foam of a file; the path of a curve's file is relative to it.
 
-    Raises UserError: unreadable, not TOML, or a foam that cannot be.
+    Raises UserError: unreadable, not TOML, or an invalid foam.
     """
     data = read_toml(path)
     foam = data.get("foam")
@@ -157,7 +157,7 @@ def _checked(data: dict[str, Any], source: str) -> FoamFile:
 
 
 def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
-    """Rigid polyurethane of a density [kg/m3]: the plateau scales, the rest is assumed."""
+    """Rigid polyurethane of a density [kg/m3]: the plateau is scaled, the rest assumed."""
     if not SCALED[0] <= density <= SCALED[1]:
         raise UserError(
             f"{asked}{shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
@@ -198,10 +198,10 @@ def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
 
 
 def completed(data: Any, folder: Path = Path()) -> Any:
-    """Raw data of a scene with what its names and files stand for: of foam, impactor and pulse.
+    """Raw data of a scene in which names and files of foam, impactor and pulse are replaced.
 
-    What they stand for takes their place before a scene is checked, so that a scene that is written
-    holds all of it. `folder` is where relative paths begin. Raises ValueError, in whole sentences.
+    Their contents replace them before a scene is checked, so that a scene is written in full.
+    Relative paths are in `folder`. Raises ValueError, in whole sentences.
     """
     if not isinstance(data, Mapping):
         return data
@@ -233,7 +233,7 @@ def _pulse(pulse: Any, folder: Path) -> Any:
 
 
 def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Raw data of an impactor with the corners that its file holds."""
+    """Raw data of an impactor with the corners from its file."""
     rest = {key: value for key, value in impactor.items() if key != "file"}
     name = impactor["file"]
     if rest.get("shape", "outline") != "outline":
@@ -252,7 +252,7 @@ def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _complete(data: dict[str, Any], head: str, folder: Path) -> None:
-    """Put into raw data of a scene what names and files of one of its foams stand for."""
+    """Replace names and files of one of a scene's foams in its raw data."""
     foam = at(data, f"{head}foam")
     if isinstance(foam, str | Path):
         foam = {"like": foam}
@@ -266,7 +266,7 @@ def _complete(data: dict[str, Any], head: str, folder: Path) -> None:
 
 
 def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """A foam's table with what its `like` names; its density and what it assumes go into `data`."""
+    """A foam's table completed by its `like`; puts density and assumptions into `data`."""
     try:
         file = foam_of(str(foam.pop("like")), folder)
     except UserError as error:
@@ -282,7 +282,7 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
     place = at(data, dense.rpartition(".")[0])
     place = {} if place in (None, NOTHING) else place
     given = place.model_fields_set if isinstance(place, Part) else place
-    # across its rise it is the same foam, and so as dense
+    # across its rise it is the same foam, with the same density
     if head != "across." and isinstance(given, dict | set) and "density" not in given:
         assumed.append(Assumed(key=dense, why=f"that of the foam: {file.title}"))
         if isinstance(place, Part):
@@ -290,16 +290,16 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
         else:
             put(data, dense, file.density)
     known, earlier = {each.key for each in assumed}, data.get("assumed") or []
-    if isinstance(earlier, list):  # what else is wrong with it is said where it is checked
+    if isinstance(earlier, list):  # otherwise a later check reports the error
         earlier = [each for each in earlier if getattr(each, "key", None) not in known]
         data["assumed"] = [*earlier, *assumed]
     return table
 
 
 def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
-    """Raw data of a scene's foam table after a file, `more` going before, and what it assumes."""
+    """Raw data of a scene's foam table from a file, overridden by `more`, and its assumptions."""
     if "curve" in more and foam.foam.implied_by != "curve":
-        return dict(more), []  # a curve says all that the file's law does
+        return dict(more), []  # a curve replaces the file's law
     table = {**foam.foam_given, **more}
     if isinstance(foam.foam, Foam) and "yield_strain" not in more:
         if "plateau_stress" in more:
@@ -314,9 +314,9 @@ def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list
 def read_corners(path: Path) -> list[tuple[float, float]]:
     """The corners (x, y) [m] of an outline in a CSV file, in its order.
 
-    The first two columns are x and y; a header may say their unit in brackets, without one it is
-    metres. A last corner that repeats the first is left out. Lines that begin with `#` are too.
-    Raises UserError with file, line and value: unreadable, no number, an unknown unit.
+    The first two columns are x and y; a header may give their unit in brackets, by default metres.
+    A last corner that repeats the first is left out, and so are lines that begin with `#`. Raises
+    UserError with file, line and value: unreadable, not a number, an unknown unit.
     """
     x, y = two_columns(path, "x and y", (_LENGTH, _LENGTH))
     if x.unit != y.unit:
@@ -330,8 +330,8 @@ def read_corners(path: Path) -> list[tuple[float, float]]:
 def read_pulse(path: Path) -> Pulse:
     """The pulse of a CSV file: its first two columns are time and acceleration.
 
-    A header may say their units in brackets, such as time [ms],acceleration [g], or in a line of
-    their own; without one they are s and m/s2. Raises UserError with file, line and value.
+    A header may give their units in brackets, such as time [ms],acceleration [g], or in a line of
+    their own; by default they are s and m/s2. Raises UserError with file, line and value.
     """
     columns = two_columns(path, "time and acceleration", (_TIME, _ACCELERATION))
     time, acceleration = (column.values.tolist() for column in columns)

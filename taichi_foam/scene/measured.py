@@ -1,6 +1,7 @@
 """Compression tests in CSV files: strain and stress, or displacement and force of a specimen.
 
-Units are the header's. The curve is the loading envelope; unloading and reloading are told apart.
+Units are taken from the header. The curve is the loading envelope; unloading and reloading are
+separated from it.
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UN
 Array = NDArray[np.float64]
 
 FINEST = 500
-"""A test of more points is read as means of so many equal parts of its strain."""
+"""A test with more points is averaged over this many equal intervals of strain."""
 
 UNLOADING = 0.005
-"""Strain by which a test has to go back for that to be a branch; less is its noise."""
+"""Smallest decrease of strain that counts as an unloading branch; smaller ones are noise."""
 
 UNLOADED = 0.75
-"""Share of its stress, at most, that foam keeps while it unloads by a branch."""
+"""On an unloading branch the stress falls at least to this fraction."""
 
 
 STRAIN = Kind("strain", STRAIN_UNITS, "fractions", ("strain", "epsilon", "eps", "ε", "stauchung"))
@@ -58,12 +59,12 @@ _UNITS = {
     "", "s", "ms", "min",
     *STRAIN_UNITS, *STRESS_UNITS, *LENGTH_UNITS, *FORCE_UNITS,
 }  # fmt: skip
-"""What may stand in a line of units, for whatever a machine writes besides."""
+"""Units that may occur in a line of units, including those of columns that are not read."""
 
 
 @dataclass(frozen=True)
 class Side:
-    """What a curve has over one axis: a column of it, or one that is to be divided by a size."""
+    """One axis of a curve: a column of its values, or one to be divided by a specimen's size."""
 
     plain: Kind
     divided: Kind
@@ -82,11 +83,11 @@ _STRESSES = Side(
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns of a file hold the test, by name or by number from 1, and their units.
+    """The columns of a file that contain the test, by name or by number from 1, and their units.
 
-    With the `height` [m] of the specimen the column of strain is one of displacement, with its
-    `area` [m2] that of stress one of force. None: as the header says; without a header the first
-    two, in SI units.
+    If the specimen's `height` [m] is given, the strain column contains displacement; if its `area`
+    [m2] is given, the stress column contains force. None: from the header; without a header, the
+    first two columns in SI units.
     """
 
     strain: str | int | None = None
@@ -98,15 +99,15 @@ class Columns:
 
 
 COLUMN_KEYS = tuple(field.name for field in fields(Columns))
-"""What a scene may say of a file."""
+"""Keys by which a scene describes the columns of a file."""
 
 
 @dataclass(frozen=True)
 class Branch:
-    """Unloading, and reloading up to where it began.
+    """An unloading, with the reloading up to its start.
 
-    start, lowest  strains between which it goes
-    points         how many a test has of it
+    start, lowest  its largest and smallest strain
+    points         number of its points in the test
     """
 
     start: float
@@ -116,15 +117,15 @@ class Branch:
 
 @dataclass(frozen=True)
 class CompressionTest:
-    """A test as its file has it, and the curve that is made of it.
+    """A test as in its file, and the curve made from it.
 
-    strain, stress  every point, compression positive, as fractions and in Pa (n,)
-    loading         which points the curve is made of: each strain above all before (n,)
-    branches        unloading and reloading, which the curve leaves out
-    columns         where strain and stress are from
-    encoding        that the file is read by
-    skipped         lines of free text above the header
-    curve           what a foam takes: thinned where there are many points, and never falling
+    strain, stress  all points (n,), compression positive, as fractions and in Pa
+    loading         (n,) whether a point belongs to the curve: its strain exceeds all before it
+    branches        unloading and reloading, which are not part of the curve
+    columns         the columns of strain and stress
+    encoding        the file's encoding
+    skipped         number of lines of free text above the header
+    curve           the foam's curve: thinned if there are many points, and never falling
     """
 
     strain: Array
@@ -140,7 +141,7 @@ class CompressionTest:
 def curve_of(curve: Any, key: str, folder: Path) -> Any:
     """Raw data of a curve under a key, read from its file if it names one.
 
-    `folder` is where relative names begin. Raises ValueError, in whole sentences.
+    Relative names are in `folder`. Raises ValueError, in whole sentences.
     """
     if isinstance(curve, str | Path):
         curve = {"file": curve}
@@ -165,18 +166,18 @@ def curve_of(curve: Any, key: str, folder: Path) -> Any:
 
 
 def read_curve(path: Path, columns: Columns | None = None) -> Curve:
-    """The curve of a compression test; arguments and errors as of `read_test`."""
+    """The curve of a compression test; arguments and errors as for `read_test`."""
     return read_test(path, columns).curve
 
 
 def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) -> CompressionTest:
-    """A compression test in a CSV file, with free text above its columns or none.
+    """A compression test in a CSV file, with or without free text above its columns.
 
-    Nominal strain is displacement over height, nominal stress force over area. The curve is the
-    loading envelope, the points whose strain is above all before. One of more than `finest` points
-    is read as means of so many equal parts of its strain. Raises UserError with file, line and
-    value: unreadable, text or NaN where a number should be, unknown units, sizes that are missing
-    or cannot be, strains that go back without unloading, and whatever a `Curve` refuses.
+    Nominal strain is displacement over height, nominal stress is force over area. The curve is the
+    loading envelope: the points whose strain exceeds all before. If it has more than `finest`
+    points, it is averaged over that many equal intervals of strain. Raises UserError with file,
+    line and value: unreadable, text or NaN in place of a number, unknown units, missing or invalid
+    sizes, strains that decrease without unloading, and whatever a `Curve` refuses.
     """
     columns = columns or Columns()
     rows = read_rows(path, "strain and stress")
@@ -235,7 +236,7 @@ def _column(
 def _place(
     path: Path, heads: Sequence[str] | None, key: str, kind: Kind, given: str | int | None
 ) -> int:
-    """The place of a column, from 0. Raises UserError: there is none, or there are several."""
+    """The index of a column, from 0. Raises UserError: there is none, or there are several."""
     if isinstance(given, int):
         if not 1 <= given <= (len(heads) if heads else 1000):
             raise UserError(f"{path}: {key} = {given}: no such column; columns count from 1")
@@ -263,7 +264,7 @@ def _place(
 
 
 def _unit(head: str | None, kind: Kind) -> str | None:
-    """The unit in a header's brackets, or its last word; None where it says none."""
+    """The unit in a header's brackets, or its last word; None if it has none."""
     if head is None:
         return None
     if bracketed := IN_BRACKETS.search(head):
@@ -273,12 +274,12 @@ def _unit(head: str | None, kind: Kind) -> str | None:
 
 
 def _upright(values: Array) -> Array:
-    """Values with compression positive; noise may have the other sign."""
+    """Values with compression positive, whatever the sign of noise."""
     return -values if -values.min() > values.max() else values
 
 
 def _loading(strain: Array) -> NDArray[np.bool_]:
-    """Which points have a strain above all before."""
+    """Which points have a larger strain than all before."""
     before = np.maximum.accumulate(strain)[:-1]
     return np.append(True, strain[1:] > before)
 
@@ -286,7 +287,7 @@ def _loading(strain: Array) -> NDArray[np.bool_]:
 def _branches(
     path: Path, body: Sequence[Row], strain: Array, stress: Array, loading: NDArray[np.bool_]
 ) -> tuple[Branch, ...]:
-    """Where a test unloads and is loaded again. Raises UserError: strains go back otherwise."""
+    """The unloading branches of a test. Raises UserError: strains decrease without unloading."""
     starts = [int(n) for n in np.flatnonzero(loading)]
     ends = [*starts[1:], strain.size]
     found = []
@@ -312,7 +313,7 @@ def _branches(
 
 
 def _thinned(strain: Array, stress: Array, finest: int) -> tuple[Array, Array]:
-    """A test of many points as means over equal parts of its strain, first and last point kept."""
+    """A test of many points averaged over equal intervals of strain; both end points are kept."""
     if strain.size <= finest:
         return strain, stress
     part = np.clip(

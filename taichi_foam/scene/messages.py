@@ -1,4 +1,4 @@
-"""Validation errors as text for people: one line a problem, each with its key, value and cure."""
+"""Validation errors as readable text: one line per problem, each with its key, value and remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from taichi_foam.parts import Part, hints_of
 from taichi_foam.scene.keys import CHOSEN, all_parts, listed_in, parts
 
 _CLOSE = 0.75
-"""How like a known key a word is that is a slip of the pen: drop_height is no height."""
+"""Similarity to a known key from which a word counts as misspelt: height is not drop_height."""
 
 _INERTIA = "impactor.inertia, about the centre of mass, in kg m2"
 _SPIN = "impactor.spin is what it starts with, in rad/s; impactor.guided = false lets it turn"
@@ -37,15 +37,15 @@ _CONCEPTS = {
     "curve": _CURVE,
     "stress_strain": _CURVE,
 }
-"""What a key is called here, or why there is none, by other words that people use for it."""
+"""The key to use instead, or why there is none, by other words that people use for it."""
 
 _NO_TABLE = ("union_tag_not_found", "model_type", "model_attributes_type", "dict_type")
-"""Kinds of pydantic's errors about something that is no table."""
+"""Kinds of pydantic errors for a value that is not a table."""
 
 _MOST_PROBLEMS = 20
 _LONGEST_LINE = 400
 _LONGEST_KEY = 60
-"""Messages are for people, whatever a file holds."""
+"""Limits that keep messages readable, whatever a file contains."""
 
 _KIND_OF_VALUE = {
     "float_type": "a number, ",
@@ -57,9 +57,9 @@ _KIND_OF_VALUE = {
 
 
 def explain(error: ValidationError, scene: type[Part]) -> str:
-    """Return the problems of an invalid scene, or part of one, one line each.
+    """Return the problems of an invalid scene, or of a part of one, one line each.
 
-    `scene` is the class of scenes, from which keys and parts are known.
+    `scene` is the scene's class, which defines the known keys and parts.
     """
     lines: dict[str, None] = {}
     for detail in error.errors(include_url=False):
@@ -71,24 +71,25 @@ def explain(error: ValidationError, scene: type[Part]) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a value as a message shows it, cut to a line's share."""
+    """Return a value as a message shows it, shortened if necessary."""
     text = "none" if value is None else _short.repr(value)
     return text if len(text) <= _LONGEST_KEY else text[: _LONGEST_KEY - 3] + "..."
 
 
 def key_shown(key: str) -> str:
-    """Return a key as a message shows it: printable, and cut to a line's share."""
+    """Return a key as a message shows it: printable, and shortened if necessary."""
     return _printable(key, _LONGEST_KEY)
 
 
 def nearest(path: str, here: Mapping[str, str], scene: type[Part]) -> str | None:
-    """The known key that an unknown one stands for; None if it is no slip of the pen.
+    """The known key that an unknown one probably means; None if none is similar.
 
-    First among those that stand `here`, dotted keys by name, then anywhere in a scene: one of its
-    name, one that goes on after it (angle_deg for angle), one that is spelt nearly so.
+    Keys in the same place are searched first (`here`, dotted keys by name), then those of the whole
+    scene: for the same name, a longer name that begins with it (angle_deg for angle), or a similar
+    spelling.
     """
     key = path.rpartition(".")[2][:_LONGEST_KEY]
-    # Other shapes' keys stand in the same place: to suggest one would repeat the question.
+    # Keys of other shapes have the same path: to suggest one would repeat the question.
     everywhere = {
         name: f"{part}.{name}"
         for part, kind in all_parts(scene)
@@ -105,13 +106,13 @@ def nearest(path: str, here: Mapping[str, str], scene: type[Part]) -> str | None
 
 
 def titled(source: str, problems: str, kind: str = "scene") -> str:
-    """Return problems as an indented list under the scene, or what it is, that has them."""
+    """Return problems as an indented list under the name of their source, a scene or other kind."""
     listed = "\n".join(f"  {line}" for line in problems.splitlines())
     return f"{source}: not a valid {kind}:\n{listed}"
 
 
 class _Short(reprlib.Repr):
-    """Representations that take little work, however long or deep a value is."""
+    """Short representations that are quick to make, however long or deep a value is."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -128,25 +129,25 @@ _short = _Short()
 
 
 def _printable(text: str, most: int = _LONGEST_LINE) -> str:
-    """Return text of a line, cut, with what a terminal would not print written out."""
+    """Return one line of text, shortened, with unprintable characters escaped."""
     cut = text if len(text) <= most else text[: most - 3] + "..."
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in cut)
 
 
 def _names(part: type[Part]) -> list[str]:
-    """The keys of a part as one writes them."""
+    """The keys of a part as written in a scene."""
     return [field.alias or name for name, field in part.model_fields.items()]
 
 
 def _root(title: str, scene: type[Part]) -> tuple[str, type[Part]]:
-    """Where in a scene a class stands, by its name: a part may also be built by itself."""
+    """Key and class of a part by its class name, for parts that are built by themselves."""
     return next(
         ((key, part) for key, part in all_parts(scene) if part.__name__ == title), ("", scene)
     )
 
 
 def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> Iterator[str]:
-    """Yield the line or lines of one of pydantic's details."""
+    """Yield the lines for one of pydantic's error details."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     path, owner, field = _locate(error.title, detail["loc"], scene)
     if kind == "value_error":
@@ -173,7 +174,7 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
         said = detail["msg"].replace("Input should be", "must be")
         yield f"{path}: missing" if kind == "missing" else f"{path} = {shown(value)}: {said}"
     else:
-        # Ranges that begin with a word say themselves what kind of value they want.
+        # Other ranges already say what kind of value is allowed.
         sort = _KIND_OF_VALUE.get(kind, "") if allowed.startswith(("above", "at")) else ""
         given = ": missing;" if kind == "missing" else f" = {shown(value)}:"
         fix = f"; {hints['fix']}" if "fix" in hints else ""
@@ -183,9 +184,9 @@ def _lines(error: ValidationError, detail: ErrorDetails, scene: type[Part]) -> I
 def _locate(
     title: str, location: tuple[int | str, ...], scene: type[Part]
 ) -> tuple[str, type[Part], FieldInfo | None]:
-    """Return the dotted path, the innermost part reached and the field of pydantic's location.
+    """Return the dotted path of pydantic's location, the innermost part's class, and the field.
 
-    Pydantic puts the names of union members between the keys; they are left out.
+    Pydantic puts the names of union members between the keys; these are left out.
     """
     path, owner = _root(title, scene)
     field: FieldInfo | None = None
@@ -208,13 +209,13 @@ def _locate(
 
 
 def _head_of_foam(path: str) -> str:
-    """What stands before `foam` in a path: nothing but in parts that have foams."""
+    """The part of a path before `foam`: empty except for foams of layers and across."""
     head, between, _ = f".{path}".partition(".foam")
     return f"{head[1:]}." if between and head else ""
 
 
 def _unknown_key(path: str, owner: type[Part], scene: type[Part]) -> str:
-    """Say that a key is unknown, and which known one is meant."""
+    """The message for an unknown key, with the key that was probably meant."""
     head, _, key = path.rpartition(".")
     here = {name: f"{head}.{name}".lstrip(".") for name in _names(owner)}
     if key in _CONCEPTS:

@@ -1,8 +1,8 @@
-"""What moves: an impactor that falls, a crosshead at constant speed, a base that is shaken.
+"""Motion: an impactor that falls, a crosshead at constant speed, a base that is shaken.
 
-An impactor that falls so far starts at its gap with the velocity that it has there, and gravity
-acts on everything, so that it meets the foam with sqrt(2 g h). A crosshead's travel and speed give
-the end of the run. What follows so is no value that was given (`Part.with_computed`).
+An impactor with a drop height h starts at its gap with the velocity that it has there, and gravity
+acts on everything, so that it hits the foam at sqrt(2 g h). A crosshead's travel and speed give the
+end of the run. Such values do not count as given (`Part.with_computed`).
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from taichi_foam.scene.options import LONGEST_RUN, Base, Numerics
 from taichi_foam.units import STANDARD_GRAVITY, plain
 
 _SAME = 1e-9
-"""Values that differ by less, relative, are one: a scene that was written holds both."""
+"""Values with a smaller relative difference are equal: a stored scene contains both, rounded."""
 
 
 def start_velocity(drop_height: float, gap: float, gravity: float) -> float | None:
-    """Velocity [m/s] that a fall of `drop_height` has `gap` before its end [m]; None: never."""
+    """Velocity [m/s] at `gap` above the end of a fall of `drop_height` [m]; None: impossible."""
     if gravity <= 0.0 or gap > drop_height:
         return None
     return math.sqrt(2.0 * gravity * (drop_height - gap))
 
 
 def followed(impactor: Impactor, numerics: Numerics) -> tuple[Impactor, Numerics]:
-    """Both, with the velocity, the gravity and the end that a drop height or a travel stand for.
+    """Both parts, with the velocity, gravity and end that follow from a drop height or a travel.
 
-    What was given stays, right or wrong.
+    Given values are kept, even if they contradict.
     """
     if impactor.drop_height is not None:
         if "gravity" not in numerics.model_fields_set:
@@ -45,7 +45,7 @@ def followed(impactor: Impactor, numerics: Numerics) -> tuple[Impactor, Numerics
 
 
 def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numerics) -> list[str]:
-    """Why something cannot be driven so."""
+    """Why a crosshead or a shaken base cannot be driven as the scene says."""
     shaken = base.shaking is not None
     found = []
     if shaken and numerics.end == "rebound":
@@ -97,16 +97,16 @@ def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numeric
 
 
 def _pulse(base: Base) -> str:
-    """The key that shakes a base."""
+    """The key by which a base is shaken, as messages show it."""
     return "base.acceleration" if base.pulse is None else f"base.pulse = '{base.pulse}'"
 
 
 def problems_of_fall(
     impactor: Impactor, block: Block, gravity: float, plateau_stress: float
 ) -> list[str]:
-    """Why an impactor cannot both fall so far and be what else the scene says.
+    """Why an impactor's drop height contradicts the rest of the scene.
 
-    Nobody can mean a mass that falls on a cushion which it crushes as it stands there.
+    An impactor whose weight alone crushes the cushion is taken for a mistake.
     """
     height, velocity, gap = impactor.drop_height, impactor.velocity, impactor.gap
     if height is None:
@@ -141,7 +141,7 @@ def problems_of_fall(
 
 
 def width_under(impactor: Impactor, block: Block) -> float:
-    """Width of the block, as it is drawn, that lies under an impactor as it starts [m]."""
+    """Width of the block's outline under the impactor at the start [m]."""
     foam = np.array(block.corners)[:, 0]
     ends = impactor.x + impactor.outline()[:, 0]
     return float(max(min(foam.max(), ends.max()) - max(foam.min(), ends.min()), 0.0))

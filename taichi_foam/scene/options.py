@@ -1,4 +1,4 @@
-"""How the block stands, which reading of the model holds, how it is stepped and what is kept."""
+"""Options of a scene: base, model choices, numerics, start and output."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.units import STANDARD_GRAVITY
 
 LONGEST_RUN = 10.0
-"""Time [s] by which every run is over."""
+"""Longest duration of a run [s]."""
 
-# Lists are as good as tuples here: TOML and most scripts write lists.
+# Lists are accepted as tuples: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
 _Row = Annotated[tuple[_Component, _Component], Field(strict=False)]
 _Rate = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -30,20 +30,20 @@ PulseShape = Literal["half-sine", "trapezoid", "sawtooth"]
 """The classical pulses of a shock machine (IEC 60068-2-27)."""
 
 SINE_POINTS = 401
-"""Points of a half-sine: between them it is straight, which changes its integral by 5e-6."""
+"""Points of a half-sine: linear interpolation between them changes its integral by 5e-6."""
 
 RISE = 0.1
-"""A trapezoid rises, and falls, within this share of its duration."""
+"""Fraction of its duration in which a trapezoid rises, and falls."""
 
 DROP = 0.01
-"""A terminal-peak sawtooth falls within this share of its duration: no acceleration jumps."""
+"""Fraction of its duration in which a terminal-peak sawtooth falls, to avoid a jump."""
 
 _Time = Annotated[float, Field(ge=0, le=10)]
 _Acceleration = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class Pulse(Part):
-    """Upward acceleration of the base over time, straight between its points and 0 beyond them."""
+    """Upward acceleration of the base over time, linear between its points and 0 outside them."""
 
     time: Annotated[tuple[_Time, ...], Field(strict=False)] = quantity(
         ..., "s", "times of the points, rising", allowed="2 to 2,000 numbers from 0 to 10 s"
@@ -98,9 +98,9 @@ class Pulse(Part):
         return max(self.acceleration, key=abs)
 
     def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upward velocity [m/s] that the base has at times (n,) [s], exactly; 0 before the pulse.
+        """Upward velocity [m/s] of the base at times (n,) [s]; 0 before the pulse.
 
-        Of straight lines between points: their integral.
+        It is the exact integral of the piecewise linear acceleration.
         """
         at, level = np.array(self.time), np.array(self.acceleration)
         now = np.clip(time, at[0], at[-1])
@@ -111,7 +111,7 @@ class Pulse(Part):
 
 
 class Base(Part):
-    """What holds the block's bottom row of mass points."""
+    """How the block's bottom row of mass points is held."""
 
     kind: Literal["held", "gripped", "floor"] = choice(
         "gripped",
@@ -174,7 +174,7 @@ class Base(Part):
 
     @property
     def shaking(self) -> Pulse | None:
-        """The pulse that shakes it, however it was given; None: it stands still."""
+        """The pulse that shakes the base, however it was given; None: the base is at rest."""
         if self.pulse is None or self.pulse_peak_g is None or self.pulse_duration_ms is None:
             return self.acceleration
         peak, duration = STANDARD_GRAVITY * self.pulse_peak_g, 1e-3 * self.pulse_duration_ms
@@ -282,15 +282,15 @@ class Numerics(Part):
 
     @property
     def latest_end(self) -> float:
-        """Time by which the run is over at the latest [s]."""
+        """Latest time at which the run ends [s]."""
         return self.time_limit if self.end == "rebound" else float(self.end)
 
 
 class Start(Part):
-    """What the block starts with: cuts, and a homogeneous deformation and motion.
+    """Initial state of the block: cuts, and a homogeneous deformation and motion.
 
-    A mass point with reference position X starts at x = b + F (X - b) with velocity L (X - b),
-    b = (0, dy/2) being the middle of the bottom row, or (0, 0) of one on the base.
+    A mass point with reference position X starts at x = b + F (X - b) with velocity L (X - b). Here
+    b = (0, dy/2) is the middle of the bottom row, or (0, 0) if that row is on the base.
     """
 
     deformation_gradient: Annotated[tuple[_Row, _Row], Field(strict=False)] = quantity(
@@ -329,7 +329,7 @@ class Start(Part):
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether the block starts undeformed and still."""
+        """Whether the block starts undeformed and at rest."""
         start = Start()
         return (
             self.deformation_gradient == start.deformation_gradient
@@ -338,13 +338,13 @@ class Start(Part):
 
     @property
     def strains(self) -> tuple[float, float]:
-        """Engineering strains that the start gives bonds A and B."""
+        """Initial engineering strains of bonds A and B."""
         (a, b), (c, d) = self.deformation_gradient
         return math.hypot(a, c) - 1, math.hypot(b, d) - 1
 
 
 class Output(Part):
-    """What a run keeps."""
+    """Output: what a run stores."""
 
     history_interval: float = quantity(
         1e-4, "s", "time between rows of the history", at_least=1e-7, at_most=0.1

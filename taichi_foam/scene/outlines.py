@@ -1,6 +1,6 @@
-"""Plane geometry of a block's outline and holes, by shapely: is it one, and what of it is where.
+"""Plane geometry of a block's outline and holes, by shapely: validity, areas and lengths.
 
-Corners are pairs [x, y]; shapely is loaded by the first outline that somebody draws.
+Corners are pairs [x, y]; shapely is imported only when an outline is used.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 Corners = Sequence[tuple[float, float]]
 
 AT_ONCE = 8
-"""Cells across of a tile whose cut cells are taken one by one."""
+"""Largest tile, in cells along its longer side, whose cells are intersected individually."""
 
 ROUNDING = 12
-"""Decimals of shares that are kept: what is symmetric is so to the last bit."""
+"""Decimals to which areas and lengths are rounded, so that symmetric ones are exactly symmetric."""
 
 
 def polygon(outline: Corners | Array, holes: Iterable[Corners | Array] = ()) -> Polygon:
@@ -35,7 +35,7 @@ def polygon(outline: Corners | Array, holes: Iterable[Corners | Array] = ()) -> 
 
 
 def problems(outline: Corners, holes: Sequence[Corners]) -> list[str]:
-    """What is wrong with an outline and holes, in whole sentences."""
+    """Problems of an outline and its holes, in whole sentences."""
     found = problems_of_ring("block.outline", outline)
     for number, hole in enumerate(holes):
         found += problems_of_ring(f"block.holes[{number}]", hole)
@@ -43,7 +43,7 @@ def problems(outline: Corners, holes: Sequence[Corners]) -> list[str]:
 
 
 def is_mirrored(shape: Polygon, width: float) -> bool:
-    """Whether a shape is its own mirror image about the upright line at half of a width."""
+    """Whether a shape is its own mirror image about the vertical line at half of `width`."""
     from shapely import affinity
 
     other = affinity.scale(shape, xfact=-1.0, origin=(width / 2, 0.0))
@@ -53,7 +53,7 @@ def is_mirrored(shape: Polygon, width: float) -> bool:
 def shares(shape: Polygon, across: Array, up: Array) -> Array:
     """Area of a shape in each box of a grid, (len(across) - 1, len(up) - 1).
 
-    `across` and `up` are the grid's lines, rising.
+    `across` and `up` are the grid's lines, in rising order.
     """
     found = np.zeros((len(across) - 1, len(up) - 1))
     _fill(shape, across, up, found)
@@ -61,10 +61,10 @@ def shares(shape: Polygon, across: Array, up: Array) -> Array:
 
 
 def lengths(shape: Polygon, levels: Array, marks: Array, upright: bool) -> Array:
-    """Length of straight lines inside a shape, (len(levels), len(marks) - 1), between marks.
+    """Length of straight lines inside a shape between marks, (len(levels), len(marks) - 1).
 
-    The lines are upright at x = `levels`, or level at y = `levels`; what runs along the shape's
-    boundary is not inside.
+    The lines are vertical at x = `levels`, or horizontal at y = `levels`; parts along the shape's
+    boundary are not inside.
     """
     import shapely
 
@@ -97,7 +97,7 @@ def _problems_of_holes(outline: Corners, holes: Sequence[Corners]) -> list[str]:
 
 
 def _fill(shape: Any, across: Array, up: Array, found: Array) -> None:
-    """Write into `found` what `shares` gives: tiles that are full or empty at once."""
+    """Write the result of `shares` into `found`, full or empty tiles as a whole."""
     import shapely
 
     if shape.is_empty:
@@ -131,7 +131,7 @@ def _fill(shape: Any, across: Array, up: Array, found: Array) -> None:
 
 
 def _areas_of(part: Any) -> Any:
-    """A geometry without the lines and points along which it may touch what it was cut by."""
+    """A geometry without lines and points, which remain where an intersection only touches."""
     import shapely
 
     if part.geom_type != "GeometryCollection":

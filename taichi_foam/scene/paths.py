@@ -1,4 +1,4 @@
-"""Dotted keys of a scene, those of lists among them: `block.layers[0].foam.shear_strain`."""
+"""Dotted keys of a scene, including those of lists: `block.layers[0].foam.shear_strain`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from taichi_foam.parts import Part
 from taichi_foam.scene.messages import key_shown
 
 NOTHING = object()
-"""What stands where a key leads nowhere."""
+"""Result for a key under which there is nothing."""
 
 _STEP = re.compile(r"([^\[\]]+)((?:\[\d{1,6}\])*)")
 
 
 def at(data: Any, key: str) -> Any:
-    """What stands under a dotted key, in raw data or in parts; NOTHING if nothing does."""
+    """The value under a dotted key, in raw data or in parts; NOTHING if there is none."""
     for step in _steps(key) if key else ():
         if isinstance(step, int):
             listed = isinstance(data, list | tuple) and step < len(data)
@@ -35,7 +35,7 @@ def at(data: Any, key: str) -> Any:
 
 
 def heads_of_foams(data: Any) -> Iterator[str]:
-    """Yield what stands before `foam` of a scene's foams: "", "across.", layers by number.
+    """Yield the beginnings of the keys of a scene's foams: "", "across.", "block.layers[0]." etc.
 
     `data` is a scene, or raw data of one.
     """
@@ -59,17 +59,17 @@ def by_key(data: Mapping[str, Any], head: str = "") -> dict[str, Any]:
 
 
 def copied(data: Any) -> Any:
-    """A copy of raw data whose tables and lists can be changed."""
+    """A copy of raw data, with tables and lists that can be changed."""
     if isinstance(data, Mapping):
         return {key: copied(each) for key, each in data.items()}
     return [copied(each) for each in data] if isinstance(data, list | tuple) else data
 
 
 def put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested dictionaries and lists, making tables on the way.
+    """Set a dotted key in nested dictionaries and lists, creating missing tables.
 
-    A new shape or law takes away the keys of the old one that it lacks. Raises UserError: the key
-    is below one that has none of its own, or beyond the end of a list.
+    A new shape or law removes the old one's keys that it does not have. Raises UserError: the key
+    is below one that has no keys of its own, or beyond the end of a list.
     """
     *heads, last = _steps(key)
     table: Any = data
@@ -99,7 +99,7 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _steps(key: str) -> list[str | int]:
-    """The names and places of a dotted key; a part that is no name stays as it is."""
+    """The names and indices of a dotted key; malformed parts are kept as they are."""
     found: list[str | int] = []
     for part in key.split("."):
         step = _STEP.fullmatch(part)
@@ -110,7 +110,7 @@ def _steps(key: str) -> list[str | int]:
 
 
 def _place(listed: Any, number: int, key: str) -> Any:
-    """What a list has in a place. Raises UserError: it is none, or has no such place."""
+    """The item of a list at an index. Raises UserError: not a list, or no such item."""
     if not isinstance(listed, list):
         raise UserError(f"{key_shown(key)}: unknown key; only lists have places [0], [1] and so on")
     if number >= len(listed):
@@ -122,10 +122,10 @@ def _place(listed: Any, number: int, key: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A part as its data, and a NumPy number as Python's: scenes take no other types."""
+    """A part as raw data, and a NumPy number as a Python number, as scenes accept them."""
     if isinstance(value, Part):
         names = type(value).model_fields
-        if isinstance(value, BondFoam):  # what was not given is to be told from what was
+        if isinstance(value, BondFoam):  # keep only the keys that were given
             names = [name for name in names if name in {*value.model_fields_set, FOAMS.tag}]
         found = ((name, getattr(value, name)) for name in names)
         return {name: _plain(each) for name, each in found if each is not None}

@@ -1,8 +1,8 @@
-"""What was measured in the impact that a scene describes, and whether it has still that impact.
+"""Measured values of the impact that a scene describes, and whether a scene still describes it.
 
-A reference holds for an impact, not for a name: it knows what was set up where it was measured, by
-a digest, and says nothing of a scene in which any of that is otherwise. How the model reads an
-impact, and how finely it is computed, does not count.
+A reference belongs to an impact, not to a name: it stores a digest of the test setup, and does not
+apply to a scene with another setup. Model choices and numerical resolution are not part of the
+setup.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at
 
 _VELOCITY_WITHIN = 0.00501
-"""Velocities may differ by what the runs of an ensemble vary by, 0.5 %, and what rounding adds."""
+"""Allowed relative difference of velocities: the 0.5 % by which ensembles vary, plus rounding."""
 
 _OPEN: Mapping[str, frozenset[str]] = {
-    # Columns, rows and the lattice's angle are a mesh.
+    # The mesh.
     "block": frozenset({"cell", "columns", "rows", "lattice_angle_deg", "mass_points"}),
-    # Of Eq. 26 what a compression test does not give: it is chosen, or left open.
+    # Constants that a compression test does not give: they are chosen, or left open.
     "foam": frozenset({
         "law", "source", "locking_strain", "densification_a", "densification_b",
         "crushed_tensile_fraction", "crushed_tensile_stress", "rate", "rate_exponent",
@@ -33,22 +33,22 @@ _OPEN: Mapping[str, frozenset[str]] = {
         "strength_scatter", "strength_seed",
     }),
     "across": frozenset(),
-    # Its velocity is compared by itself.
+    # The velocity is compared separately.
     "impactor": frozenset({"friction", "velocity", "drop_height"}),
-    # How the bottom row is held is a reading.
+    # How the bottom row is held is a model choice.
     "base": frozenset({"kind", "friction"}),
     "support": frozenset(),
-    # Decelerations are counted without gravity. All else is a matter of computing.
+    # All but gravity, which decelerations exclude, is numerical.
     "numerics": frozenset({
         "dt", "safety", "damping_time", "contact_stiffness", "contact_damping", "end", "time_limit",
     }),
     "start": frozenset(),
 }  # fmt: skip
-"""Keys of a scene's parts that may be otherwise where a reference holds; of its other parts all."""
+"""Keys, by part, that may differ where a reference applies; parts not listed may differ freely."""
 
 
 class Reference(Part):
-    """What was measured in the impact of a scene, by whom."""
+    """What was measured in the impact of a scene, and by whom."""
 
     name: str | None = Field(default=None, description="of the scene that has the title")
     title: str | None = Field(default=None, description="of this scene, for people")
@@ -62,27 +62,27 @@ class Reference(Part):
     impact: str | None = Field(default=None, description="digest of what was set up in it")
 
     def __hash__(self) -> int:
-        """Of what tells references apart."""
+        """Hash of the name and the impact."""
         return hash((self.name, self.impact))
 
     def of(self, scene: Any) -> Reference:
-        """The same, measured in the impact of a scene."""
+        """The same reference, tied to the impact of a scene."""
         mine = {"velocity": _velocity(scene), "impact": self._digest(scene)}
         return self.model_copy(update={**mine, "name": self.name or scene.name})
 
     def has_velocity_of(self, scene: Any) -> bool:
-        """Whether a scene's impactor has the velocity that was measured with, within 0.5 %."""
+        """Whether a scene's impactor has the velocity of the measured impact, within 0.5 %."""
         given = _velocity(scene)
         if given is None or self.velocity is None:
             return given is self.velocity
         return math.isclose(given, self.velocity, rel_tol=_VELOCITY_WITHIN)
 
     def fits(self, scene: Any) -> bool:
-        """Whether a scene has the impact that was measured in, whatever it is called."""
+        """Whether a scene has the measured impact, whatever its name."""
         return self.has_velocity_of(scene) and self.impact == self._digest(scene)
 
     def _digest(self, scene: Any) -> str:
-        """Of all that was set up in a scene and is not as by default, but the velocity."""
+        """Digest of a scene's setup: all values other than defaults, except the velocity."""
         found = _set_up(scene)
         for key in {key for values in self.readings.values() for key in values}:
             value = at(scene, key)
@@ -95,7 +95,7 @@ class Reference(Part):
 
 
 def _set_up(scene: Any) -> dict[str, Any]:
-    """What counts of a scene and has not its default value, by dotted key."""
+    """The setup of a scene: relevant values other than defaults, by dotted key."""
     found: dict[str, Any] = {"impactor.shape": getattr(scene.impactor, "shape", None)}
     for name, left_open in _OPEN.items():
         part = getattr(scene, name)
@@ -113,5 +113,5 @@ def _velocity(scene: Any) -> float | None:
 
 
 def _rounded(value: Any) -> Any:
-    """The same to nine digits is the same: 0.1 + 0.2 is no other length than 0.3."""
+    """A number rounded to nine digits, so that 0.1 + 0.2 equals 0.3."""
     return float(f"{value:.9g}") if isinstance(value, float) else value

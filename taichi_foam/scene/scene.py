@@ -1,4 +1,4 @@
-"""The whole scene, and the checks that need more than one of its parts."""
+"""The whole scene, and the checks that involve more than one of its parts."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from taichi_foam.scene.values import changed
 _OPTIONS = {
     "heeds_rate": "rate, which is given in the one only",
 }
-"""What tells foams of one law apart for the kernels, by options of the law."""
+"""Words for the options in which foams of one law may differ for the kernels, by option."""
 
 
 MOST_INERTIA, LEAST_INERTIA = 10.0, 1e-3
-"""What a moment of inertia can be: so many times that of the mass at the furthest point of the
-outline, and such a part of a uniform plate's. Beyond that it is in another unit."""
+"""Limits of a moment of inertia, over that of all the mass at the outline's furthest point, and
+over that of a uniform plate. A value beyond them is probably in another unit."""
 
 
 class Scene(Part):
-    """One impact on one block, complete: everything that decides its result. SI units.
+    """One impact on one block, complete: everything that determines its result. SI units.
 
     The frame: x to the right from the block's mid-width, y up from its bottom; displacement and
-    impactor velocity downwards. Mass point (i, j) is the centre of a cell:
-    x = (i - (columns-1)/2) dx, y = (j + 1/2) dy.
+    impactor velocity are positive downwards. Unless the lattice is turned, mass point (i, j) is at
+    x = (i - (columns-1)/2) dx, y = block.foot + j dy.
     """
 
     name: str = Field(
@@ -120,7 +120,7 @@ class Scene(Part):
         return self
 
     def _follow(self) -> None:
-        """Set what follows from what was given: of falls, crossheads, foams of one's own."""
+        """Set the values that follow from given ones: of falls, crossheads and users' foams."""
         found = assumed.followed(self)
         if self.impactor is not None:
             found["impactor"], found["numerics"] = motion.followed(self.impactor, self.numerics)
@@ -129,30 +129,30 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _tell_reference(self) -> Scene:
-        """A reference that is new is one of this impact, and stays so when the scene is changed."""
+        """Tie a new reference to this impact; it keeps it when the scene is changed."""
         if self.reference is not None and self.reference.impact is None:
             vars(self)["reference"] = self.reference.of(self)  # it is frozen
         return self
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], source: str) -> Scene:
-        """The scene of raw data. Raises UserError with every problem, titled with its source."""
+        """The scene of raw data. Raises UserError, titled with the source, naming every problem."""
         try:
             return cls.model_validate(data)
         except ValidationError as error:
             raise UserError(titled(source, explain(error, cls))) from None
 
     def with_values(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Scene:
-        """A scene with other values, checked anew; this one stays as it is.
+        """A scene with other values, checked anew; this one is unchanged.
 
             scene.with_values({"impactor.velocity": 3.0, "block.rows": 40})
             scene.with_values(impactor__velocity=3.0, block__rows=40)
 
         Keys are those of the scene's TOML; as keywords they have two underscores for each dot. None
-        empties an optional key. A new `impactor.shape` drops the keys that it lacks, and a
-        new `impactor.velocity` the drop height that it stands for.
+        clears an optional key. A new `impactor.shape` drops the keys that it does not have, and a
+        new `impactor.velocity` drops the drop height.
 
-        Raises UserError, naming every problem: unknown keys, values that cannot be.
+        Raises UserError, naming every problem: unknown keys, invalid values.
         """
         wanted = {**(values or {}), **{key.replace("__", "."): more[key] for key in more}}
         if not wanted:
@@ -160,7 +160,7 @@ class Scene(Part):
         return self.checked(changed(self.given_data(), wanted), self.name)
 
     def given_data(self) -> dict[str, Any]:
-        """Its nested data without what follows from the rest; `values.changed` takes it."""
+        """Nested data without values that follow from others, as `values.changed` takes it."""
         return assumed.given_data(self)
 
     @property
@@ -170,28 +170,29 @@ class Scene(Part):
 
     @property
     def is_tilted(self) -> bool:
-        """Whether there is an impactor that does not keep to its upright outline."""
+        """Whether there is an impactor whose outline is not, or does not stay, upright."""
         return self.impactor is not None and (self.turns or self.impactor.rotation_deg != 0.0)
 
     @property
     def is_driven(self) -> bool:
-        """Whether something moves by command: a crosshead, or a base that is shaken."""
+        """Whether a motion is prescribed: of a crosshead, or of a shaken base."""
         crosshead = self.impactor is not None and self.impactor.motion == "crosshead"
         return crosshead or self.base.shaking is not None
 
     @property
     def is_slowed(self) -> bool:
-        """Whether there is an impactor that what it touches slows down: no crosshead."""
+        """Whether there is an impactor that contact slows down, that is, not a crosshead."""
         return self.impactor is not None and self.impactor.motion != "crosshead"
 
     @property
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m].
 
-        The top row's; of a block with an outline that of the highest mass point under it.
+        The height of the top row; for a block with an outline, that of the highest mass point
+        under the impactor.
         """
         filled = filling.filling(self.block)
-        if filled.is_full:  # the same to the last bit
+        if filled.is_full:  # the same height, exactly
             return self.block.height - self.block.dy / 2
         X = self.block.positions[filled.there]
         if self.impactor is not None:
@@ -201,14 +202,14 @@ class Scene(Part):
 
 
 def _rebuild() -> None:
-    """Let scenes know a law or a shape that came later."""
+    """Rebuild the scene's classes after a law or a shape was registered."""
     for part in (Across, Layer, Block, Scene):
         part.model_rebuild(force=True)
     _tell_places()
 
 
 def _tell_places() -> None:
-    """Let every part know where a scene has its kind."""
+    """Tell every class of parts where it stands in a scene."""
     Scene.places = ("",)
     for key, part in all_parts(Scene):
         part.places = (key, "block.layers[].foam", "across.foam") if key == "foam" else (key,)
@@ -231,7 +232,7 @@ def _problems_of_foam(scene: Scene) -> list[str]:
 
 
 def _problems_of_layers(scene: Scene) -> list[str]:
-    """Say which layers' foams do not go together with the block's."""
+    """Why foams of layers, or the one across, cannot be combined with the block's."""
     law = scene.foam.law_for(scene.model)
     foams = {f"block.layers[{n}]": layer.foam for n, layer in enumerate(scene.block.layers)}
     found = [
@@ -254,7 +255,7 @@ def _problems_of_layers(scene: Scene) -> list[str]:
 
 
 def _problems_of_base(scene: Scene) -> list[str]:
-    """Say why the base has nothing to hold."""
+    """Why the base has nothing to hold."""
     kind = scene.base.kind
     if kind == "floor" or filling.filling(scene.block).on_base.any():
         return []
@@ -265,7 +266,7 @@ def _problems_of_base(scene: Scene) -> list[str]:
 
 
 def _differing(law: BondLaw, other: BondLaw) -> str:
-    """What is otherwise in a law than in the first, in the words of a scene."""
+    """How the second law differs from the first, in the words of a scene."""
     if type(law) is not type(other):
         return f"of the law {type(other).__name__.lower()}"
     unlike = {key for key, value in vars(other).items() if value != vars(law)[key]}
@@ -331,7 +332,7 @@ def _problems_of_inertia(scene: Scene) -> list[str]:
 
 
 def _problems_of_contact(scene: Scene) -> list[str]:
-    """Say why the impactor could never touch the block, or would start inside it."""
+    """Why the impactor could never touch the block, or would start inside it."""
     impactor = scene.impactor
     if impactor is None:
         return []
@@ -364,7 +365,7 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
     impactor, g = scene.impactor, scene.numerics.gravity
     assert impactor is not None
     if scene.base.shaking is not None:
-        return []  # the foam may come to it
+        return []  # the foam may move to the impactor
     if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
@@ -382,7 +383,7 @@ def _problems_of_arrival(scene: Scene) -> list[str]:
 
 
 def _arrival(scene: Scene, impactor: Impactor) -> float:
-    """Time [s] at which an impactor that does not turn has used up its gap; infinite if never."""
+    """Time [s] at which an impactor that does not turn has closed its gap; infinite if never."""
     # Fall from rest at the gap: gap = v t + g t^2 / 2, in the form that is exact for g = 0.
     speed = math.sqrt(impactor.velocity**2 + 2 * scene.numerics.gravity * impactor.gap)
     if impactor.gap == 0:
@@ -391,9 +392,10 @@ def _arrival(scene: Scene, impactor: Impactor) -> float:
 
 
 def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
-    """The furthest left and right [m] that an impactor can be when it meets the block's top.
+    """The leftmost and rightmost x [m] of an impactor when it reaches the block's top.
 
-    One that spins meets it with any of its sides, and somewhat earlier or later.
+    A spinning impactor may touch with any of its sides, somewhat earlier or later; these are then
+    bounds.
     """
     if impactor.spin == 0:
         outline = impactor.outline()[:, 0]
@@ -406,7 +408,7 @@ def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
 
 
 def _starting_points(scene: Scene) -> np.ndarray:
-    """Positions (n, 2) [m] of mass points at the start: of a rectangle's corners, or of all."""
+    """Positions (n, 2) [m] of mass points at the start: a rectangle's corner points, or all."""
     block = scene.block
     if block.is_rectangle:
         half, low, high = (block.width - block.dx) / 2, block.dy / 2, scene.contact_height
@@ -422,7 +424,10 @@ def _between(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> bool:
-    """Whether mass points, some of which are at `x`, lie strictly between two positions [m]."""
+    """Whether any column of mass points lies strictly between two positions [m].
+
+    `x` holds the positions of all mass points, unless the block is a rectangle.
+    """
     block = scene.block
     if not block.is_rectangle:
         return bool(_between(x, low, high).any())

@@ -18,14 +18,14 @@ from taichi_foam.scene.block import Block
 from taichi_foam.scene.options import Base
 
 _KEYS = {"floor": (), "ribs": ("pitch", "width", "depth"), "outline": ("outline",)}
-"""What each kind of support needs."""
+"""Keys that each kind of support needs."""
 
 LEAST_OVERLAP = 1e-6
-"""Area over that of a cell by which an outline may reach into the foam: rounding of its corners."""
+"""Tolerated overlap of an outline with the foam, in areas of a cell: rounding of its corners."""
 
 
 class Support(Part):
-    """What the block lies on where base.kind is `floor`; it is rigid and does not move.
+    """The support under the block if base.kind is `floor`; it is rigid and does not move.
 
     The impactor is stopped at y = 0 whatever the support (base.stops_impactor).
     """
@@ -100,9 +100,9 @@ class Support(Part):
     def outline_under(self, block: Block) -> NDArray[np.float64] | None:
         """Corners (n, 2) [m], counter-clockwise, n <= MOST_CORNERS; None: it is a floor.
 
-        What is its own mirror image about x = 0 is so to the last bit. Ribs are one polygon, a
-        comb: as far as the block's height beyond its sides, on a plate as thick as the block is
-        high.
+        An outline that is symmetric about x = 0 is made exactly symmetric. Ribs are one polygon, a
+        comb on a plate as thick as the block is high; it extends beyond the block's sides by the
+        block's height, or the pitch if that is larger.
         """
         if self.kind == "floor":
             return None
@@ -127,7 +127,7 @@ class Support(Part):
         return geometry.placed(np.array([*top, *ends]), np.zeros(2))
 
     def _middles(self, block: Block) -> NDArray[np.float64]:
-        """Of the ribs, from left to right [m]: all that are beneath the block, or near to it."""
+        """Middles of the ribs beneath or near the block, from left to right [m]."""
         assert self.pitch is not None
         x = np.array(block.corners)[:, 0]
         reach = max(-x.min(), x.max()) + max(block.height, self.pitch)

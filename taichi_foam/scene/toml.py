@@ -1,4 +1,4 @@
-"""TOML text as plain data, within the bounds of what a scene can need."""
+"""TOML text as plain data, within limits that no scene exceeds."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ else:
     import tomli as tomllib
 
 MOST_BYTES = 200_000
-"""A scene's text may have so many; those of the package have about 1,000."""
+"""Most bytes of a scene's text; those of the package have about 1,000."""
 
 LONGEST_LINE = 2_000
-"""Characters of a line. What a reader does with a dotted key grows with the square of its parts,
-and a key cannot go on in the next line."""
+"""Most characters of a line. The work of parsing a dotted key grows with the square of the number
+of its parts, and a key cannot continue on the next line."""
 
 DEEPEST = 20
-"""Levels of tables and arrays within one another; a scene has four."""
+"""Most levels of nested tables and arrays; a scene has four."""
 
 _MARKS = {
     b"\xff\xfe\x00\x00": "UTF-32",
@@ -30,7 +30,7 @@ _MARKS = {
     b"\xff\xfe": "UTF-16",
     b"\xfe\xff": "UTF-16",
 }
-"""How texts in other encodings begin, the longer marks first."""
+"""Byte order marks of other encodings, the longer ones first."""
 
 
 def decoded(data: bytes, source: str) -> str:
@@ -57,7 +57,7 @@ def decoded(data: bytes, source: str) -> str:
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the data of a TOML file, not yet validated.
 
-    Raises UserError: unreadable, or not TOML within the bounds of this module.
+    Raises UserError: unreadable, not TOML, or beyond the limits of this module.
     """
     try:
         with path.open("rb") as file:
@@ -72,7 +72,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def parsed(text: str, source: str) -> dict[str, Any]:
     """The data of TOML text from `source`.
 
-    Raises UserError: not TOML, or beyond the bounds of this module.
+    Raises UserError: not TOML, or beyond the limits of this module.
     """
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > LONGEST_LINE:
@@ -82,7 +82,7 @@ def parsed(text: str, source: str) -> dict[str, Any]:
             )
     try:
         data = tomllib.loads(text)
-    except ValueError as error:  # also of whole numbers with thousands of digits
+    except ValueError as error:  # also raised for integers with thousands of digits
         raise UserError(f"{source}: not valid TOML: {_first_words(error)}") from None
     except RecursionError:
         raise UserError(_too_deep(source)) from None
@@ -92,7 +92,7 @@ def parsed(text: str, source: str) -> dict[str, Any]:
 
 
 def _first_words(error: ValueError) -> str:
-    """What the reader says, which may repeat a key of any length."""
+    """The parser's message, shortened, since it may repeat a key of any length."""
     text = str(error)
     if not isinstance(error, tomllib.TOMLDecodeError) and "digits" in text:
         return "a whole number with thousands of digits"
@@ -107,7 +107,7 @@ def _too_deep(source: str) -> str:
 
 
 def _is_deeper(data: Any, levels: int) -> bool:
-    """Whether tables and arrays stand deeper than `levels`; takes no stack of its own."""
+    """Whether tables and arrays are nested deeper than `levels`; does not recurse."""
     level = [data]
     for _ in range(levels + 1):
         inner: list[Any] = []

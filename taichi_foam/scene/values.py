@@ -1,4 +1,4 @@
-"""Values of a scene by dotted key: read from text, put into raw data that is yet to be checked."""
+"""Values of a scene by dotted key: read from text, and put into raw data not yet checked."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
 __all__ = ["by_key", "changed", "settings"]
 
 _FIRST = ("impactor.shape", "foam.law")
-"""Keys on which it depends which others there are."""
+"""Keys that determine which other keys exist."""
 
 _STANDS_FOR = {
     "block.cell": ("block.columns", "block.rows"),
     "impactor.drop_height": ("impactor.velocity",),
     "impactor.travel": ("numerics.end",),
 }
-"""Keys that are given in place of others, which follow from them."""
+"""Keys that may be given in place of others, which then follow from them."""
 
 
 def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
-    """Values by dotted key, given so, or as "block.rows=40" and the like, the later ones winning.
+    """Values by dotted key, from a mapping or from text such as "block.rows=40"; the last one wins.
 
-    A value in text is read as TOML, otherwise as a plain word; `none` is None. Raises UserError for
-    text that does not read so.
+    A value in text is read as TOML, or else as a plain word; `none` is None. Raises UserError for
+    text that is not KEY=VALUE.
     """
     if isinstance(given, Mapping):
         return dict(given)
@@ -47,7 +47,7 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[str, Any]:
 
 
 def _value(word: str) -> Any:
-    """A value read as TOML, or the word itself; None for `none`."""
+    """The word as a TOML value, or else the word itself; None for `none`."""
     if word == "none":
         return None
     try:
@@ -58,12 +58,12 @@ def _value(word: str) -> Any:
 
 
 def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested data of a scene with other values by dotted key; None empties an optional key.
+    """Nested data of a scene with other values by dotted key; None clears an optional key.
 
-    Whole parts come first, the impactor's shape and the foam's law next, in whatever order they are
-    given: a new one drops what the old one had and it lacks. What follows from other values follows
-    anew, and a value that is given does away with what stood for it. Raises UserError for a key
-    that is malformed, or below one that has no keys of its own.
+    Whatever their order, whole parts are set first, then the impactor's shape and the foam's law: a
+    new shape or law drops the keys that it does not have. Values that follow from changed ones are
+    removed, to be derived again, and so is a key in whose place another is given. Raises UserError
+    for a key that is malformed, or below one that has no keys of its own.
     """
     values = {block.todays_key(key): value for key, value in values.items()}
     found = copied(data)
@@ -78,7 +78,7 @@ def changed(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any
 
 
 def following(scene: Any) -> list[str]:
-    """Keys of values that follow from others, which were given in their place."""
+    """Keys whose values follow from others that were given in their place."""
     found = []
     for key, others in _STANDS_FOR.items():
         part = at(scene, others[0].partition(".")[0])
@@ -88,7 +88,7 @@ def following(scene: Any) -> list[str]:
 
 
 def _settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
-    """Take from data whose `values` have just been changed what stands for these, or follows."""
+    """Remove from data what follows from the changed `values`, and keys that these replace."""
     for key, following in _STANDS_FOR.items():
         (part, name), (other, _) = key.split("."), following[0].split(".")
         table = data.get(part)
@@ -103,5 +103,5 @@ def _settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
     falls = isinstance(at(data, "impactor.drop_height"), int | float)
     given = {"numerics", "numerics.gravity"} & values.keys()
     gravity = at(data, "numerics.gravity")
-    if falls and (gravity is None or (gravity == 0.0 and not given)):  # nothing falls without
+    if falls and (gravity is None or (gravity == 0.0 and not given)):  # a fall needs gravity
         del data["numerics"]["gravity"]

@@ -1,4 +1,4 @@
-"""Simulated figures beside measured ones: which are compared, and what is a miss."""
+"""Comparison of simulated with measured figures: which are compared, and what counts as a miss."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ JUDGED = (q.DISPLACEMENT, q.DURATION, q.PLATEAU, q.ENERGY_PER_VOLUME)
 """The four figures that the paper gives for every test."""
 
 COMPARED = (*JUDGED, q.SLOPE, q.PEAK, q.PEAK_TIME)
-"""All that the paper gives. Both energies stand beside Table 5, whose figures are slopes."""
+"""All figures that the paper gives. Both energies are compared with the slopes of Table 5."""
 
 
 def at_rest(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A run's summary as the paper measures it: a displacement is one at which it came to rest."""
+    """A run's summary as the paper measures it: a displacement counts only if it came to rest."""
     if summary.get("came_to_rest") is False:
         return {**summary, q.DISPLACEMENT.key: None}
     return dict(summary)
@@ -35,8 +35,8 @@ def comparison(
 ) -> dict[str, Any]:
     """One entry of `cases`: name, test, and measured, simulated and error with the same keys.
 
-    error is simulated / measured - 1; measured and error are None where nothing was measured, test
-    (the reference's name) where there is none.
+    error is simulated / measured - 1; measured and error are None if nothing was measured; test,
+    the reference's name, is None without a reference.
     """
     measured = {key: reference and reference.figures.get(key) for key in summary}
     judged = at_rest(summary)
@@ -55,8 +55,8 @@ def comparison_of_medians(
 ) -> dict[str, Any]:
     """The same for an ensemble: simulated and error are those of the medians.
 
-    low and high, with the same keys, are the ends of the bands; None where the band reaches to
-    no answer. runs: how many have finished.
+    low and high, with the same keys, are the ends of the bands; None if the band includes runs
+    without a value. runs is the number of finished runs.
     """
     medians = {key: _known(one.median) for key, one in found.items()}
     ends = {
@@ -78,7 +78,7 @@ def is_miss(case: Mapping[str, Any], key: str) -> bool:
 
 
 def hits(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """For each judged figure, in how many tests it is no miss, and of how many."""
+    """For each judged figure, the number of tests in which it is not a miss, and of all tests."""
     tests = [case for case in cases if case["test"]]
     return {
         quantity.key: {
@@ -96,14 +96,14 @@ def criteria_met(content: Mapping[str, Any]) -> dict[str, int]:
 
 
 def median_and_allowed(found: Mapping[str, Any]) -> tuple[str, str]:
-    """The median and the limits of an entry of `criteria`, as people read them."""
+    """The median and the limits of an entry of `criteria`, as readable text."""
     unit = "" if found["unit"] == "-" or found["unit"] in found["allowed"] else f" {found['unit']}"
     median = "–" if found["median"] is None else f"{found['median']:.3g}{unit}"
     return median, found["allowed"] + unit
 
 
 def theirs(quantity: q.Quantity, case: Mapping[str, Any]) -> float | None:
-    """What the paper's own simulation gave for a figure of an entry of `cases`, if anything."""
+    """The paper's own simulated value for a figure of an entry of `cases`, if it gives one."""
     known = quantity is q.DURATION and case["test"]
     return TESTS[case["test"]].simulated_duration if known else None
 
@@ -111,7 +111,7 @@ def theirs(quantity: q.Quantity, case: Mapping[str, Any]) -> float | None:
 def write_tables(path: Path, cases: Sequence[Mapping[str, Any]]) -> None:
     """Write tables.csv: a row for each case and compared figure that was measured, in SI units.
 
-    Of ensembles, simulated is the median, and low and high are the ends of its band.
+    For ensembles, simulated is the median, and low and high are the ends of its band.
     """
     ends = [end for end in ("low", "high") if any(end in case for case in cases)]
     header = ("case", "quantity", "measured", "paper_simulation", "simulated", *ends)

@@ -1,15 +1,14 @@
-"""What the paper says and shows of the crushed foam, as criteria that a machine can check.
+"""The paper's statements and pictures of the crushed foam, as criteria that a program can check.
 
-Three tests have pictures (Figs 22, 24, 26). Of the others the layer that flat faces leave is known
-(section 3.2), and of all that crushed foam keeps its room. Each statement has a figure from
-`analysis.pattern` or `analysis.room` and limits; where the limits come from stands beside them.
-They are readings of words ("about one third", "hardly any"), as wide as the words allow, whatever
-the model gives.
+Three tests have pictures (Figs 22, 24, 26). For the other flat tests the crushed layer is known
+(section 3.2), and for all tests that crushed foam keeps its room. Each statement has a figure from
+`analysis.pattern` or `analysis.room`, and limits, whose origin is documented with them. The limits
+interpret words ("about one third", "hardly any") as widely as the words allow, whatever the model
+gives.
 
-What a picture shows is judged as it is when the impactor has stopped (of a run that never gets
-there: at its last instant), by the snapshot nearest to that time, unless the statement is about
-another time. Layers and room are judged by the last snapshot, as it is: the paper took its layers
-from specimens after the test.
+Pictures are judged when the impactor has stopped, or at the end of a run in which it never stops,
+by the snapshot nearest to that time, unless the statement is about another time. Layers and room
+are judged by the last snapshot: the paper measured its layers on specimens after the test.
 """
 
 from __future__ import annotations
@@ -38,10 +37,10 @@ class Criterion:
 
     key      name, unique over all tests
     text     the statement in one short sentence
-    source   where it comes from: a picture, a section, an equation
-    value    the figure in `unit`; None where there is nothing to measure
-    unit     for people; "-" for a ratio
-    allowed  limits of the value, for people
+    source   its source: a picture, a section, an equation
+    value    the figure in `unit`; None if there is nothing to measure
+    unit     unit in readable form; "-" for a ratio
+    allowed  limits of the value in readable form
     holds    whether the value lies within them
     """
 
@@ -55,13 +54,13 @@ class Criterion:
 
 
 def criteria(result: Result, test: PaperTest | None = None) -> list[Criterion]:
-    """The criteria of a test: what its picture shows, in the order of the paper's words, and room.
+    """The criteria of a test: those of its picture, in the order of the paper's text, and of room.
 
-    [] for a scene that is none, and for a result without snapshots.
+    [] for a scene that is not one of the tests, and for a result without snapshots.
 
     Args:
-        test: judge the run as this test; default what `test_of` says. For studies that change
-            what makes a test on purpose, to see what it does.
+        test: judge the run as this test; default: that of `test_of`. For studies that deliberately
+            change a test.
     """
     test = test or test_of(result.scene)
     if test is None or not result.snapshots or not result.scene.impactor:
@@ -73,9 +72,9 @@ def criteria(result: Result, test: PaperTest | None = None) -> list[Criterion]:
 
 
 def comparing(found: Iterable[Criterion]) -> list[Criterion]:
-    """The criteria that compare tests with each other, from the criteria of a run of each.
+    """The criteria that compare tests with each other, from the criteria of one run of each.
 
-    [] where one of the tests that it takes is missing.
+    [] if one of the tests needed is missing.
     """
     values = {criterion.key: criterion.value for criterion in found}
     keys = [_key(TESTS[name], "layer") for name in LAYERS]
@@ -86,7 +85,7 @@ def comparing(found: Iterable[Criterion]) -> list[Criterion]:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run, and what several criteria ask about it."""
+    """A run, with the values that several criteria need."""
 
     result: Result
     impactor: Impactor
@@ -130,7 +129,7 @@ class _Run:
         return crack_over_time(self.until_stop, self.scene)
 
     def judged(self, key: str, text: str, value: float | None, **limits: Any) -> Criterion:
-        """The criterion of the picture that the value lies within limits, those of `_judged`."""
+        """A criterion of the test's picture, with limits as for `_judged`."""
         return _judged(key, text, f"Fig. {self.test.picture}", value, **limits)
 
 
@@ -144,7 +143,7 @@ def _judged(
     high: float = math.inf,
     unit: str = "-",
 ) -> Criterion:
-    """The criterion that the value lies between two limits, or on one side of one."""
+    """A criterion that a value lies between two limits, or on one side of one limit."""
     holds = value is not None and low - _ROUNDING <= value <= high + _ROUNDING
     if math.isinf(low):
         allowed = f"at most {high:.3g}"
@@ -154,7 +153,7 @@ def _judged(
 
 
 def _key(test: PaperTest, about: str) -> str:
-    """Of a criterion that several tests have."""
+    """The key of a criterion that several tests have."""
     shape = "flat" if test.kind == "rectangular" else test.kind
     return f"{shape}-{about}-{test.velocity:.2f}"
 
@@ -174,9 +173,9 @@ RECTANGLE_FILL = 0.9
 two."""
 
 FALLS = 2 / 3
-"""Severity falls with distance if twice as many pairs of crushed rows have the nearer one crushed
-worse as have the other. Even crushing gives a half; among 14 rows chance gives two thirds in one
-case of twenty (Kendall's tau)."""
+"""Severity falls with distance if the nearer row is the more crushed one in at least this fraction
+of the pairs of crushed rows. Uniform crushing gives a half; among 14 rows chance gives two thirds
+in one case of twenty (Kendall's tau)."""
 
 LAYERS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -191,8 +190,8 @@ its strain of densification, -0.8, has 0.2 / 0.8 = 0.25, and once it has sprung 
 0.25 / 0.8 = 0.31."""
 
 NO_ROOM = 0.05
-"""Crushed foam without room: at most one part in twenty. Foam in a test has its room, all of it; in
-a lattice, crumbs that lie on each other by a part of a cell say nothing of the layer."""
+"""Crushed foam without room: at most one part in twenty. In a test all foam has its room; in a
+lattice, crumbs that overlap by a part of a cell say nothing about the layer."""
 
 QUARTER = 0.25
 """A half has at least a quarter of the mass points. Impactors are a quarter as wide as the block,
@@ -275,7 +274,7 @@ def _flat(run: _Run) -> list[Criterion]:
 
 
 def _no_crack_through(run: _Run) -> Criterion:
-    """Unlike that of `_split`, the limit itself is excluded: no run can both split and not."""
+    """Unlike in `_split`, the limit itself is excluded: no run can both split and not split."""
     return Criterion(
         key="flat-no-crack",
         text="No crack runs through the block (share of its height)",
@@ -296,7 +295,7 @@ def _cylinder(run: _Run) -> list[Criterion]:
             "The worst crushing is beneath the impactor (share of the worst cells)",
             pattern.worst_beneath(run.stop, run.scene), low=MAJORITY,
         ),
-        # Section 3.3: it extends from the tip, which on a circle is the middle half at most.
+        # Section 3.3: it extends from the tip, on a circle at most the middle half.
         run.judged(
             "cylinder-crack-start", "A crack starts below the impactor (distance from its axis)",
             offset, high=1e3 * run.impactor.extent / 4, unit="mm",
@@ -391,7 +390,7 @@ def _vertical(key: str, run: _Run) -> Criterion:
 
 
 def _split(shape: str, run: _Run) -> list[Criterion]:
-    """The crack runs through the block, and what is left are two halves."""
+    """The crack runs through the block, and two halves are left."""
     reach, half = (
         pattern.crack_reach(run.crack, run.block),
         pattern.second_half(run.stop, run.block),
@@ -428,7 +427,7 @@ def _no_room(run: _Run) -> Criterion:
 
 
 def _trend(layers: list[float | None]) -> Criterion:
-    """The slope of the straight line that fits best, over the tests of `LAYERS`."""
+    """The slope of the best-fit straight line over the tests of `LAYERS`."""
     known = [layer for layer in layers if layer is not None]
     slope = None
     if len(known) == len(layers):

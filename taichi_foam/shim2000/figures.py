@@ -1,4 +1,4 @@
-"""Figures of a study: decelerations beside measured ones, errors at a glance, the foam's law."""
+"""Figures of a study: decelerations with measured figures, errors at a glance, the foam's law."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Branch = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Deceleration:
-    """One impact's deceleration with what was measured in it.
+    """One impact's deceleration, with the figures measured in it.
 
-    velocity [m/s] and time [s], deceleration [m/s2] arrays (n,), from first contact; measured
-    and plateau_start [s] (end of the initial rise) as the measured plateau is drawn from there.
-    Of an ensemble, deceleration is the median and `band` its lower and upper bound (n,) [m/s2].
+    velocity [m/s]; arrays (n,) of time from first contact [s] and deceleration [m/s2]; measured
+    figures, and plateau_start [s], the end of the initial rise, from which the measured plateau is
+    drawn. For an ensemble, deceleration is the median and `band` its bounds, each (n,) [m/s2].
     """
 
     velocity: float
@@ -49,9 +49,9 @@ class Deceleration:
 def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
     """Computed decelerations with the measured figures marked on them (Figs 21, 23, 25).
 
-    One panel an impact. Of the tests only tabled figures are known, not the curves: the plateau
-    is a band of +-5 % about the measured mean, the impact duration a dashed line, and the initial
-    peak, where there is one, a ring. An ensemble's band lies behind its median.
+    One panel per impact. Only tabulated figures of the tests are known, not their curves: the
+    plateau is a band of +-5 % about the measured mean, the impact duration a dashed line, and the
+    initial peak, if there is one, a ring. An ensemble's band is drawn behind its median.
     """
     with mpl.rc_context(STYLE):
         figure = blank(4.6 * max(1, len(impacts)), 4.4)
@@ -75,7 +75,7 @@ def decelerations(impacts: Sequence[Deceleration], title: str = "") -> Figure:
 
 
 def _explain(figure: Figure, axis: Axes) -> None:
-    """The legend, beside the title, in as many rows as it takes; the figure grows by them."""
+    """Draw the legend beside the title, in as many rows as needed; the figure grows by them."""
     handles, labels = axis.get_legend_handles_labels()
     columns = max(1, int((figure.get_figwidth() - 1.6) / 2.4))
     figure.set_figheight(figure.get_figheight() + 0.3 * math.ceil(len(labels) / columns))
@@ -95,7 +95,7 @@ def _draw_impact(axis: Axes, impact: Deceleration) -> None:
 
 
 def _top(impacts: Sequence[Deceleration]) -> float:
-    """Top of the scale: a blow on the support must not flatten everything that was measured."""
+    """Top of the scale: a peak from hitting the support must not compress the measured range."""
     tallest = max(float(np.nanmax(impact.deceleration)) for impact in impacts)
     measured = [impact.measured for impact in impacts if impact.measured]
     if not measured:
@@ -105,7 +105,7 @@ def _top(impacts: Sequence[Deceleration]) -> float:
 
 
 def _mark_what_is_off(axis: Axes, impact: Deceleration, top: float) -> None:
-    """Say how high a curve goes that leaves the scale, left of where it does."""
+    """Write the peak of a curve that leaves the scale, to the left of the place where it leaves."""
     height = float(np.nanmax(impact.deceleration))
     if height <= top:
         return
@@ -126,8 +126,8 @@ def _mark_measured(
     span = [1e3 * impact.plateau_start, 0.85 * duration]
     axis.fill_between(span, 0.95 * level, 1.05 * level, color=ORANGE, alpha=0.35, linewidth=0)
     axis.plot(span, [level, level], color=VERMILION, linewidth=2.4, label="measured plateau ± 5 %")
-    # The figure stands towards the end, since the initial peak has its figure near the start,
-    # and on that side of the band where less of the curve is in its way.
+    # The number is near the end, since that of the initial peak is near the start, and on the side
+    # of the band where less of the curve is in the way.
     at = span[0] + 0.7 * (span[1] - span[0])
     beyond = impact.deceleration[np.abs(1e3 * impact.time - at) < 0.1 * duration] - level
     below = float(np.sum(np.maximum(beyond, 0))) > float(np.sum(np.maximum(-beyond, 0)))
@@ -152,7 +152,7 @@ def _mark_measured(
 
 # --- errors of an ensemble's medians, with their bands -------------------------------------------
 
-#: Errors beyond this are drawn at the edge, with their number.
+#: Larger errors are drawn at the edge, with their number.
 _EDGE = 0.5
 #: The scale reaches at least this far either way.
 _LEAST = 0.3
@@ -162,7 +162,7 @@ _LEAST = 0.3
 class Whisker:
     """Relative errors of one figure of one test: of the median, and of the ends of its band.
 
-    inf where the impactor never stopped; `held_out`: the test was left out of the score of choices.
+    inf if the impactor never stopped; `held_out`: the test was not used to choose constants.
     """
 
     test: str
@@ -173,7 +173,7 @@ class Whisker:
 
 
 def errors(panels: Mapping[str, Sequence[Whisker]], tolerance: float) -> Figure:
-    """Errors of medians as dots and their 5-95 % bands as whiskers, a panel for each figure.
+    """Errors of medians as dots and their 5-95 % bands as whiskers, one panel per figure.
 
     Args:
         panels: by the figure's name, its tests; the same tests in each, drawn from top to bottom.
@@ -207,7 +207,7 @@ def errors(panels: Mapping[str, Sequence[Whisker]], tolerance: float) -> Figure:
 
 
 def _reach(whiskers: Sequence[Whisker]) -> float:
-    """Half the width of the scale: what there is, in steps of 10 %, but not beyond `_EDGE`."""
+    """Half the width of the scale: the largest error in steps of 10 %, at most `_EDGE`."""
     ends = [abs(end) for w in whiskers for end in (w.low, w.median, w.high)]
     furthest = max((end for end in ends if end <= _EDGE), default=0.0)
     return min(_EDGE, max(_LEAST, np.ceil(10 * furthest + 0.2) / 10))
@@ -223,7 +223,7 @@ def _draw_whisker(axis: Axes, row: int, whisker: Whisker, tolerance: float, reac
     colour, shape = (VERMILION, "D") if missed else (BLUE, "o")
     axis.plot([100 * low, 100 * high], [row, row], color=colour, linewidth=3, alpha=0.55)
     for end, arrow in ((whisker.low, "<"), (whisker.high, ">")):
-        if abs(end) > reach:  # the band goes on beyond the scale
+        if abs(end) > reach:  # the band extends beyond the scale
             edge = np.copysign(100 * reach, end)
             axis.plot(edge, row, arrow, color=colour, markersize=8, clip_on=False)
     axis.plot(
@@ -241,7 +241,7 @@ def _draw_whisker(axis: Axes, row: int, whisker: Whisker, tolerance: float, reac
 
 
 def _say_error(axis: Axes, row: int, median: float, low: float, high: float, reach: float) -> None:
-    """A miss in figures: at the end of its band further from zero, if there is room."""
+    """Write a miss as a number, at the end of its band further from zero if there is room."""
     right = median > 0
     if abs(high if right else low) > 0.45 * reach:
         right = not right
@@ -262,7 +262,7 @@ def _explained(tolerance: float) -> list[Line2D | Patch]:
     ]
 
 
-# --- the foam's law, from the very functions that the engine calls (Fig. 19) ---------------------
+# --- the foam's law, from the functions that the engine calls (Fig. 19) --------------------------
 
 #: Compressive strain from which the unloading branch starts.
 TURN = -0.40
@@ -273,8 +273,8 @@ TOP = 4.0
 def branches(scene: Scene) -> dict[str, Branch]:
     """Loading, unloading from `TURN`, and re-tension to fracture of the scene's foam.
 
-    By name, engineering strain and stress [Pa] (n,), tension positive. Loading begins at fracture
-    in tension and ends where the stress is `TOP` times the plateau's.
+    By name, arrays (n,) of engineering strain and stress [Pa], tension positive. Loading begins at
+    fracture in tension and ends where the stress is `TOP` times the plateau's.
     """
     marks = scene.foam.landmarks
     corners = (marks.tensile, marks.crush_start, marks.crush_end)

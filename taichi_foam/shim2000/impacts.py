@@ -1,7 +1,7 @@
 """The nine drop tests of Shim, Tu & Lim (2000), Int. J. Impact Engng 24, 703-731.
 
-Their scenes come with the package (`scenes/paper`), with what was measured in them. What else the
-paper says of each stands here.
+Their scenes come with the package (`scenes/paper`), with the measured figures. This module has what
+else the paper says about each.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from taichi_foam.scene.reference import Reference
 class PaperTest:
     """One of the nine tests.
 
-    name                of its scene
+    name                name of its scene
     picture             number of the figure that shows the block during the impact
-    simulated_duration  impact duration that the paper's own simulation gave [s]
+    simulated_duration  impact duration in the paper's own simulation [s]
     """
 
     name: str
@@ -37,12 +37,12 @@ class PaperTest:
 
     @property
     def velocity(self) -> float:
-        """Of the impact [m/s]."""
+        """Impact velocity [m/s]."""
         return float(self.name.partition("-")[2])
 
     @property
     def reference(self) -> Reference:
-        """What was measured, and in which impact."""
+        """The reference: measured figures, and the impact in which they were measured."""
         return catalogue.references()[self.name]
 
     @property
@@ -60,7 +60,7 @@ _TESTS = (
     PaperTest("paper/cylinder-3.32", 24),
     PaperTest("paper/wedge-2.10"),
     PaperTest("paper/wedge-2.86", 26, 0.0483),
-    PaperTest("paper/wedge-3.60"),  # sinks deeper than the block is high
+    PaperTest("paper/wedge-3.60"),  # sinks deeper than the block's height
 )
 TESTS: Mapping[str, PaperTest] = MappingProxyType({test.name: test for test in _TESTS})
 """The nine tests by name, in the tables' order (captions of Figs 22 and 26)."""
@@ -70,11 +70,11 @@ NAMES: tuple[str, ...] = tuple(TESTS)
 
 
 def test_of(scene: Scene) -> PaperTest | None:
-    """The test that a scene computes, whatever it is called; None if it is none of the nine.
+    """The test that a scene computes, whatever its name; None if it is none of the nine.
 
     A scene is a test if its impactor, block, foam (Table 1), rig and start are those of the test,
-    its velocity within 0.5 %. Mesh, steps, outputs and readings of what the paper leaves open
-    (`CHOICE_SETS`, seeds and scatter of strengths, ...) do not count.
+    and its velocity is within 0.5 %. Mesh, steps, outputs and model choices that the paper leaves
+    open (`CHOICE_SETS`, seeds and scatter of strengths, ...) may differ.
     """
     found = catalogue.reference_of(scene)
     return None if found is None or found.name is None else TESTS.get(found.name)
@@ -85,8 +85,8 @@ def paper_scene(name: str, choices: str = "calibrated") -> Scene:
 
     Args:
         name: one of `NAMES`, e.g. "paper/wedge-2.86".
-        choices: a key of `CHOICE_SETS`. "paper-literal" also takes the cylinder's radius as
-            section 3.1 words it.
+        choices: a key of `CHOICE_SETS`. "paper-literal" also takes the cylinder's radius from the
+            wording of section 3.1.
 
     Raises:
         UserError: unknown name or choice set.
@@ -99,7 +99,7 @@ def paper_scene(name: str, choices: str = "calibrated") -> Scene:
 
 
 def case_folder(name: str) -> str:
-    """Folder of a case within the study's: "paper/wedge-2.86" has its own in wedge-2.86/."""
+    """Folder of a case within the study's folder: wedge-2.86/ for "paper/wedge-2.86"."""
     return name.removeprefix("paper/")
 
 
@@ -107,7 +107,7 @@ def case_names(cases: Sequence[str] | None) -> list[str]:
     """Full names of tests given with or without "paper/"; all nine for None.
 
     Raises:
-        UserError: a name that no test has, or no name at all.
+        UserError: an unknown name, or no names at all.
     """
     if cases is None:
         return list(NAMES)

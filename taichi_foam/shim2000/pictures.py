@@ -1,4 +1,4 @@
-"""The pictures of a report: drawn into figures/, and as data that a page carries inside."""
+"""The pictures of a report: drawn into figures/, and as data embedded in the page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MONTAGE_COLOURS = 192
 class Kind:
     """An impactor's shape: its name, the paper's figures of its curves and of one of its tests.
 
-    `specimens` is what the paper reports of the foam after that test, for below the pictures.
+    `specimens` is the paper's description of the foam after that test, shown below the pictures.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Picture:
 
 
 def short(name: str, is_test: bool = True) -> str:
-    """ "paper/wedge-2.86" as people read it; of a case that settings have changed, it says so."""
+    """Readable form of "paper/wedge-2.86"; marks a case that settings have changed."""
     test = TESTS[name]
     return f"{KINDS[test.kind].name} {test.velocity:.2f}{'' if is_test else ', changed'}"
 
@@ -100,7 +100,7 @@ def shown(group: Sequence[Case]) -> Case:
 
 
 def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Picture]]:
-    """What draws each picture into `folder`, by the picture's name.
+    """Functions that draw the pictures into `folder`, by the picture's name.
 
     For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
     (flat block), "energy" (impacts that came to rest) and "law".
@@ -128,7 +128,7 @@ def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callab
 def errors_at_a_glance(
     folder: Path, panels: Mapping[str, Sequence[Whisker]], tolerance: float
 ) -> Picture:
-    """All errors of an ensemble's medians with their bands, a panel for each figure."""
+    """All errors of an ensemble's medians with their bands, one panel per figure."""
     span = f"±{100 * tolerance:.0f} %"
     return _saved(
         errors(panels, tolerance),
@@ -159,7 +159,7 @@ def _montage(folder: Path, key: str, case: Case) -> Picture:
     scene, snapshots = case.result.scene, case.result.snapshots
     note = (_measured(case.test), kind.specimens) if case.test and case.test.picture else ()
     picture = Image.fromarray(montage(snapshots, scene, title=head, note=note))
-    # Flat colours: a palette takes a third of the bytes and no eye sees it.
+    # With flat colours, a palette takes a third of the bytes without visible loss.
     picture = picture.quantize(_MONTAGE_COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
     return _picture(
@@ -172,7 +172,7 @@ def _montage(folder: Path, key: str, case: Case) -> Picture:
 
 
 def _measured(test: PaperTest) -> str:
-    """How a test ended, in a sentence."""
+    """A sentence on how a test ended."""
     duration, depth = test.measured[DURATION.key], test.measured[DISPLACEMENT.key]
     own = test.simulated_duration
     words = f" (the paper's own simulation: {1e3 * own:.1f} ms)" if own else ""
@@ -268,13 +268,13 @@ def _absorption(case: Case) -> Absorption:
 
 
 def _title(case: Case) -> str:
-    """What a test is called at the head of a picture or a sentence."""
+    """A test's name at the beginning of a picture's title or of a sentence."""
     words = title(case.scene)
     return words.capitalize() if case.test else words
 
 
 def _which(case: Case) -> str:
-    """Which run of an ensemble a picture shows."""
+    """Words for the run of an ensemble that a picture shows."""
     return ", the run nearest to the medians" if case.members else ""
 
 

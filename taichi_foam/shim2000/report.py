@@ -1,4 +1,4 @@
-"""report.html: everything that a study found, in one file that needs nothing else."""
+"""report.html: all results of a study, in one self-contained file."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def write(
     """Write figures/ and report.html into `folder`.
 
     Args:
-        cases: what was computed.
-        content: of summary.json so far; its cases stand in the same order.
-        bars: shows progress, and knows how long the stages before took.
+        cases: the computed cases.
+        content: content of summary.json so far, with its cases in the same order.
+        bars: shows progress, and has the times of the stages before.
         begun: when the study began, by `time.perf_counter`.
-        with_films: whether films can be drawn; without them the page shows the stills alone.
+        with_films: whether films can be drawn; otherwise the page shows only stills.
     """
     figures = folder / "figures"
     figures.mkdir()
@@ -114,14 +114,14 @@ def _template() -> Any:
     return environment.get_template("report.html.j2")
 
 
-# --- what the tables show: texts, row by row -----------------------------------------------------
+# --- texts of the tables, row by row --------------------------------------------------------------
 
 #: Error at the ends of the small error scale.
 _SCALE = 0.30
 
 
 def _table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
-    """One figure in all cases in which it was measured."""
+    """One figure, in all cases in which it was measured."""
     entries = [case for case in content["cases"] if case["measured"][quantity.key] is not None]
     return {
         "label": quantity.label[0].upper() + quantity.label[1:],
@@ -133,7 +133,7 @@ def _table(quantity: Quantity, content: Mapping[str, Any]) -> Row:
 
 
 def _compared(quantity: Quantity, case: Mapping[str, Any]) -> Row:
-    """One figure of one case beside the measured one; of an ensemble its median and band."""
+    """One figure of one case with the measured one; for an ensemble, its median and band."""
     measured, error = case["measured"][quantity.key], case["error"][quantity.key]
     row = {
         "case": short(case["name"]),
@@ -156,14 +156,15 @@ def _percent(error: float) -> str:
 
 
 def _place(error: float) -> float:
-    """Where an error lies on the small scale [% of its width]."""
+    """Position of an error on the small scale [% of its width]."""
     return 50 + 50 * max(-1.0, min(1.0, error / _SCALE))
 
 
 def _headline(content: Mapping[str, Any]) -> list[Row]:
-    """The score of single runs: in how many tests each judged figure lies within the tolerance.
+    """The score of single runs.
 
-    And how many criteria hold.
+    For each judged figure, the number of tests within the tolerance; and the number of criteria
+    that hold.
     """
     found = [(quantity.label, content["within_tolerance"][quantity.key]) for quantity in JUDGED]
     if content["criteria"]:
@@ -172,7 +173,7 @@ def _headline(content: Mapping[str, Any]) -> list[Row]:
 
 
 def _criteria(content: Mapping[str, Any]) -> list[Row]:
-    """What the paper says of the crushed foam: each criterion, and how many runs meet it."""
+    """The paper's statements on the crushed foam: each criterion, and how many runs meet it."""
     shown = [median_and_allowed(found) for found in content["criteria"]]
     return [
         {
@@ -194,7 +195,7 @@ def _hit(label: str, found: Mapping[str, Any]) -> Row:
 
 
 def _kind(key: str, group: Sequence[Case]) -> Row:
-    """What a section about one impactor shows."""
+    """The content of the section on one impactor."""
     return {
         "key": key,
         "name": KINDS[key].name,
@@ -203,7 +204,7 @@ def _kind(key: str, group: Sequence[Case]) -> Row:
 
 
 def _damage(case: Case) -> Row:
-    """How a block looks at the end of its run, in words for one row of a table."""
+    """The block at the end of its run, in words for one row of a table."""
     found = case.figures
 
     def text(quantity: Quantity) -> str:
@@ -227,7 +228,7 @@ def _damage(case: Case) -> Row:
 
 
 def _ledger(cases: Sequence[Case]) -> Row:
-    """Energies at the end of each run [J], the parts named as in the figures."""
+    """Energies at the end of each run [J], with parts named as in the figures."""
     rows = []
     for case in cases:
         h = case.result.history
@@ -248,11 +249,11 @@ _BEYOND_THE_PAPER = (
     "rate", "rate_exponent", "crush_band", "fracture_energy",
     "shear_fracture_energy", "softening", "strength_scatter",
 )  # fmt: skip
-"""What the foam of a scene may do besides Table 1."""
+"""Keys of a scene's foam that go beyond Table 1."""
 
 
 def _choices(cases: Sequence[Case]) -> list[Row]:
-    """Every choice of model and numerics, with its meaning from the scene's own description."""
+    """Every choice of model and numerics, with its meaning from the scene's descriptions."""
     if not cases:
         return []
     scene = cases[0].scene
@@ -298,11 +299,11 @@ def _scientific(value: float | None) -> str:
     return f"{mantissa} · 10{str(int(power)).translate(superscript)}".replace("-", "−")
 
 
-# --- of ensembles only ----------------------------------------------------------------------------
+# --- for ensembles only ---------------------------------------------------------------------------
 
 
 def _headline_of_ensembles(content: Mapping[str, Any]) -> list[Row]:
-    """The score of ensembles, as cards; none where settings have changed every test."""
+    """The score of ensembles, as cards; none if settings have changed every test."""
     ensemble = content["ensemble"]
     if not ensemble["all"]["of"]:
         return []
@@ -322,7 +323,7 @@ def _headline_of_ensembles(content: Mapping[str, Any]) -> list[Row]:
 
 
 def _groups(content: Mapping[str, Any]) -> list[Row]:
-    """Fitted and held-out tests beside each other; a group without a test is left out."""
+    """Fitted and held-out tests side by side; a group without a test is left out."""
     titles = {"fitted": "fitted", "held_out": "held out"}
     found = {title: content["ensemble"][key] for key, title in titles.items()}
     return [

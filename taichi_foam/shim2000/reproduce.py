@@ -4,9 +4,10 @@
     tf.reproduce("reproduction", cases=["wedge-2.86"])
     tf.reproduce("medians", ensemble=16)
 
-The folder holds report.html (self-contained), tables.csv, summary.json, figures/ and a folder a
-case with the run's files and films. With `ensemble` each test runs many times and medians stand in
-the tables; members.csv then has every run's figures, and a case's folder the run nearest to them.
+The folder contains report.html (self-contained), tables.csv, summary.json, figures/, and for each
+case a folder with the run's files and films. With `ensemble`, each test runs many times and the
+tables contain medians; members.csv then has every run's figures, and a case's folder the run
+nearest to the medians.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from taichi_foam.simulation.provenance import machine, versions
 
 DEFAULT_FOLDER = "reproduction"
 
-# Room for report, tables and figures [bytes].
+# Disk space for report, tables and figures [bytes].
 _REPORT_BYTES = 20_000_000
 
 
@@ -57,26 +58,26 @@ def reproduce(
     """Run the paper's tests side by side and write a folder with results and a report.
 
     Args:
-        out: the folder; it appears when everything in it is complete.
+        out: the folder; it appears when its content is complete.
         cases: names of tests, with or without "paper/"; None: all nine.
-        ensemble: run each test so many times with velocities within 0.5 %, and with other
-            strengths where the foam's scatter; the tables then hold medians and bands. 2 to 100;
-            None: each test once.
+        ensemble: number of runs of each test, 2 to 100, with velocities within 0.5 %, and with
+            different strengths if the foam's strength scatters; the tables then contain medians and
+            bands. None: each test once.
         choices: a key of `CHOICE_SETS`.
         overrides: values by dotted key for every case, as for `Scene.with_values`; or texts such
             as "block.rows=10".
-        arch, threads: what to compute on, as for `init`.
+        arch, threads: device and number of threads, as for `init`.
         overwrite: replace a folder that has content.
         films: write film.gif and film.mp4 for each case.
-        bars: where progress shows; None: nowhere.
+        bars: progress display; None: none.
 
     Returns:
-        The content of summary.json. Ctrl-C ends the work early: the runs that had finished are
-        kept, `interrupted` is true, `not_finished` names the cases that have none. The same call
-        goes on from there, and also after the process has been killed.
+        The content of summary.json. Ctrl-C ends the work early: finished runs are kept,
+        `interrupted` is true, and `not_finished` names the cases without a finished run. The same
+        call continues from there, also after the process was killed.
 
     Raises:
-        UserError: anything that cannot be; nothing has been computed or written then.
+        UserError: invalid arguments; nothing has been computed or written.
         RunError: a run failed; the folder holds what was computed.
         KeyboardInterrupt: Ctrl-C before any run had finished.
     """
@@ -111,7 +112,7 @@ def reproduce(
         no_films = _written(claim, computed, content, bars, begun)
         if not content["interrupted"]:
             claim.finish()
-    if ensemble is not None and content["warnings"]:  # of single runs simulate has warned
+    if ensemble is not None and content["warnings"]:  # for single runs, simulate has warned already
         warn_of_run("\n  ".join(("reproduce:", *content["warnings"])))
     if computed.failure is not None:
         raise RunError(
@@ -126,7 +127,10 @@ def reproduce(
 def _written(
     claim: Claim, computed: Computed, content: dict[str, Any], bars: Bars, begun: float
 ) -> BaseException | None:
-    """Write figures, films and report, and into `content` what came of it; what kept the films."""
+    """Write figures, films and report, and update `content`.
+
+    Returns the error that prevented films, if any.
+    """
     # figures first: whatever happens to films and report, they are safe
     with held_interrupts() as pressed, claim.publishing() as staging:
         _write_runs(staging, computed)
@@ -147,7 +151,7 @@ def _written(
 
 
 def _content(computed: Computed, runs: int | None) -> dict[str, Any]:
-    """What the cases gave, as summary.json has it; `runs` of each test were asked for."""
+    """The content of summary.json; `runs` is the requested number of runs per test."""
     entries = [_entry(case) for case in computed.cases]
     return {
         "cases": entries,
@@ -171,7 +175,7 @@ def _entry(case: Case) -> dict[str, Any]:
 
 
 def _warnings(case: Case) -> list[str]:
-    """What there is to say against a case's runs, by its name; of members each thing once."""
+    """Warnings of a case's runs, with the case's name; each warning of its members once."""
     if not case.members:
         return [f"{case_folder(case.name)}: {text}" for text in case.figures["warnings"]]
     doubtful = [member for member in case.members if member.figures["warnings"]]
@@ -186,7 +190,7 @@ def _warnings(case: Case) -> list[str]:
 
 
 def _write_runs(staging: Path, computed: Computed) -> None:
-    """Write the runs' files, each run into a folder of its own."""
+    """Write each run's files into a folder of its own."""
     for result in [*(case.result for case in computed.cases), *computed.failed]:
         folder = staging / case_folder(result.scene.name)
         folder.mkdir()
@@ -194,7 +198,7 @@ def _write_runs(staging: Path, computed: Computed) -> None:
 
 
 def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | None:
-    """Draw the films of the runs that are saved; what kept them from being drawn, if so."""
+    """Draw the films of the saved runs; returns the error that prevented it, if any."""
     results = [case.result for case in computed.cases]
     frames = sum(map(film_files.frames_to_draw, results))
     if frames == 0:
@@ -208,7 +212,7 @@ def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | No
                 folder, words = out / case_folder(result.scene.name), title(result.scene)
                 films = ExitStack()
                 drawn = films.enter_context(film_files.drawn(result, folder, on_frame, title=words))
-                # those of the test before were encoded to their ends while these were drawn
+                # the films of the test before were encoded while these were drawn
                 test_before.close()
                 test_before.callback(_finish_films, films, folder, drawn)
     except (Exception, KeyboardInterrupt) as error:

@@ -1,4 +1,4 @@
-"""How a study fares against the paper: the errors of an ensemble's medians, and the criteria."""
+"""Scores of a study against the paper: errors of an ensemble's medians, and the criteria."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ SCORED = (DURATION, DISPLACEMENT, PLATEAU)
 """The figures that the headline counts: 27 in the nine tests."""
 
 HELD_OUT = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
-"""The middle velocity of each impactor: the score that chooses constants leaves these tests out."""
+"""The middle velocity of each impactor: these tests were not used to choose constants."""
 
 SHARE = 0.8
 """A criterion is met when at least this share of the runs meets it."""
 
 
 def score(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """How many figures `SCORED` of these cases lie within the tolerance, and the median error.
+    """The number of figures `SCORED` of these cases within the tolerance, and the median error.
 
-    The median is that of the absolute relative errors; a figure without an answer counts as inf,
-    and the median is None when it is that.
+    The median is that of the absolute relative errors; a figure without a value counts as inf, and
+    an infinite median is given as None.
     """
     judged = [entry for entry in entries if entry["test"]]
     errors = [entry["error"][quantity.key] for entry in judged for quantity in SCORED]
@@ -44,8 +44,8 @@ def scores(entries: Sequence[Mapping[str, Any]], runs: int) -> dict[str, Any]:
     """The part `ensemble` of summary.json.
 
     Args:
-        entries: of summary.json's `cases`, of the same tests.
-        runs: how many of each test were asked for.
+        entries: entries of summary.json's `cases`.
+        runs: requested number of runs per test.
     """
     held_out = [entry for entry in entries if entry["test"] in HELD_OUT]
     fitted = [entry for entry in entries if entry["test"] and entry not in held_out]
@@ -60,9 +60,9 @@ def scores(entries: Sequence[Mapping[str, Any]], runs: int) -> dict[str, Any]:
 
 
 def judged(cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """The part `criteria` of summary.json: for each of them, how many runs meet it.
+    """The part `criteria` of summary.json: for each criterion, how many runs meet it.
 
-    Criteria that compare tests take the runs whose velocities differ alike from the tests' own.
+    Criteria that compare tests use runs whose velocities have the same ratio to the tests' own.
     """
     entries: list[dict[str, Any]] = []
     alike: dict[float, list[Criterion]] = defaultdict(list)
@@ -86,7 +86,7 @@ def _runs(case: Case) -> dict[float, Sequence[Criterion]]:
 
 
 def _shares(name: str | None, runs: Iterable[Sequence[Criterion]]) -> list[dict[str, Any]]:
-    """Of each criterion of these runs, how many meet it; `name` is the test's."""
+    """For each criterion, how many of these runs meet it; `name` is the test's name."""
     by_key: dict[str, list[Criterion]] = {}
     for found in runs:
         for criterion in found:
@@ -95,7 +95,7 @@ def _shares(name: str | None, runs: Iterable[Sequence[Criterion]]) -> list[dict[
 
 
 def _share(name: str | None, group: Sequence[Criterion]) -> dict[str, Any]:
-    """Of one criterion: how many members meet it; the median of the values that there are."""
+    """For one criterion: how many members meet it, and the median of the available values."""
     first = group[0]
     met = sum(criterion.holds for criterion in group)
     values = [criterion.value for criterion in group if criterion.value is not None]

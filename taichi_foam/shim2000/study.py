@@ -1,8 +1,9 @@
-"""The tests as a study computes them: a run of each, or an ensemble and its run to be shown.
+"""The tests as a study computes them: one run of each, or an ensemble with one run to show.
 
-Broken foam is chaotic: a figure of a single run is partly chance. What the model says is the median
-over runs whose impact velocities differ by less than they were measured, and whose foam, where its
-strength scatters, is another piece each time: they are spread as the repeats of a sweep are.
+Broken foam is chaotic: a figure of a single run is partly chance. The model's prediction is the
+median over runs whose impact velocities differ by less than the accuracy of their measurement, and
+whose foam, if its strength scatters, is a different sample each time. They are spread like the
+repeats of a sweep.
 """
 
 from __future__ import annotations
@@ -35,19 +36,20 @@ from taichi_foam.sweeps.sampling import factors, seed_of
 Array = NDArray[np.float64]
 
 WITHIN = 0.005
-"""Velocities of an ensemble differ from the test's own by at most this part."""
+"""Largest relative difference of an ensemble's velocities from the test's own."""
 
 FEWEST, MOST = 2, 100
-"""Members of an ensemble. Full runs are held until all of a test have ended, about 5 MB each."""
+"""Range of an ensemble's size. Complete runs, about 5 MB each, are kept in memory until all runs of
+a test have ended."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """What is kept of one run of an ensemble.
+    """The data kept of one run of an ensemble.
 
-    scene         what ran
+    scene         the scene that was run
     figures       its measures, as in its summary.json
-    criteria      what the paper says of the crushed foam, and whether it agrees
+    criteria      the criteria of the crushed foam for this run
     time          (n,) since first contact [s]
     deceleration  (n,) smoothed [m/s2]
     """
@@ -67,11 +69,11 @@ class Member:
 
 @dataclass(frozen=True)
 class Case:
-    """A test and what it gave.
+    """A test and its results.
 
     scene    the test itself
-    result   its run; of an ensemble the one nearest to the medians
-    members  of an ensemble, in order of velocity
+    result   its run; for an ensemble, the run nearest to the medians
+    members  the members of an ensemble, in order of velocity
     """
 
     scene: Scene
@@ -85,30 +87,30 @@ class Case:
 
     @cached_property
     def test(self) -> PaperTest | None:
-        """Which test it is; None if settings have made it another impact."""
+        """The paper's test; None if settings have made the scene another impact."""
         return test_of(self.scene)
 
     @property
     def velocity(self) -> float:
-        """Impact velocity of the test itself [m/s]; those of an ensemble's members are near it."""
+        """Impact velocity of the test itself [m/s]; members of an ensemble have similar ones."""
         assert self.scene.impactor is not None  # every test has one
         return self.scene.impactor.velocity
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """The measures of the run itself, as in its summary.json."""
+        """The measures of `result`, as in its summary.json."""
         return self.result.summary
 
 
 @dataclass(frozen=True)
 class Computed:
-    """What computing a study gave.
+    """The results of computing a study.
 
-    cases        with at least one finished run
+    cases        cases with at least one finished run
     cut          names of tests that Ctrl-C left without a finished run
-    failed       runs that went wrong and are to be kept for a look at them
-    failure      what went wrong, in words
-    interrupted  Ctrl-C came
+    failed       failed runs, kept for inspection
+    failure      description of the failures
+    interrupted  whether Ctrl-C was pressed
     """
 
     cases: list[Case]
@@ -119,12 +121,12 @@ class Computed:
 
 
 def has_failed(result: Result) -> bool:
-    """Whether a run has ended before its time, and not by Ctrl-C."""
+    """Whether a run has ended early, and not by Ctrl-C."""
     return result.ending is not None and result.ending.failed
 
 
 def from_contact(result: Result) -> dict[str, Array]:
-    """The history with time and displacement counted from first contact."""
+    """The history, with time and displacement from first contact."""
     found = impact(result)
     if found is None:
         return dict(result.history)
@@ -137,7 +139,7 @@ def from_contact(result: Result) -> dict[str, Array]:
 
 
 def check(count: int) -> None:
-    """Refuse a number of members that makes no ensemble.
+    """Check the number of an ensemble's members.
 
     Raises:
         UserError: fewer than `FEWEST` or more than `MOST`.
@@ -155,15 +157,15 @@ def check(count: int) -> None:
 
 
 def faster(scene: Scene, factor: float) -> Scene:
-    """The scene with another impact velocity, by a factor."""
+    """The scene with its impact velocity multiplied by a factor."""
     assert scene.impactor is not None  # every test has one
     return scene.with_values(impactor__velocity=factor * scene.impactor.velocity)
 
 
 def members_of(scene: Scene, count: int) -> list[Scene]:
-    """The scenes of an ensemble, by rising velocity.
+    """The scenes of an ensemble, in order of velocity.
 
-    Where the foam's strength scatters, each has a seed of its own: the scene's, and those after.
+    If the foam's strength scatters, each has its own seed: the scene's, and the numbers after it.
     """
     members = [faster(scene, factor) for factor in factors(count, WITHIN)]
     if scene.foam.strength_scatter == 0.0:
@@ -177,9 +179,9 @@ def members_of(scene: Scene, count: int) -> list[Scene]:
 
 @dataclass
 class _Ensemble:
-    """What one test's ensemble has given so far, by place in it.
+    """The results of one test's ensemble so far, by index.
 
-    Which run lies nearest to the medians is known when all have ended: until then all are held.
+    The run nearest to the medians is known only when all have ended: until then all are kept.
     """
 
     scene: Scene
@@ -213,11 +215,11 @@ class _Ensemble:
 def compute(
     scenes: Sequence[Scene], count: int | None, bars: Bars, claim: Claim | None = None
 ) -> Computed:
-    """Run every test once, or `count` times, all side by side. Ctrl-C keeps what has finished.
+    """Run every test once, or `count` times, all side by side. Ctrl-C keeps finished runs.
 
-    With a claim they leave checkpoints in its folder, and go on from those that are there.
+    With a claim, runs write checkpoints into its folder, and continue from existing ones.
 
-    What went wrong is told in `failure`; a run that fails is left out of its ensemble.
+    Failures are described in `failure`; a failed run is left out of its ensemble.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before any run had finished.
@@ -242,7 +244,7 @@ def compute(
 
 
 def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Computed:
-    """Run each test once, all as one batch, and sort what comes out."""
+    """Run each test once, all as one batch, and sort the results."""
     failure = None
     what = "1 impact" if len(scenes) == 1 else f"{len(scenes)} impacts"
     with bars.computing(what) as on_progress:
@@ -263,7 +265,7 @@ def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Compute
 
 
 def write_members(path: Path, cases: Sequence[Case]) -> None:
-    """Write members.csv: what varied and every figure of every run, in SI units."""
+    """Write members.csv: the varied values and all figures of every run, in SI units."""
     figures = list(cases[0].members[0].figures) if cases else []
     figures = [key for key in figures if key != "scene"]
     with path.open("w", newline="", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""Bond laws: what the foam of a scene can be. docs/extending.md tells how to add one."""
+"""Bond laws: the kinds of foam that a scene can have. docs/extending.md tells how to add one."""
 
 from taichi_foam.laws.bond import crushable, tabulated
 from taichi_foam.laws.bond.base import BondFoam, BondLaw, Landmarks, Limit

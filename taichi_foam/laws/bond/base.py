@@ -1,8 +1,8 @@
-"""What every bond law is: the parameters of its foam, and what the engine asks of it.
+"""Base classes of bond laws: the parameters of a foam, and the functions that the engine calls.
 
-A law is one module. It has two classes: a `BondFoam`, the values of a scene's `[foam]` table, and a
-`BondLaw`, the law's functions for kernels. A foam's `law_for` gives the law of a scene; the engine
-knows nothing else of either.
+A law is one module with two classes: a `BondFoam`, the values of a scene's `[foam]` table, and a
+`BondLaw`, the law's functions for kernels. A foam's `law_for` gives the law of a scene. The engine
+uses both only through these classes.
 """
 
 import copy
@@ -20,28 +20,29 @@ from taichi_foam.backend import ti
 from taichi_foam.parts import Part, quantity
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5
-"""Of the table that a law may have: a row for strains of 0, -0.001 and so on, to -1."""
+"""Size of the table that a law may have: one row each for strains of 0, -0.001 and so on to -1."""
 
 OPENING, SLIDING = 4.0, 2.0
-"""What a crack through brittle bonds costs over what they hold, as it opens and as its faces slide.
+"""Energy of a crack through brittle bonds over the energy stored in them: in opening, in sliding.
 
-A bond of length L holds W = K e_t^2 L / 2, or G gamma_t^2 L / 2, per area. The stress half a cell
-ahead of a crack's tip is K_I / sqrt(pi L), or K_II, and the crack releases 1.15 K_I^2 / K (an
-orthotropic body without Poisson's effect, Sih, Paris & Irwin 1965). So it starts at 2.3 pi W = 7.2
-W as it opens, and at 2.3 pi (G / K) W = 2.2 W as it slides; it runs on past where that pays, and
-stops. In double cantilevers (validation/verify.py) an opening crack takes 4.9 to 6.4 W to start and
-3.4 to 3.8 W to grow; what bonds do not hold is radiated. One through bonds that soften costs 1.1 to
-1.3 of what they hold. A sliding one has not been measured.
+At its limit a bond of length L stores W = K e_t^2 L / 2, or G gamma_t^2 L / 2, per area. The stress
+half a cell ahead of a crack's tip is K_I / sqrt(pi L), or K_II / sqrt(pi L), and the crack releases
+1.15 K_I^2 / K (an orthotropic body without Poisson's effect, Sih, Paris & Irwin 1965). So a crack
+starts at 2.3 pi W = 7.2 W in opening, and at 2.3 pi (G / K) W = 2.2 W in sliding; it then
+overshoots and arrests. In double cantilevers (validation/verify.py) an opening crack takes 4.9 to
+6.4 W to start and 3.4 to 3.8 W to grow; the energy not stored in the bonds is radiated. A crack
+through softening bonds takes 1.1 to 1.3 times the energy of the bonds. Sliding has not been
+measured.
 """
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What the length of a bond makes of a limit of its law, in tension or in shear.
+    """How a bond's length changes a limit of its law, in tension or in shear.
 
-    share  limit over that of the law
-    tail   how far a bond holds beyond its limit, over the limit: its stress falls in a straight
-           line, to nothing there; 1: it breaks at once
+    share  the bond's limit over the law's
+    tail   overload (see `BondLaw.overload`) at which the bond breaks: beyond its limit the stress
+           falls linearly to zero there; 1: it breaks at once
     """
 
     share: float = 1.0
@@ -49,12 +50,13 @@ class Limit:
 
     @classmethod
     def for_crack(cls, cost: float, brittle: float, softening: bool) -> "Limit":
-        """That of bonds through which a crack costs so much, over what they hold at the law's.
+        """The limit that gives a crack its energy.
 
-        Through brittle bonds it costs `brittle` times what they hold. Those that soften never
-        have less of a tail than that, and in cells too large for it a limit that is lower.
+        `cost` is the energy of a crack over the energy stored in the bonds at the law's limit;
+        through brittle bonds a crack takes `brittle` times the stored energy. The tail of softening
+        bonds is at least `brittle`; in cells too large for it, the limit is lowered instead.
         """
-        # where only rounding differs: such cells are like the law's to the last bit
+        # a difference due to rounding only is removed: such cells match the law's exactly
         times = 1.0 if abs(cost / brittle - 1.0) < 1e-9 else cost / brittle
         if not softening:
             return cls(share=math.sqrt(times))
@@ -66,10 +68,10 @@ class Landmarks:
     """Strains and stresses of a foam that measures and pictures refer to; tension positive.
 
     crush_start      strain at which crushing begins, < 0
-    crush_end        strain at which the foam is crushed through, < crush_start
-    limit            most compressive strain that a picture's key has to show, <= crush_end
+    crush_end        strain at which densification begins, < crush_start
+    limit            most compressive strain that a picture's colour key must show, <= crush_end
     tensile          strain at which whole foam breaks in tension
-    crushed_tensile  strain at which foam that was crushed breaks in tension
+    crushed_tensile  strain at which crushed foam breaks in tension
     shear            shear strain at which whole foam breaks
     plateau_stress   magnitude of the stress between crush_start and crush_end [Pa]
     """
@@ -88,11 +90,11 @@ class BondFoam(Part):
 
     law: str
     implied_by: ClassVar[str | None] = None
-    """A key that only this law has: a table with it, and without a `law`, is of this law."""
+    """A key that only this law has: a table with this key and without `law` is of this law."""
     unless_given: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """What describes the foam itself, by key, and in words what stands for it where nobody gave it.
+    """Keys that describe the foam itself, each with words for the value used if it is not given.
 
-    A foam of one's own, of which some of these were given, says of the others what they are.
+    For a user's foam, which gives some of these keys, the program reports the others with them.
     """
     source: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
         default=None,
@@ -134,46 +136,46 @@ class BondFoam(Part):
     )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:
-        """What a length of bonds [m] makes of the law's limits, in tension and in shear.
+        """The limits in tension and in shear of bonds of this length [m].
 
-        A law that knows nothing of cracks has the same ones for every length.
+        A law without fracture energies has the same limits for every length.
         """
         return Limit(), Limit()
 
     @property
     def landmarks(self) -> Landmarks:
-        """What measures and pictures refer to."""
+        """The foam's landmarks."""
         raise NotImplementedError
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Strain (<= 0) at which foam that has met the strain `worst` is without stress."""
+        """Strain (<= 0) at zero stress of foam whose most compressive strain so far is `worst`."""
         raise NotImplementedError
 
     def loading(self, strain: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Static stress [Pa] on first loading, both positive in compression; None: not known."""
+        """Static stress [Pa] on first loading, compression positive; None: unknown."""
         return None
 
     @property
     def table(self) -> NDArray[np.float64] | None:
-        """(TABLE_ROWS, TABLE_COLUMNS) what a law that is `tabulated` looks up."""
+        """(TABLE_ROWS, TABLE_COLUMNS) the table of a `tabulated` law; None: the law has none."""
         return None
 
     @property
     def most_damping(self) -> float | None:
-        """The most that a row of cells may have as dashpot, over its face [Pa s/m]; None: anything.
+        """Upper limit of the dashpot of a row of cells, per face area [Pa s/m]; None: no limit.
 
-        What dashpots take is no part of a foam's curve.
+        The stress of dashpots is not part of a foam's measured curve.
         """
         return None
 
     @property
     def tested_strain(self) -> float | None:
-        """The most compressive strain (< 0) that the foam was tested to; None: it is not known."""
+        """The most compressive strain (< 0) that the foam was tested to; None: unknown."""
         return None
 
     @property
     def used_up_strain(self) -> float:
-        """Strain (< 0) at which nothing is known to be left to crush: where its test ends."""
+        """Strain (< 0) at which the foam counts as used up: the end of its test, or `crush_end`."""
         tested = self.tested_strain
         return self.landmarks.crush_end if tested is None else tested
 
@@ -189,32 +191,33 @@ class BondFoam(Part):
 class BondLaw:
     """A law's functions for kernels. Equal laws share compiled kernels.
 
-    A subclass is a frozen dataclass whose fields are the options that its functions choose by
-    `ti.static`. What may differ without compiling anything again stands in `Constants`, a record
-    that every function takes first (`c`). In a block of several foams its members are vectors, too,
-    one number for each of several bonds, but in the functions that take numbers only.
+    A subclass is a frozen dataclass whose fields are the options that its functions select by
+    `ti.static`. Values that may change without recompiling are in `Constants`, a record that every
+    function takes as its first argument (`c`). In a block of several foams its members are vectors,
+    one component per bond, except in the functions that take scalars only.
 
-    A bond remembers one number: the most compressive strain that it has met (`worst`, <= 0).
-    Functions that a Runge-Kutta stage needs take numbers or vectors of them, one for each of
-    several bonds, and have no branches on values.
+    A bond stores one history variable: its most compressive strain so far (`worst`, <= 0).
+    Functions that a Runge-Kutta stage needs take scalars, or vectors with one component per bond,
+    and have no branches on values.
     """
 
     Constants: ClassVar[Any]
     """Taichi dataclass of the law's constants, SI units."""
 
     tabulated: bool = False
-    """Whether its functions look something up in `table`, at [c.place, row]."""
+    """Whether its functions read `table`, at [c.place, row]."""
     table: Any = None
-    """Field (foams, TABLE_ROWS) of TABLE_COLUMNS numbers; a law is given one by `with_table`."""
+    """Field (foams, TABLE_ROWS) of TABLE_COLUMNS numbers, set by `with_table`."""
     heeds_rate: bool = False
-    """Whether the worst strain is frozen in a step; `flowed` brings it up to date before it."""
+    """Whether the law is rate-dependent: `worst` is then frozen during a step, and `flowed` updates
+    it before the step."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
-    """Whether `stiffening` is to be asked below `stiffens_below`."""
+    """Whether `stiffening` must be called below `stiffens_below`."""
 
     def with_table(self, table: Any) -> "BondLaw":
-        """This law, to be called where `table` is on the device."""
+        """This law, reading the field `table`."""
         law = copy.copy(self)
         object.__setattr__(law, "table", table)
         return law
@@ -223,18 +226,18 @@ class BondLaw:
     def stress_fraction(self, c: ti.template(), e, worst, broken):
         """Engineering stress [Pa] at strain `e`, without stiffening, as (numerator, divisor > 0).
 
-        Who divides by a length besides needs only one division so.
+        A caller that also divides by a length then needs only one division.
         """
         raise NotImplementedError
 
     @ti.func
     def stiffens_at(self, e, worst):
-        """The strain that is to be compared with `stiffens_below`."""
+        """The strain to compare with `stiffens_below`."""
         return e
 
     @ti.func
     def stiffens_below(self, c: ti.template()):
-        """Strain below which a bond is stiffer than `largest_stiffness`: ask `stiffening`."""
+        """Strain below which a bond is stiffer than `largest_stiffness`: call `stiffening`."""
         return -1.0
 
     @ti.func
@@ -259,17 +262,17 @@ class BondLaw:
 
     @ti.func
     def stored_energy(self, c: ti.template(), e: ti.f64, worst: ti.f64, broken: ti.i32) -> ti.f64:
-        """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back."""
+        """Energy per reference volume [J/m3] released on unloading from `e` to zero stress."""
         raise NotImplementedError
 
     @ti.func
     def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, worst: ti.f64) -> ti.f64:
-        """Stored energy per reference volume [J/m3] that a bond which breaks cannot give back."""
+        """Stored energy per reference volume [J/m3] that is lost when a bond breaks."""
         raise NotImplementedError
 
     @ti.func
     def shear_rise(self, c: ti.template(), e):
-        """What compression to strain `e` adds to the shear modulus [Pa], and its slope over e."""
+        """Increase of the shear modulus [Pa] by compression to strain `e`, and its slope over e."""
         return 0.0 * e, 0.0 * e
 
     @ti.func
@@ -282,49 +285,50 @@ class BondLaw:
         """Whether an intact bond in this state breaks, in tension or in shear.
 
         `sigma_e` is its engineering stress without stiffening, `size` the product of the lengths of
-        F's two columns there. `tensile` and `strength` are the bond's own strengths in tension and
-        shear over the mean of whole ones.
+        F's two columns there. `tensile` and `strength` are the bond's limits in tension and shear
+        over the law's.
         """
         raise NotImplementedError
 
     @ti.func
     def overload(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
-        """Strain over the limit in tension, and shear stress over the strength; as for `fails`.
+        """Strain over the limit in tension, and shear stress over the strength; see `fails`.
 
-        It is asked for besides `fails` where bonds hold beyond their limits, see
-        `BondFoam.limits`. The stresses are those of a whole bond.
+        Called in addition to `fails` where bonds soften beyond their limits, see `BondFoam.limits`.
+        The stresses are those of a bond without softening.
         """
         raise NotImplementedError
 
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
-        """The steepest d(sigma_e)/de [Pa] of all but `stiffening`."""
+        """The largest d(sigma_e)/de [Pa], without `stiffening`."""
         raise NotImplementedError
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
-        """A cell whose room is not below this has no `room_stress`."""
+        """Room at and above which a cell has no `room_stress`."""
         return 0.0
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
         """Pressure [Pa] of the foam in a cell that has less area than its bonds have left it.
 
-        Both are over the cell's area at rest; the area is negative inside out. It is 0 where
-        `area` is not below `room`.
+        `area` and `room` are relative to the cell's area at rest; `area` is negative if the cell is
+        inside out. The pressure is 0 unless `area` is below `room`.
         """
         return 0.0 * area
 
     @ti.func
     def room_energy(self, c: ti.template(), area, room):
-        """Energy per reference volume [J/m3] that a cell of this room stores: the area under
-        `room_stress` from `room` down to `area`.
+        """Energy per reference volume [J/m3] that a cell stores.
+
+        It is the integral of `room_stress` from `room` down to `area`.
         """
         return 0.0 * area
 
     @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
-        """The steepest slope of `room_stress` over the area [Pa]."""
+        """The largest slope of `room_stress` over the area [Pa]."""
         return 0.0
 
     @ti.func
@@ -333,7 +337,7 @@ class BondLaw:
     ) -> ti.f64:
         """Stress [Pa] between two pieces at a distance `gap` [m] that touch at `touch`.
 
-        `length` is that of a cell.
+        `length` is a cell's length [m].
         """
         raise NotImplementedError
 
@@ -341,10 +345,10 @@ class BondLaw:
     def contact_energy(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
-        """Energy [J/m3] over face times length that two such pieces store in their contact."""
+        """Energy stored in the contact of two such pieces, over face times length [J/m3]."""
         raise NotImplementedError
 
     @ti.func
     def contact_stiffness(self, c: ti.template()) -> ti.f64:
-        """The steepest slope of `contact_stress` over gap / length [Pa]."""
+        """The largest slope of `contact_stress` over gap / length [Pa]."""
         raise NotImplementedError

@@ -1,8 +1,8 @@
 """Crushable foam (Eq. 26, Figs 19-20): plateau, densification, unloading, weak re-tension, failure.
 
-A bond that has met the strain e_min unloads from there elastically, and is weak in tension. Foam
-that depends on the rate lags behind: its e_min follows the strain by a flow rule, and how far it
-lags is the stress beyond the static one.
+A bond that has reached the strain e_min unloads from there elastically, and is weak in tension. In
+rate-dependent foam e_min lags behind the strain by a flow rule; the lag gives the overstress, the
+stress above the static one.
 """
 
 from collections.abc import Mapping
@@ -20,16 +20,16 @@ from taichi_foam.laws.bond.base import Landmarks
 from taichi_foam.laws.bond.crushing import UNLESS_GIVEN, Crushing, CrushingFoam
 from taichi_foam.parts import quantity
 
-# The densification law is singular at the locking strain. Within this part of the way from
-# locking back to densification it goes on as its tangent, so that a trial stage that oversteps
-# still meets a finite, rising stress. For Table 6's constants that stress is 1.9 GPa, far above any
-# that a run reaches.
+# The densification law is singular at the locking strain. Within this fraction of the interval from
+# locking to densification it continues as its tangent, so that a trial stage that overshoots still
+# has a finite, rising stress. For Table 6's constants that stress is 1.9 GPa, far above any that a
+# run reaches.
 GUARD = 0.05
 
-# Less than this [Pa] is a plateau in kPa or MPa.
+# A plateau stress below this [Pa] was probably given in kPa or MPa.
 LEAST_PLATEAU = 500.0
 
-# Of the rule for the energy that densification stores, on [-1, 1].
+# Quadrature rule for the energy stored by densification, on [-1, 1].
 GAUSS_POINTS, GAUSS_WEIGHTS = (each.tolist() for each in np.polynomial.legendre.leggauss(8))
 
 
@@ -95,7 +95,7 @@ class Foam(CrushingFoam):
     @model_validator(mode="before")
     @classmethod
     def _take_plateau(cls, data: Any) -> Any:
-        """The yield strain of a plateau's stress that was given instead."""
+        """Replace a given `plateau_stress` by the yield strain."""
         if not isinstance(data, dict) or "plateau_stress" not in data:
             return data
         rest = {key: value for key, value in data.items() if key != "plateau_stress"}
@@ -159,7 +159,7 @@ class Foam(CrushingFoam):
         )
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Unloading from the plateau has the slope K; densification retraces itself (Fig. 19)."""
+        """The plateau unloads with slope K; densification retraces the loading curve (Fig. 19)."""
         return np.clip(worst, self.densification_strain, self.yield_strain) - self.yield_strain
 
     def loading(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -200,9 +200,9 @@ def loading_stress(
     a: float,
     b: float,
 ) -> NDArray[np.float64]:
-    """Stress [Pa] of Eq. 26 on first loading; everything is positive in compression.
+    """Stress [Pa] of Eq. 26 on first loading, for arrays; everything is positive in compression.
 
-    The law of `Crushable.densified`, with its tangent within the guard of locking, for arrays.
+    As in `Crushable.densified`, the curve continues as its tangent near locking (GUARD).
     """
     guard = locking - GUARD * (locking - densification)
     inside = np.clip(strain, densification, guard)
@@ -216,7 +216,7 @@ def loading_stress(
 
 @ti.dataclass
 class Constants:
-    """Constants of one foam: strains without unit, stresses in Pa."""
+    """Constants of one foam: strains dimensionless, stresses in Pa."""
 
     youngs_modulus: ti.f64
     shear_modulus: ti.f64
@@ -230,7 +230,7 @@ class Constants:
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
     shear_pressure_coefficient: ti.f64
-    rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: no dependence on the rate
+    rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: rate-independent
     rate_exponent: ti.f64
 
 
@@ -238,11 +238,11 @@ class Constants:
 class Crushable(Crushing):
     """The law's functions, for one set of options.
 
-    heeds_rate      Cowper & Symonds' overstress
-    linear_flow     its exponent is 1
-    linear_room     the constant b of Eq. 26 is 1: a power costs as much as the exponential
+    heeds_rate      with Cowper & Symonds' overstress
+    linear_flow     its exponent q is 1
+    linear_room     the constant b of Eq. 26 is 1: no power is computed
 
-    The others are those of `Crushing`.
+    The other options are those of `Crushing`.
     """
 
     heeds_rate: bool = False
@@ -255,7 +255,7 @@ class Crushable(Crushing):
     def densified(self, c: ti.template(), e):
         """Stress of the densification branch and its slope (Eq. 26c, both brackets positive).
 
-        For e < e_d; beyond the guard strain it goes on as the tangent there.
+        For e < e_d; beyond the guard strain the curve continues as its tangent.
         """
         guard = c.locking_strain + GUARD * (c.densification_strain - c.locking_strain)
         inside = elementary.larger(e, guard)
@@ -271,7 +271,7 @@ class Crushable(Crushing):
 
     @ti.func
     def stiffening(self, c: ti.template(), e, e_min, broken):
-        """What densification adds to the yielding stress, and the slope there [Pa]; 0 above e_d."""
+        """Stress that densification adds to the plateau, and its slope [Pa]; 0 above e_d."""
         stress, slope = self.densified(c, elementary.smaller(e, c.densification_strain))
         acts = e < c.densification_strain
         if ti.static(self.broken_contact == "jump"):
@@ -281,9 +281,9 @@ class Crushable(Crushing):
 
     @ti.func
     def unloading(self, c: ti.template(), e_min):
-        """Strain at which a bond that has met `e_min` is without stress, and the slope to it [Pa].
+        """Strain at zero stress of a bond with this `e_min`, and the slope of unloading [Pa].
 
-        It unloads from the plateau with the slope K; densification retraces itself, so that the
+        The plateau unloads with the slope K; densification retraces the loading curve, so that the
         turning point is never beyond e_d.
         """
         turn = elementary.larger(e_min, c.densification_strain)
@@ -292,11 +292,11 @@ class Crushable(Crushing):
 
     @ti.func
     def flowed(self, c: ti.template(), e, e_min, time):
-        """The e_min of rate-sensitive foam that has been at strain `e` for `time` [s].
+        """The e_min of rate-dependent foam after `time` [s] at strain `e`.
 
-        In flow at the rate r the plateau's stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
-        1957, as Perzyna's overstress): while e_min is short of e by y, its rate is D (y / |e_y|)^q.
-        At a constant strain that has a closed form, whatever the time.
+        In flow at the rate r the plateau stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
+        1957, as Perzyna's overstress): while e_min lags behind e by y, its rate is
+        D (y / |e_y|)^q. At a constant strain this has a closed-form solution for any time.
         """
         elastic = elementary.larger(e, c.yield_strain)
         start = elementary.smaller(elastic, e_min)
@@ -305,7 +305,7 @@ class Crushable(Crushing):
         left = short * elementary.exp(-times)
         if ti.static(not self.linear_flow):
             power = c.rate_exponent - 1.0
-            # a power's base must be above 0, and what is so little short does not flow in any time
+            # the base of a power must be above 0; foam that lags by so little does not flow anyway
             share = elementary.larger(short / -c.yield_strain, 1e-30)
             slowed = 1.0 + power * times * elementary.power(share, power)
             left = short * elementary.power(slowed, -1.0 / power)
@@ -313,9 +313,9 @@ class Crushable(Crushing):
 
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):
-        """What of a compressive strain unloading gives back, as if the plateau went on for ever.
+        """Elastic part of a compressive strain, as if the plateau had no end.
 
-        At most the yield strain, but for what e_min is short of e: rate-sensitive foam only.
+        At most the yield strain, plus the lag of e_min behind e in rate-dependent foam.
         """
         strain = elementary.larger(e - permanent, c.yield_strain)
         if ti.static(self.heeds_rate):
@@ -329,7 +329,7 @@ class Crushable(Crushing):
         if e < c.densification_strain:
             energy = self._densified_energy(c, e)
             if ti.static(self.heeds_rate):
-                # over what e_min is short of e here, the overstress holds the plateau too
+                # over the lag of e_min behind e the overstress also stores the plateau's energy
                 short = ti.max(ti.min(e_min, c.densification_strain) - e, 0.0)
                 energy += c.youngs_modulus * c.yield_strain * short
         return energy
@@ -338,15 +338,15 @@ class Crushable(Crushing):
     def _densified_energy(self, c: ti.template(), e: ti.f64) -> ti.f64:
         """Area under the densification branch between `e` and e_d [J/m3], by Gauss's rule.
 
-        It is an exponential integral without a closed form for every b. Taken over the logarithm of
-        e - e_l, eight points are good to 1e-5 of it down to 0.93 of crush for Table 6's constants.
+        The integral has no closed form for general b. Over the logarithm of e - e_l, eight points
+        have a relative error of 1e-5 up to a crush of 0.93 for Table 6's constants.
         """
         room = c.densification_strain - c.locking_strain
         ratio = ti.max(e - c.locking_strain, GUARD * room) / room
         half = -0.5 * elementary.log(ratio)
         area = 0.0
         for k in range(ti.static(len(GAUSS_POINTS))):
-            # chosen one by one: SPIR-V, and so Vulkan, takes no constant list by a number
+            # selected in a loop: SPIR-V, and so Vulkan, cannot index a list of constants
             point, weight = 0.0, 0.0
             for n in ti.static(range(len(GAUSS_POINTS))):
                 if k == n:

@@ -1,7 +1,7 @@
-"""What all foams share that crush for good and break: unloading, weak re-tension, failure, packing.
+"""Common base of foams that crush permanently and break: unloading, re-tension, failure, packing.
 
-A bond that has met the strain e_min unloads from there elastically, and is weak in tension. A law
-of this kind says with which slope, and where it is without stress (`unloading`).
+A bond that has reached the strain e_min unloads from there elastically, and is weak in tension. A
+law of this kind gives the slope of unloading and the strain at zero stress (`unloading`).
 """
 
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from taichi_foam.parts import choice, quantity
 # Slope of packed pieces beyond the densification strain, in Young's moduli.
 PACKED = 4.0
 
-# What a cell may lack of its room without pressure, over its area at rest: straight cells have just
-# what their bonds leave them, but for rounding.
+# Tolerance on a cell's room, over its area at rest: the area of a rectangular cell equals its room,
+# except for rounding.
 ROUNDING = 1e-9
 
-# Limits in strain belong to a lattice of the paper's cells [m] whose bonds break at once: what a
-# crack costs there it costs in any lattice, unless a scene says otherwise.
+# Limits in strain refer to a lattice of the paper's cells [m] whose bonds break at once: a crack
+# takes the same energy in any lattice as in that one, unless a scene gives another.
 CELL = 0.005
 
 UNLESS_GIVEN = {
@@ -34,7 +34,7 @@ UNLESS_GIVEN = {
 
 
 class CrushingFoam(BondFoam):
-    """When crushable foam breaks (paper, Table 1, Sections 4.5, 4.6). Strains: tension positive."""
+    """Failure of crushable foam (paper, Table 1, Sections 4.5, 4.6). Strains: tension positive."""
 
     tensile_strain: float = quantity(
         0.05, "tension", "tensile strain at which a bond breaks", above=0, at_most=2
@@ -83,7 +83,7 @@ class CrushingFoam(BondFoam):
     )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:
-        """By what a crack costs over what a bond holds at its limit (Bazant & Oh 1983)."""
+        """By a crack's energy over the energy stored in a bond at its limit (Bazant & Oh 1983)."""
         in_tension = 0.5 * self.youngs_modulus * self.tensile_strain**2
         in_shear = 0.5 * self.shear_modulus * self.shear_strain**2
         opening, sliding = self.fracture_energy, self.shear_fracture_energy
@@ -128,9 +128,9 @@ class CrushingFoam(BondFoam):
 
 @dataclass(frozen=True)
 class Crushing(BondLaw):
-    """The functions that laws of this kind share. Their constants have what `CrushingFoam` gives.
+    """The functions that laws of this kind share. Their `Constants` have those of `CrushingFoam`.
 
-    broken_contact  how a broken bond takes compression up again (Model.broken_contact)
+    broken_contact  how a broken bond carries compression again (Model.broken_contact)
     shear_failure   when shear may break a bond (Model.shear_failure)
     """
 
@@ -141,22 +141,22 @@ class Crushing(BondLaw):
 
     @ti.func
     def met(self, e, e_min):
-        """The `e_min` of a bond that is at strain `e`: for a level plateau that before will do."""
+        """The `e_min` of a bond now at strain `e`; for a level plateau the earlier one suffices."""
         return e_min
 
     @ti.func
     def unloading(self, c: ti.template(), e_min):
-        """Strain at which a bond that has met `e_min` has no stress, and the slope to it [Pa]."""
+        """Strain at zero stress of a bond with this `e_min`, and the slope of unloading [Pa]."""
         raise NotImplementedError
 
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):
-        """What of a compressive strain unloading gives back, without what `stiffening` adds."""
+        """Elastic part of a compressive strain, without that due to `stiffening`."""
         raise NotImplementedError
 
     @ti.func
     def stiffening_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
-        """What `stiffening` stores at strain `e` [J/m3]."""
+        """Energy stored by `stiffening` at strain `e` [J/m3]."""
         return 0.0
 
     @ti.func
@@ -169,11 +169,11 @@ class Crushing(BondLaw):
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
-        """Foam that is crushed through resists with the slope of packed pieces.
+        """Densified foam resists with the slope of packed pieces.
 
-        Until then it gives way at its plateau, in whatever direction: foam that is crushed at 45
-        degrees to its bonds has four tenths of the area that their strains would leave it. Whole
-        foam folds; nothing springs up at once as it yields.
+        Until then it yields at its plateau, in any direction: foam crushed at 45 degrees to its
+        bonds has 0.4 of the area that their strains would leave it. Foam that has not yielded has
+        no such pressure; as it yields, the pressure grows from zero.
         """
         yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
         yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
@@ -183,7 +183,7 @@ class Crushing(BondLaw):
 
     @ti.func
     def room_energy(self, c: ti.template(), area, room):
-        """A parabola, see `room_stress`."""
+        """Quadratic in the missing area, see `room_stress`."""
         yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
         yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
         least = elementary.smaller(room, 1.0 + c.densification_strain)
@@ -200,7 +200,7 @@ class Crushing(BondLaw):
 
     @ti.func
     def stress_fraction(self, c: ti.template(), e, e_min, broken):
-        """The stress as if the plateau went on for ever, as (numerator, divisor > 0)."""
+        """The stress as if the plateau had no end, as (numerator, divisor > 0)."""
         met = self.met(e, e_min)
         permanent, slope = self.unloading(c, met)
         stretch = e - permanent
@@ -217,9 +217,9 @@ class Crushing(BondLaw):
 
     @ti.func
     def stored_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
-        """Energy per reference volume [J/m3] that unloading from `e` to zero stress gives back.
+        """Energy per reference volume [J/m3] released on unloading from `e` to zero stress.
 
-        Under the jump reading a broken bond gives nothing back: its stress drops at once.
+        With broken_contact = "jump" a broken bond releases none: its stress drops at once.
         """
         met = self.met(e, e_min)
         permanent, slope = self.unloading(c, met)
@@ -235,7 +235,7 @@ class Crushing(BondLaw):
 
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
-        """The steepest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
+        """The largest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
         return ti.max(c.youngs_modulus, c.crushed_tensile_stress / c.crushed_tensile_strain)
 
     @ti.func
@@ -249,8 +249,8 @@ class Crushing(BondLaw):
     ) -> ti.f64:
         """Stress [Pa] between two pieces at a distance `gap` [m] that touch at `touch`.
 
-        They are foam: elastic, then a plateau. Packed to the densification strain they stiffen, by
-        a fixed slope instead of Eq. 26c: the step size then does not depend on powder.
+        The pieces are elastic, then on a plateau. Beyond the densification strain they stiffen with
+        a fixed slope instead of Eq. 26c, so that the step size does not depend on foam powder.
         """
         packed = ti.min(gap - (1.0 + c.densification_strain) * touch, 0.0) / length
         return c.youngs_modulus * (ti.max((gap - touch) / length, c.yield_strain) + PACKED * packed)
@@ -259,7 +259,7 @@ class Crushing(BondLaw):
     def contact_energy(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
-        """Area under `contact_stress`, over gap / length."""
+        """Integral of `contact_stress` over gap / length."""
         packed = ti.min(gap - (1.0 + c.densification_strain) * touch, 0.0) / length
         closed = ti.min((gap - touch) / length, 0.0)
         elastic = ti.max(closed, c.yield_strain)
@@ -270,9 +270,9 @@ class Crushing(BondLaw):
 
     @ti.func
     def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
-        """Stored energy per reference volume [J/m3] that a bond can no longer give back.
+        """Stored energy per reference volume [J/m3] that is lost when a bond breaks.
 
-        Reloading keeps what is stored in compression; the jump reading keeps nothing.
+        With broken_contact = "reload" the energy stored in compression is kept, with "jump" none.
         """
         lost = self.stored_energy(c, e, e_min, 0)
         if ti.static(self.broken_contact == "reload"):
@@ -288,10 +288,10 @@ class Crushing(BondLaw):
 
     @ti.func
     def shear_strength(self, c: ti.template(), e, sigma_e, size):
-        """Shear stress at which a bond breaks [Pa], by the chosen reading of compression.
+        """Shear stress at which a bond breaks [Pa]; in compression by the option `shear_failure`.
 
         `size` is the product of the lengths of F's two columns at the bond: the shear strain is
-        this times the sine of the angle through which its foam has sheared.
+        `size` times the sine of the foam's shear angle.
         """
         pulled = c.shear_modulus * c.shear_strain
         pressed = pulled + 0.0 * sigma_e
@@ -307,14 +307,14 @@ class Crushing(BondLaw):
     def fails(self, c: ti.template(), e, sigma_e, tau, e_min, size, tensile, strength):
         """Whether an intact bond in this state breaks, in tension or in shear (Section 4.6).
 
-        `tensile` is what the bond's own strength in tension is over the mean of whole ones, and
-        `strength` that in shear; `size` as in `shear_strength`.
+        `tensile` and `strength` are the bond's limits in tension and shear over the law's; `size`
+        as in `shear_strength`.
         """
         in_tension = e > tensile * self.tensile_limit(c, e_min)
         return in_tension | (ti.abs(tau) > strength * self.shear_strength(c, e, sigma_e, size))
 
     @ti.func
     def overload(self, c: ti.template(), e, sigma_e, tau, e_min, size, tensile, strength):
-        """How far beyond `fails` a bond is: strain and shear stress over their limits."""
+        """Strain and shear stress over the limits of `fails`."""
         in_tension = e / (tensile * self.tensile_limit(c, e_min))
         return in_tension, ti.abs(tau) / (strength * self.shear_strength(c, e, sigma_e, size))

@@ -1,8 +1,9 @@
-"""A measured curve of compressive stress over strain, and what is read off it.
+"""A measured curve of compressive stress over strain, and the values derived from it.
 
 Strains and stresses are engineering ones, compression positive here as in the test. Between its
-points the curve is straight. Beyond its last one it goes on as a power of the distance to
-locking, with the slope of its end, so that whatever a run reaches has a stress; a run says so.
+points the curve is linear. Beyond its last point it is extrapolated as a power of the distance to
+locking, with the slope of its end, so that every strain has a stress; a run that gets there reports
+it.
 """
 
 from __future__ import annotations
@@ -22,46 +23,47 @@ STRESS, UNLOADING, IN_CELLS, CELLS_ENERGY, SHEAR = range(TABLE_COLUMNS)
 """Columns of the table that kernels read."""
 
 MOST_POINTS = 2000
-"""Of a curve; the table has half as many rows."""
+"""Most points of a curve; the table has half as many rows."""
 
 LEAST_STRESS, LARGEST_STRESS = 500.0, 1e9
-"""What a curve's largest stress [Pa] may be: less is stress in kPa or MPa."""
+"""Range of a curve's largest stress [Pa]; one below it was probably given in kPa or MPa."""
 
 PLATEAU = (0.2, 0.4)
-"""Strains between which the mean stress is that of the plateau (ISO 13314)."""
+"""Strains between which the mean stress is the plateau stress (ISO 13314)."""
 
 LOCKS = 0.75
-"""Without a locking strain: the share of what is left beyond the last point that crush closes."""
+"""The default locking strain lies at this fraction of the way from the last point to a strain of
+1."""
 
 SECANT = 0.005
-"""Strain over which a slope of the curve is taken."""
+"""Strain interval of the secants by which slopes are taken."""
 
 FLATTEST = 0.02
-"""What of a bond's length is always left, as far as its turning goes."""
+"""Lower limit of a bond's relative length in the loss of shear stiffness, see `Curve.table`."""
 
 SMOOTHED = 0.02
-"""Strain over which kinks of the rise in shear are smoothed."""
+"""Strain interval over which kinks of the rise in shear modulus are smoothed."""
 
 END = 0.02
-"""Strain before the last point over which the slope of a curve's end is taken."""
+"""Strain interval before the last point over which the curve's final slope is taken."""
 
 LEAST_POWER = 0.5
-"""With which a curve goes on at least: one that ends on its plateau is to lock, too."""
+"""Smallest power of the extrapolation: a curve that ends on its plateau must lock, too."""
 
 STEEPEST = 20.0
-"""Largest power with which a curve goes on: a jump at its end is not to become infinite."""
+"""Largest power of the extrapolation: a jump at the curve's end must not give infinite stress."""
 
 GUARD = 0.05
-"""Within this part of the way from locking back to the last point the curve is its tangent."""
+"""Within this fraction of the interval from locking to the last point the curve is its tangent."""
 
 
 class Curve(Part):
     """Stress over strain of a compression test (any sampling, from rest).
 
-    Every strain above the last one; stresses never fall. A first point at rest is added where there
-    is none, at no stress. Stresses that fall, as by noise or after a first peak, are replaced
-    by the rising curve next to them (isotonic regression, least squares); `smoothing` keeps
-    the largest change.
+    Strains rise from point to point; stresses never fall. A first point at zero strain and stress
+    is added if it is missing. If stresses fall, because of noise or after a first peak, they are
+    replaced by the closest non-decreasing curve (isotonic regression, least squares); `smoothing`
+    keeps the largest change.
     """
 
     strain: tuple[float, ...] = Field(
@@ -100,10 +102,10 @@ class Curve(Part):
     @model_validator(mode="before")
     @classmethod
     def _upright(cls, data: Any) -> Any:
-        """Positive in compression, from rest on, and rising."""
+        """Make data positive in compression, starting from rest, and non-decreasing."""
         numbers = _numbers(data)
         if numbers is None:
-            return data  # what is wrong with it is said below
+            return data  # later checks report the error
         strain, stress = numbers
         if strain.max() <= 0.0 and strain.min() < 0.0:
             strain = -strain
@@ -115,9 +117,9 @@ class Curve(Part):
         if strain[0] > 0.0:
             strain, stress = np.append(0.0, strain), np.append(0.0, stress)
         if (np.diff(stress) < 0.0).any() or stress[0] != 0.0:
-            from scipy.optimize import isotonic_regression  # takes long to load; few need it
+            from scipy.optimize import isotonic_regression  # slow to import, and seldom needed
 
-            # rest is rest: it weighs so much that the regression leaves it where it is
+            # the point at rest has a weight so large that the regression does not move it
             weights = np.ones(stress.size)
             weights[0] = 1e12
             wanted = np.append(0.0, np.maximum(stress[1:], 0.0))
@@ -199,13 +201,13 @@ class Curve(Part):
 
     @property
     def energy(self) -> Array:
-        """Energy per volume [J/m3] that the foam has taken up to each point."""
+        """Energy per volume [J/m3] absorbed up to each point."""
         strain, stress = self.points
         return _areas(strain, stress)
 
     @property
     def efficiency(self) -> Array:
-        """Energy taken over stress at each point: the length of an ideal stop, in strain."""
+        """Absorbed energy over stress at each point: the stroke of an ideal absorber, in strain."""
         _, stress = self.points
         return np.divide(self.energy, stress, out=np.zeros_like(stress), where=stress > 0.0)
 
@@ -216,7 +218,7 @@ class Curve(Part):
 
     @property
     def plateau_stress(self) -> float:
-        """Mean stress [Pa] between the strains of PLATEAU, or of what of them was tested."""
+        """Mean stress [Pa] between the strains of PLATEAU, before densification."""
         last = min(PLATEAU[1], self.densification)
         first = min(PLATEAU[0], 0.5 * last)
         strain = np.union1d(self.points[0], [first, last])
@@ -224,24 +226,24 @@ class Curve(Part):
         return float(_areas(strain, self.stress_at(strain))[-1] / (last - first))
 
     def steepest(self, until: float) -> float:
-        """The steepest slope [Pa] up to a strain, of secants over SECANT: noise is no stiffness."""
+        """The largest slope [Pa] up to a strain, by secants over SECANT to suppress noise."""
         points, _ = self.points
         starts = np.append(points, points - SECANT)
         starts = starts[(starts >= 0.0) & (starts < min(until, self.tested - SECANT))]
         return float((self.stress_at(starts + SECANT) - self.stress_at(starts)).max() / SECANT)
 
     def table(self, locking: float, young: float, steepest: float, shear: float) -> Array:
-        """(TABLE_ROWS, TABLE_COLUMNS) what kernels look up, at strains of 0, 0.001 and so on to 1.
+        """The kernels' table (TABLE_ROWS, TABLE_COLUMNS), at strains of 0, 0.001 and so on to 1.
 
-        STRESS     [Pa]
-        UNLOADING  slope [Pa] with which foam unloads from there: `young`, or the steepest secant of
-                   the curve so far where that is more. So what has been dissipated never falls
-        IN_CELLS   stress [Pa] that rises as the other does, but with `steepest` [Pa] at most
-        CELLS_ENERGY   [J/m3] the area under it
-        SHEAR      what is added to the shear modulus [Pa], `shear` of whole foam. Under the stress
-                   s bonds of the length 1 - e lose s / (1 - e) of it by turning, and rows would
-                   fold sideways once that is all: the sum is twice as much. Forces have its slope
-                   in them, so the kinks of the curve are smoothed.
+        STRESS     stress [Pa]
+        UNLOADING  slope of unloading from there [Pa]: `young`, or the steepest secant of the curve
+                   so far if that is larger. So the dissipated energy never falls
+        IN_CELLS   stress [Pa] that rises like STRESS, but with at most the slope `steepest` [Pa]
+        CELLS_ENERGY   area under IN_CELLS [J/m3]
+        SHEAR      increase of the shear modulus [Pa], which is `shear` for whole foam. Under the
+                   stress s, bonds of relative length 1 - e reduce it by s / (1 - e) by rotating,
+                   and rows would fold sideways when nothing is left: the increased modulus is at
+                   least twice that reduction. Forces contain its slope, so kinks are smoothed
         """
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress = np.where(
@@ -271,13 +273,13 @@ class Curve(Part):
 
 
 def _areas(strain: Array, stress: Array) -> Array:
-    """The area [J/m3] under straight lines between points, up to each of them."""
+    """The area [J/m3] under the curve up to each of its points (trapezoidal rule)."""
     parts = 0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)
     return np.append(0.0, np.cumsum(parts))
 
 
 def _mean_around(strain: Array, values: Array) -> Array:
-    """The mean over SMOOTHED of strain around each point, or as far as the nearer end allows."""
+    """The mean over a strain interval SMOOTHED around each point; shorter near the ends."""
     area = _areas(strain, values)
     reach = np.minimum(0.5 * SMOOTHED, np.minimum(strain, 1.0 - strain))[1:-1]
     low, high = strain[1:-1] - reach, strain[1:-1] + reach
@@ -286,7 +288,7 @@ def _mean_around(strain: Array, values: Array) -> Array:
 
 
 def _numbers(data: Any) -> tuple[Array, Array] | None:
-    """The numbers of raw data; None where something else is wrong with it."""
+    """The strains and stresses in raw data; None if they are not usable numbers."""
     if not isinstance(data, dict):
         return None
     found = []

@@ -1,7 +1,7 @@
 """The paper's law (Eq. 26) fitted to a measured curve: an elastic line, a plateau, densification.
 
-The fit tells how far the paper's foam, with constants of its own, is from a test. A level plateau
-cannot follow one that hardens; for that there is the law by the curve itself.
+The error of the fit tells how well the paper's law can describe a foam. Its level plateau cannot
+follow one that hardens; the tabulated law, which uses the curve itself, can.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ Array = NDArray[np.float64]
 PAPER = Foam()
 
 _LEAST_YOUNG, _LARGEST_YOUNG = 1000.0 / SHEAR_OVER_YOUNG, 1e11
-"""Moduli [Pa] between which a foam's shear modulus is within its range, too."""
+"""Range of Young's modulus [Pa] for which the shear modulus is within its allowed range, too."""
 
 _FLOOR = 0.1
-"""Of the plateau's stress: residuals are relative to the stress, and to so much near rest."""
+"""Fraction of the plateau stress added to the stress by which residuals are divided."""
 
 _FAR = 0.1
-"""Relative residuals beyond this weigh less: what the law cannot follow is not to bend the rest."""
+"""Relative residuals beyond this weigh less, so that the fit is not distorted by parts of the curve
+that the law cannot follow."""
 
 
 _EARLIEST = 0.75
-"""Of the strain of the largest energy efficiency: densification does not begin before.
+"""Densification begins at this fraction of the strain of largest energy efficiency, or later.
 
-Without this the branch would follow a plateau that hardens, and foam that is crushed to the middle
-of its plateau would spring back, as densified foam does.
+Otherwise the densification branch would follow a hardening plateau, and foam crushed to the middle
+of its plateau would spring back as densified foam does.
 """
 
 
@@ -45,10 +46,10 @@ of its plateau would spring back, as densified foam does.
 class CrushableFit:
     """Eq. 26 fitted to a curve.
 
-    foam       its constants; strengths follow from the plateau, as for foam by its curve
-    error      median over strain of |fit - test| / test, from where crush begins
-    densifies  whether the test went beyond densification; if not, it says nothing of that branch,
-               whose constants are then the paper's, further out if the test is
+    foam       the fitted constants; strengths follow from the plateau, as for the tabulated law
+    error      median over strain of |fit - test| / test, from the start of crushing
+    densifies  whether the test went beyond densification; if not, the constants of that branch are
+               the paper's, with strains moved beyond the end of the test if necessary
     """
 
     foam: Foam
@@ -59,8 +60,8 @@ class CrushableFit:
 def crushable_fit(curve: Curve) -> CrushableFit:
     """Fit Eq. 26 to a curve by bounded least squares of relative residuals.
 
-    Each point weighs as much as the strain it stands for, so that the sampling of a test does not
-    decide. Beyond the end of the test the fit's locking strain is free, up to 1.
+    Each point is weighted by the strain interval it represents, so that the fit does not depend on
+    the sampling of the test. The locking strain is free between the end of the test and 1.
     """
     strain, stress = _spread_out(curve)
     spacing = np.gradient(strain)
@@ -71,11 +72,11 @@ def crushable_fit(curve: Curve) -> CrushableFit:
         return weights * (crushable.loading_stress(strain, *_constants(x, curve)) - stress)
 
     densifies = curve.densification < curve.tested
-    # in SciPy's trust region, which goes on without it
+    # SciPy's trust region recovers from such values
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         best = _solved(residuals, curve, densifies)
     young, yields, densification, locking, a, b = (float(c) for c in _constants(best, curve))
-    if not densifies:  # the paper's, or what is left for it beyond the test
+    if not densifies:  # the paper's constants, or strains beyond the test
         densification = max(-PAPER.densification_strain, 0.5 * (1.0 + curve.tested))
         locking = densification + LOCKS * (1.0 - densification)
         a, b = PAPER.densification_a, PAPER.densification_b
@@ -95,7 +96,7 @@ def crushable_fit(curve: Curve) -> CrushableFit:
 
 
 def _solved(residuals: Callable[[Array], Array], curve: Curve, densifies: bool) -> Array:
-    """The best of the solutions from several starts: the constants of densification trade off."""
+    """The best solution from several starts: the constants of densification are correlated."""
     from scipy.optimize import least_squares
 
     plateau = curve.plateau_stress
@@ -111,7 +112,7 @@ def _solved(residuals: Callable[[Array], Array], curve: Curve, densifies: bool) 
         "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12,
     }  # fmt: skip
     if not densifies:
-        # the branch begins where the test ends; past that there is nothing to fit it to
+        # the branch begins where the test ends: there is nothing to fit it to
         fixed = np.array([0.99, 0.999, np.log(0.5), 0.0])
         bounds = (low[:2], high[:2])
         found = least_squares(
@@ -128,7 +129,7 @@ def _solved(residuals: Callable[[Array], Array], curve: Curve, densifies: bool) 
 
 
 def _constants(x: Array, curve: Curve) -> tuple[float, ...]:
-    """K, e_y, e_d, e_l, a and b of the fit's variables, always in the order that the law needs."""
+    """K, e_y, e_d, e_l, a and b from the fit's variables; the strains are always in order."""
     young = np.exp(x[0])
     yields = np.clip(np.exp(x[1] - x[0]), 1e-5, 0.5)
     locking = max(curve.tested, yields) + x[3] * (1.0 - max(curve.tested, yields))
@@ -138,7 +139,7 @@ def _constants(x: Array, curve: Curve) -> tuple[float, ...]:
 
 
 def _spread_out(curve: Curve) -> tuple[Array, Array]:
-    """The points of a curve; with more between them where there are few."""
+    """The points of a curve, with interpolated ones added if there are few."""
     strain, stress = curve.points
     if strain.size < 100:
         strain = np.union1d(strain, np.linspace(0.0, curve.tested, 200))
@@ -147,8 +148,8 @@ def _spread_out(curve: Curve) -> tuple[Array, Array]:
 
 
 def _median_error(foam: Foam, curve: Curve) -> float:
-    """Median of |fit - test| / test at even strains from where crush begins."""
+    """Median of |fit - test| / test at evenly spaced strains from the start of crushing."""
     strain = np.linspace(min(-foam.yield_strain, 0.5 * curve.tested), curve.tested, 500)
-    # a test may begin without stress for a while
+    # a test may begin with zero stress
     test = np.maximum(curve.stress_at(strain), 1e-3 * curve.plateau_stress)
     return float(np.median(np.abs(foam.loading(strain) / test - 1.0)))

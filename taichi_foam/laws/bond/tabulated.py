@@ -1,7 +1,7 @@
-"""Foam by its measured curve: what a compression test gives, unloading, weak re-tension, failure.
+"""Foam by its measured curve: loading as tested, unloading, weak re-tension, failure.
 
-Loading follows the table. From any strain that a bond has met it unloads along a straight line:
-with the slope K, as the paper's foam does, or with the curve's steepest so far where that is more.
+Loading follows the table. From any strain that a bond has reached it unloads linearly: with the
+slope K, as the paper's foam does, or with the steepest slope of the curve so far if that is larger.
 """
 
 import contextlib
@@ -36,9 +36,9 @@ from taichi_foam.laws.bond.curve import (
 from taichi_foam.parts import completed, is_number, quantity
 
 DAMPED = 0.005
-"""Of the plateau's stress: what dashpots may add for each m/s at which a row of cells closes [s/m].
+"""Upper limit of dashpot stress over plateau stress per closing speed of a row of cells [s/m].
 
-In a drop from a metre that is 2 % where one row crushes at a time, and nothing at the peak.
+In a drop from one metre this is 2 % where one row crushes at a time, and zero at the peak.
 """
 
 SHEAR_OVER_YOUNG = 3.0 / 8.0
@@ -49,13 +49,13 @@ SHEAR_OVER_PLATEAU = 0.6
 
 
 LARGEST_LIMIT = 2.0
-"""What a limit in strain may be at most."""
+"""Largest allowed limit in strain."""
 
 FROM_CURVE = "from the curve"
 
 
 class TabulatedFoam(CrushingFoam):
-    """Parameters of a foam whose compression was measured; what is not given follows from it."""
+    """Parameters of a foam with a measured compression curve, from which defaults follow."""
 
     law: Literal["tabulated"] = "tabulated"
     implied_by: ClassVar[str | None] = "curve"
@@ -124,12 +124,12 @@ class TabulatedFoam(CrushingFoam):
     @model_validator(mode="wrap")
     @classmethod
     def _complete(cls, data: Any, handler: Any) -> "TabulatedFoam":
-        """With what was not given taken from the curve; what was given is told apart."""
+        """Take missing values from the curve; record which keys were given."""
         if not isinstance(data, dict):
             return handler(data)
         given = {key: value for key, value in data.items() if value is not None}
         if isinstance(given.get("curve"), dict):
-            # what is wrong with it, and only that, is said where it is checked
+            # the later check of the curve reports its errors, and only those
             with contextlib.suppress(ValueError):
                 given["curve"] = Curve.model_validate(given["curve"])
         return completed(given, derived(given), handler)
@@ -191,7 +191,7 @@ class TabulatedFoam(CrushingFoam):
         return -self.curve.tested
 
     def permanent_strain(self, worst: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where a line from the curve at `worst`, with the slope of unloading, meets no stress."""
+        """Strain at which the unloading line from the curve at `worst` reaches zero stress."""
         turn, rows = np.minimum(worst, 0.0), np.linspace(0.0, 1.0, TABLE_ROWS)
         table = self.table
         stress, slope = (np.interp(-turn, rows, table[:, k]) for k in (STRESS, UNLOADING))
@@ -208,10 +208,10 @@ class TabulatedFoam(CrushingFoam):
 
     @property
     def _stiffens_below(self) -> float:
-        """Strain beyond which foam unloads with more than K."""
+        """Strain beyond which the slope of unloading exceeds K."""
         steeper = self.table[:, UNLOADING] > self.youngs_modulus * (1.0 + 1e-9)
         first = int(np.argmax(steeper)) if steeper.any() else TABLE_ROWS - 1
-        # slopes between two rows lie between theirs
+        # slopes are interpolated between rows, so they already exceed K after the row before
         return -max(first - 1, 0) / (TABLE_ROWS - 1)
 
 
@@ -226,13 +226,13 @@ _STANDINS = {
 
 
 def derived(data: dict[str, Any]) -> dict[str, float]:
-    """What the curve in raw data of such a foam gives, by key; given keys go before."""
+    """Values derived from the curve in raw data of such a foam, by key; given keys are used."""
     curve = data.get("curve")
     if not isinstance(curve, Curve):
         return _STANDINS
     given = {key: value for key, value in data.items() if is_number(value)}
     densification = given.get("densification_strain", 0.0)
-    if not -curve.tested <= densification < 0.0:  # not given, or wrong, which is said of it
+    if not -curve.tested <= densification < 0.0:  # not given, or invalid, which a check reports
         densification = -curve.densification
     young = given.get("youngs_modulus", curve.steepest(-densification))
     shear = given.get("shear_modulus", SHEAR_OVER_YOUNG * young)
@@ -242,7 +242,7 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
         "shear_modulus": shear,
         "densification_strain": -curve.densification,
         "locking_strain": -(curve.tested + LOCKS * (1.0 - curve.tested)),
-        # what is wrong with a modulus is said of it, not of what follows
+        # capped, so that an error in a modulus is not reported for a strain
         "tensile_strain": min(plateau / young, LARGEST_LIMIT),
         "shear_strain": min(SHEAR_OVER_PLATEAU * plateau / shear, LARGEST_LIMIT),
     }
@@ -250,7 +250,7 @@ def derived(data: dict[str, Any]) -> dict[str, float]:
 
 @ti.dataclass
 class Constants:
-    """Constants of one foam: strains without unit, stresses in Pa."""
+    """Constants of one foam: strains dimensionless, stresses in Pa."""
 
     youngs_modulus: ti.f64
     shear_modulus: ti.f64
@@ -258,11 +258,11 @@ class Constants:
     tensile_strain: ti.f64
     shear_strain: ti.f64
     densification_strain: ti.f64
-    stiffens_below: ti.f64  # strain beyond which the slope of unloading is more than K
+    stiffens_below: ti.f64  # strain beyond which the slope of unloading exceeds K
     crushed_tensile_strain: ti.f64
     crushed_tensile_stress: ti.f64
     shear_pressure_coefficient: ti.f64
-    place: ti.f64  # of the foam in the table; whole, but a record of one kind of numbers is safe
+    place: ti.f64  # the foam's index in the table; a float, so that all members have one type
 
 
 @dataclass(frozen=True)
@@ -275,9 +275,9 @@ class Tabulated(Crushing):
 
     @ti.func
     def _looked_up(self, c: ti.template(), e, column: ti.template()):
-        """What a column of the table has for strain `e`, and its slope over -e.
+        """Value of a column of the table at strain `e`, and its slope over -e.
 
-        Below 0 and beyond the last row the first and the last line go on.
+        Outside the table the first and the last segment are extrapolated.
         """
         last = ti.static(TABLE_ROWS - 2)
         along = -e * (TABLE_ROWS - 1.0)
@@ -302,7 +302,7 @@ class Tabulated(Crushing):
 
     @ti.func
     def stiffens_at(self, e, e_min):
-        """Foam is as stiff as it has become, wherever it is unloaded to."""
+        """Foam keeps the stiffness of its most compressive strain when it unloads."""
         return self.met(e, e_min)
 
     @ti.func
@@ -311,7 +311,7 @@ class Tabulated(Crushing):
 
     @ti.func
     def stiffening(self, c: ti.template(), e, e_min, broken):
-        """No stress, which `unloading` has all of, and the slope of unloading."""
+        """No stress, since `unloading` includes all of it, and the slope of unloading."""
         _, slope = self.unloading(c, self.met(e, e_min))
         return 0.0 * e, slope
 
@@ -324,11 +324,11 @@ class Tabulated(Crushing):
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
-        """What the curve rises by from what a cell's bonds have met to what its area has lost.
+        """Rise of the curve from the crush of a cell's bonds to the crush of its area.
 
-        Bonds that fold sideways get no shorter by it: the cell then has the rest of the stress. A
-        level plateau rises by nothing, so that foam gives way at it in whatever direction. Whole
-        foam folds; nothing springs up at once as it yields.
+        Bonds that fold sideways do not get shorter: the cell carries the remaining stress. A level
+        plateau does not rise, so that foam yields at it in any direction. Foam that has not yielded
+        has no such pressure; as it yields, the pressure grows from zero.
         """
         yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
         yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
@@ -338,7 +338,7 @@ class Tabulated(Crushing):
 
     @ti.func
     def room_energy(self, c: ti.template(), area, room):
-        """The area between the curve and the stress that the cell's bonds have met."""
+        """The area between the curve and the stress at the crush of the cell's bonds."""
         yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
         yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
         least = elementary.smaller(area, room - ROUNDING)
@@ -359,12 +359,12 @@ class Tabulated(Crushing):
 
 @ti.func
 def _of_lane(value: ti.template(), lane: ti.template()):
-    """A lane of a pack, or a number that all lanes share."""
+    """A lane of a pack, or a scalar that all lanes share."""
     if ti.static(_width(value) > 0):
         return value[lane]
     return value
 
 
 def _width(value: Any) -> int:
-    """How many lanes a value of the kernels has; 0: it is a number."""
+    """Number of lanes of a value in kernels; 0: it is a scalar."""
     return value.n if value.is_tensor() else 0

@@ -1,4 +1,4 @@
-"""Impactor shapes: what can hit the block. docs/extending.md tells how to add one."""
+"""Impactor shapes. docs/extending.md tells how to add one."""
 
 from taichi_foam.laws.shape import bodies, polygon
 from taichi_foam.laws.shape.base import Control, Impactor

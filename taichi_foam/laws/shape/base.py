@@ -1,7 +1,7 @@
-"""What every impactor is: a rigid body, as thick as the block, on guide rails or free in the plane.
+"""Base class of impactors: rigid bodies as thick as the block, guided or free in the plane.
 
-It gives its outline about a reference point at its mid-width (x = 0) and its lowest level (y = 0),
-as it starts.
+An impactor's outline is relative to a reference point at its mid-width (x = 0) and lowest level
+(y = 0) at the start.
 """
 
 import math
@@ -17,17 +17,17 @@ from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.parts import Corner, Part, choice, quantity
 
 SURFACE_ROWS = 1024
-"""Rows of numbers that a surface may have."""
+"""Most rows of numbers of a surface."""
 
 MOST_CORNERS = SURFACE_ROWS // 2
-"""Corners that an outline may have."""
+"""Most corners of an outline."""
 
 vec3 = ti.types.vector(3, ti.f64)
 
 
 @dataclass(frozen=True)
 class Control:
-    """A size that a live page offers: its field, what people call it, range and step [shown unit].
+    """A size that a live page offers: its field, label, range and step [shown unit].
 
     factor  SI units in one shown unit
     """
@@ -42,16 +42,17 @@ class Control:
 
 
 class Impactor(Part):
-    """Fields and measures that every shape has. A shape's own class adds `shape` and its sizes.
+    """Fields and measures common to all shapes. A shape's own class adds `shape` and its sizes.
 
-    It gives its corners. The contact of a convex polygon follows from them; a curved one gives its
-    own `distance`, with the numbers of `surface`, and what else its corners give too roughly.
+    A shape defines its corners, from which the contact of a convex polygon follows. A curved shape
+    also defines its own `distance`, with the numbers of `surface`, and whatever its corners
+    approximate too roughly.
     """
 
     label: ClassVar[str]
-    """What people call it."""
+    """Name for users."""
     controls: ClassVar[tuple[Control, ...]] = ()
-    """Sizes that a live page offers to change."""
+    """Sizes that can be changed on a live page."""
 
     mass: float = quantity(6.0, "kg", "mass", above=0, at_most=1e6)
     velocity: float = quantity(
@@ -63,7 +64,7 @@ class Impactor(Part):
         "height of the fall that ends at first contact, in place of a velocity; gravity is then "
         "9.80665 m/s2 unless it is given",
         above=0,
-        at_most=100,  # from there on air slows a fall
+        at_most=100,  # beyond that, air resistance matters
         fix="lengths are in metres (760 mm is 0.76); a faster impact is impactor.velocity, in m/s",
     )
     motion: Literal["free", "crosshead"] = choice(
@@ -156,35 +157,34 @@ class Impactor(Part):
         return self
 
     def corners(self) -> np.ndarray:
-        """Return the vertices (n, 2) [m] before any turn, counter-clockwise, in a frame of its own.
+        """Return the vertices (n, 2) [m] before any turn, counter-clockwise, in the shape's frame.
 
-        A shape with left-right symmetry has it to the last bit.
+        A shape with left-right symmetry must be exactly symmetric.
         """
         raise NotImplementedError
 
     def origin(self) -> np.ndarray:
-        """Return the point (2,) of that frame from which `centre` counts [m]."""
+        """Return the point (2,) of that frame to which `centre` is relative [m]."""
         return geometry.foot(self.corners())
 
     def foot(self) -> np.ndarray:
-        """Return mid-width and lowest level (2,) of the shape turned about its frame's origin."""
+        """Return mid-width and lowest level (2,) of the shape, turned about its frame's origin."""
         return geometry.foot(geometry.rotated(self.corners(), self.rotation_deg))
 
     def outline(self) -> np.ndarray:
         """Return the vertices (n, 2) [m], counter-clockwise, about mid-width and lowest level.
 
-        It is turned by `rotation_deg`. An outline with left-right symmetry is symmetric to the last
-        bit.
+        The outline is turned by `rotation_deg`. One with left-right symmetry is exactly symmetric.
         """
         return geometry.placed(geometry.rotated(self.corners(), self.rotation_deg), self.foot())
 
     def outline_at(self, height: float, shift: float = 0.0, angle: float = 0.0) -> np.ndarray:
-        """Return the vertices (n, 2) [m] where a body is that has moved.
+        """Return the vertices (n, 2) [m] of the moved body.
 
         Args:
-            height, shift: of the reference point, carried along with the centre of mass: height,
-                and how far it has moved sideways [m].
-            angle: how far the body has turned since the start, counter-clockwise [rad].
+            height, shift: height and horizontal displacement of the reference point, which moves
+                with the centre of mass [m].
+            angle: rotation of the body since the start, counter-clockwise [rad].
         """
         outline = self.outline()
         if angle != 0.0:
@@ -194,7 +194,7 @@ class Impactor(Part):
 
     @property
     def centre_of_mass(self) -> np.ndarray:
-        """Centre of mass (2,) at the start, about mid-width and lowest level [m]."""
+        """Centre of mass (2,) at the start, relative to mid-width and lowest level [m]."""
         if self.centre is None:
             return geometry.centroid(self.outline())
         given = self.origin() + np.array(self.centre)
@@ -202,17 +202,17 @@ class Impactor(Part):
 
     @property
     def squared_gyration(self) -> float:
-        """That of a uniform plate about its centroid: moment of inertia over mass [m2]."""
+        """Squared radius of gyration of a uniform plate about its centroid [m2]."""
         return geometry.squared_gyration(self.outline())
 
     @property
     def moment_of_inertia(self) -> float:
-        """About the centre of mass [kg m2]."""
+        """Moment of inertia about the centre of mass [kg m2]."""
         return self.mass * self.squared_gyration if self.inertia is None else self.inertia
 
     @property
     def reach(self) -> float:
-        """The furthest that any of its points is from the centre of mass [m]."""
+        """Distance of the outline's furthest point from the centre of mass [m]."""
         return float(np.hypot(*(self.outline() - self.centre_of_mass).T).max())
 
     @property
@@ -223,7 +223,7 @@ class Impactor(Part):
 
     @property
     def nose_depth(self) -> float:
-        """Displacement from first contact at which the full width is in [m]; 0 for a flat face."""
+        """Displacement from first contact to full-width contact [m]; 0 for a flat face."""
         return float(geometry.lower_chain(self.outline())[:, 1].max())
 
     @property
@@ -235,8 +235,8 @@ class Impactor(Part):
         """Volume that the impactor has swept below the block's top (paper, Eqs 4-6) [m3].
 
         Args:
-            displacement: from first contact, downwards [m]; any shape. Below 0 counts as 0.
-            thickness: that of the block [m].
+            displacement: from first contact, downwards [m]; any shape. Negative ones count as 0.
+            thickness: of the block [m].
 
         Returns:
             Array of the displacement's shape.
@@ -247,8 +247,8 @@ class Impactor(Part):
     def surface(self) -> np.ndarray:
         """Rows of three numbers (n, 3) that `distance` reads, n <= SURFACE_ROWS.
 
-        Here the outward half-planes (n_x, n_y, offset) of a convex polygon: a point p relative to
-        the lowest point lies inside where n . p < offset for all.
+        Here they are the half-planes (n_x, n_y, offset) of a convex polygon, with outward normals:
+        a point p relative to the reference point is inside if n . p < offset for all.
         """
         outline = self.outline()
         following = np.roll(outline, -1, axis=0)
@@ -262,9 +262,9 @@ class Impactor(Part):
     @staticmethod
     @ti.func
     def distance(surface: ti.template(), b, rows, point):
-        """Signed distance [m] of a point relative to the impactor's lowest point, and the normal.
+        """Signed distance [m] of a point, relative to the reference point, and the normal.
 
-        As a vector (distance, n_x, n_y). `surface[b, row]` are the `rows` rows of `surface`.
+        Returns a vector (distance, n_x, n_y). `surface[b, row]` are the `rows` rows of `surface`.
         """
         found = vec3(-ti.math.inf, 0.0, -1.0)
         for row in range(rows):

@@ -1,4 +1,4 @@
-"""Bodies that their sizes describe: the paper's three shapes, the ellipse, the I-shape."""
+"""Bodies described by their sizes: the paper's three shapes, the ellipse, the I-shape."""
 
 import math
 from typing import ClassVar, Literal
@@ -20,7 +20,7 @@ ELLIPSE_VERTICES = 128
 """Vertices of the polygon that draws an ellipse; contact uses the ellipse itself."""
 
 MOST_NEWTON = 60
-"""Steps in search of the nearest point; near the surface five do."""
+"""Most steps in the search for the nearest point; near the surface five suffice."""
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -70,7 +70,7 @@ class Cylinder(Impactor):
 
     @property
     def squared_gyration(self) -> float:
-        """That of a disc [m2]; see the base class."""
+        """Squared radius of gyration of a disc [m2]; see the base class."""
         return self.radius**2 / 2
 
     @property
@@ -195,7 +195,7 @@ class Ellipse(Impactor):
 
     @property
     def squared_gyration(self) -> float:
-        """That of an elliptic plate [m2]; see the base class."""
+        """Squared radius of gyration of an elliptic plate [m2]; see the base class."""
         return (self.width**2 + self.height**2) / 16
 
     def surface(self) -> np.ndarray:
@@ -209,8 +209,8 @@ class Ellipse(Impactor):
     def distance(surface: ti.template(), b, rows, point):
         """Signed distance [m] to the ellipse, and the normal at its nearest point.
 
-        The foot of the perpendicular by Newton's method on its multiplier, which comes from one
-        side without overshooting (Eberly 2013, Distance from a point to an ellipse).
+        The foot of the perpendicular follows from its Lagrange multiplier by Newton's method, which
+        converges from one side (Eberly 2013, Distance from a point to an ellipse).
         """
         size, axis = surface[b, 0], surface[b, 1].xy
         away = point - vec2(0.0, size.z)
@@ -221,7 +221,7 @@ class Ellipse(Impactor):
         near = vec2(ti.select(turned, y, x), ti.select(turned, x, y))
         foot = vec2(0.0, short)  # in the quadrant x, y >= 0, the longer axis along x
         if near.y > 0.0:
-            # of (long x / (t + long^2))^2 + (short y / (t + short^2))^2 = 1, by s = t / short^2 + 1
+            # (long x / (t + long^2))^2 + (short y / (t + short^2))^2 = 1, with s = t / short^2 + 1
             ratio = (long / short) ** 2
             u, w = long * near.x / short**2, near.y / short
             s = w
@@ -248,7 +248,7 @@ class Ellipse(Impactor):
 
 
 class IShape(Edged):
-    """Two flanges, level before any turn, on a web between their middles."""
+    """Two flanges, horizontal before any turn, joined by a web at their middles."""
 
     shape: Literal["i-shape"] = "i-shape"
     label: ClassVar[str] = "I-shape"

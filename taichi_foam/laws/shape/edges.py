@@ -1,12 +1,12 @@
 """Contact with any simple polygon, convex or not, by its edges.
 
-The edges of a body that slides and turns are rounded, as far as foam can tell. The lattice knows
-the foam's surface at its mass points only, a cell apart. Under a sharp edge that slides over it the
-next mass point stands higher than those below the sole, and would meet the side of the body: it
-would be pushed along in front. In foam the surface falls from there to the sole, and goes under. On
-an edge that is round a mass point is pressed down along a normal that turns with it, as the edge
-comes over it, and it rises as smoothly where the edge leaves it. The depth in the rounded outline
-is the potential of the force: what the leading edge takes, the trailing one gives back.
+For contact, the corners of a body that slides and turns are rounded. The lattice represents the
+foam's surface only at its mass points, a cell apart. In front of a sharp corner that slides over
+the foam, the next mass point is higher than those under the sole; it would touch the body's side
+and be pushed along. In real foam the surface slopes down to the sole and passes under it. At a
+rounded corner a mass point is pressed down along a normal that turns gradually as the corner passes
+over it, and it rises as smoothly behind the body. The depth in the rounded outline is the potential
+of the force: the energy taken at the leading corner is returned at the trailing one.
 """
 
 from collections.abc import Callable
@@ -19,20 +19,21 @@ from taichi_foam.laws.shape import outline as geometry
 from taichi_foam.laws.shape.base import Impactor, vec3
 
 EDGE_RADIUS = 0.4
-"""Radius of an edge over a cell's shorter side. Less than half: where the edge is in the middle
-between two mass points, as in a face that whole cells divide, the last one is on the level face."""
+"""Radius of a rounded corner over a cell's shorter side. It is less than half: if the corner is in
+the middle between two mass points, as for a face of a whole number of cells, the last mass point
+under the face touches its flat part."""
 
 MOST_OF_FACE = 0.25
-"""So much of a face either of its edges may take: half of it stays as it is."""
+"""Largest fraction of a face that the arc at either end may take, so that half of it stays flat."""
 
 STRAIGHT = 0.01
-"""An edge that turns by less [rad] needs no rounding."""
+"""A corner with a smaller turning angle [rad] needs no rounding."""
 
 vec2 = ti.types.vector(2, ti.f64)
 
 
 class Edged(Impactor):
-    """What impactors share whose outline may have notches: the surface is their edges."""
+    """Base of impactors whose outline may be non-convex: the surface consists of their edges."""
 
     def surface(self) -> np.ndarray:
         """Return the rows of its edges, see `edges_of`."""
@@ -44,8 +45,8 @@ class Edged(Impactor):
         """Signed distance [m] to the nearest point of the outline, and the normal there.
 
         Where a corner is nearest, the sum of its edges' normals tells inside from outside
-        (Baerentzen & Aanaes 2005, IEEE TVCG 11:243). An edge is met from its middle, so that the
-        mirror image finds the same numbers.
+        (Baerentzen & Aanaes 2005, IEEE TVCG 11:243). Positions along an edge are relative to its
+        middle, so that the mirror image gives the same numbers.
         """
         nearest = ti.math.inf  # squared
         found_edge, found_end = 0, 0  # -1, 0, 1: start, between, end
@@ -96,17 +97,17 @@ def edges_of(outline: np.ndarray) -> np.ndarray:
 
 
 def counter_clockwise(points: np.ndarray) -> np.ndarray:
-    """Return the corners the other way round if they go clockwise."""
+    """Return the corners in counter-clockwise order."""
     return points if geometry.area(points) > 0 else points[::-1]
 
 
 def distance_of(impactor: Impactor) -> Callable[..., Any]:
-    """What tells the distance from an impactor; see `Impactor.distance`."""
+    """The function for the distance from an impactor; see `Impactor.distance`."""
     return rounded_distance if _is_rounded(impactor) else impactor.distance
 
 
 def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
-    """Rows of three numbers (n, 3) that this takes, in cells whose shorter side is `cell` [m]."""
+    """Rows (n, 3) that `distance_of` reads; `cell` is the shorter side of a lattice cell [m]."""
     if not _is_rounded(impactor):
         return impactor.surface()
     outline = impactor.outline()
@@ -116,20 +117,20 @@ def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
 
 
 def _is_rounded(impactor: Impactor) -> bool:
-    """Whether a body slides and turns and its distance is that of its corners."""
+    """Whether a body slides and turns, and its distance follows from its corners."""
     cornered = impactor.distance in (Impactor.distance, Edged.distance)
     return cornered and not impactor.guided
 
 
 def radii(outline: np.ndarray, reach: float) -> np.ndarray:
-    """Radius of each corner of an outline (n,) [m]; 0 where it is hollow, or hardly one.
+    """Radius of each corner of an outline (n,) [m]; 0 if it is re-entrant or nearly straight.
 
-    It is `reach`, or less where the corner is sharper than a right angle or a face is short: the
-    arc begins no further from the corner than `reach`, and leaves half of each face.
+    The radius is `reach`, or less if the corner is sharper than a right angle or a face is short:
+    the arc begins at most `reach` from the corner, and leaves half of each face flat.
 
     Args:
         outline: (n, 2), counter-clockwise [m].
-        reach: [m].
+        reach: largest radius [m].
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     behind = np.roll(ahead, 1, axis=0)
@@ -145,11 +146,12 @@ def radii(outline: np.ndarray, reach: float) -> np.ndarray:
 def rounded_distance(surface: ti.template(), b, rows, point):
     """Signed distance [m] to an outline whose corners are rounded, and the normal there.
 
-    The rows are those of `edges_of`; in the second of each edge stands the radius of the
-    corner at its start. Within, between the two ends of an arc and its centre, the arc is the
-    surface. Seen from the centre the point lies at q, and R less its depth below an edge is its
-    component along the edge's normal n: with a and b of them, and c the cosine between the two,
-    q = ((a - b c) n_1 + (b - a c) n_2) / (1 - c^2), in which both count alike.
+    The rows are those of `edges_of`; the second row of each edge contains the radius R of the
+    corner at its start. In the sector between an arc's ends and its centre, the arc is the surface.
+    Let q be the point relative to the centre. Its component along an edge's normal n is R minus the
+    point's depth below that edge. With the components a and b along the normals n_1 and n_2 of both
+    edges, and c the cosine between the normals, q = ((a - b c) n_1 + (b - a c) n_2) / (1 - c^2),
+    which treats both edges alike.
     """
     found = Edged.distance(surface, b, rows, point)
     if found[0] < 0.0:

@@ -1,4 +1,4 @@
-"""Plane geometry of impactors: outlines, their symmetry and mass, and the volume that they crush.
+"""Plane geometry of impactors: outlines, symmetry, moments of area, and the area swept.
 
 An outline is an array (n, 2) of vertices [m], counter-clockwise with y upwards.
 """
@@ -21,7 +21,7 @@ def size(points: np.ndarray) -> float:
 
 
 def problems_of_corners(key: str, corners: Sequence[tuple[float, float]]) -> list[str]:
-    """What is wrong with corners under a key of a scene: one repeats, or all are on one line."""
+    """Problems of the corners under a key of a scene: one repeats, or all are on one line."""
     points = np.array(corners)
     least = TOLERANCE * size(points)
     for k in range(1, len(points)):
@@ -40,8 +40,8 @@ def problems_of_corners(key: str, corners: Sequence[tuple[float, float]]) -> lis
 
 
 def problems_of_ring(key: str, corners: Sequence[tuple[float, float]]) -> list[str]:
-    """What is wrong with the corners of one simple polygon, in order along it."""
-    import shapely  # takes a while to load, and most scenes do without
+    """Problems of the corners of a simple polygon, given in order."""
+    import shapely  # slow to import, and seldom needed
 
     found = problems_of_corners(key, corners)
     if found or shapely.LinearRing(corners).is_simple:
@@ -55,7 +55,7 @@ def problems_of_ring(key: str, corners: Sequence[tuple[float, float]]) -> list[s
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the convex hull, counter-clockwise; points on an edge are no corners.
+    """Return the corners of the convex hull, counter-clockwise, without points on its edges.
 
     Args:
         points: (n, 2), in any order [m].
@@ -75,7 +75,7 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    """Twice the signed area of a triangle [m2]: above zero for a left turn."""
+    """Twice the signed area of a triangle [m2]: positive for a left turn."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -88,7 +88,7 @@ def distance_inside(hull: np.ndarray, point: np.ndarray) -> float:
 
 def rotated(points: np.ndarray, degrees: float) -> np.ndarray:
     """Return the points turned counter-clockwise about the origin; quarter turns are exact."""
-    quarter = round(degrees / 90.0)  # the rest, -45 to 45: the other way round to the last bit
+    quarter = round(degrees / 90.0)  # the rest is in -45 to 45: exactly odd in `degrees`
     rest = degrees - 90.0 * quarter
     cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
     for _ in range(quarter % 4):
@@ -104,10 +104,10 @@ def foot(points: np.ndarray) -> np.ndarray:
 
 
 def placed(points: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Return the outline about `origin`, its mid-width and lowest level, and mirrored.
+    """Return the outline relative to `origin`, its mid-width and lowest level.
 
-    An outline that is its own mirror image but for rounding is made so to the last bit, so that
-    a symmetric impact stays symmetric to the last bit too.
+    An outline that is its own mirror image except for rounding is made exactly symmetric, so that a
+    symmetric impact stays exactly symmetric, too.
     """
     result = points - origin
     least = TOLERANCE * size(points)
@@ -122,20 +122,20 @@ def placed(points: np.ndarray, origin: np.ndarray) -> np.ndarray:
 
 
 def is_mirrored(outline: np.ndarray) -> bool:
-    """Whether an outline is its own mirror image to the last bit."""
+    """Whether an outline is exactly its own mirror image."""
     return {(-x, y) for x, y in outline.tolist()} == {(x, y) for x, y in outline.tolist()}
 
 
 def area(outline: np.ndarray) -> float:
-    """Area that an outline encloses [m2]; below zero if it goes clockwise."""
+    """Area that an outline encloses [m2]; negative if it is clockwise."""
     x, y = outline[:, 0], outline[:, 1]
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def centroid(outline: np.ndarray) -> np.ndarray:
-    """Return the centre (2,) of the area within an outline [m]."""
+    """Return the centroid (2,) of the area within an outline [m]."""
     about = outline[0]
-    start = outline - about  # near its own corners, so that little cancels
+    start = outline - about  # relative to a corner, to avoid cancellation
     end = np.roll(start, -1, axis=0)
     twice = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
     found = about + ((start + end) * twice[:, None]).sum(axis=0) / (3 * twice.sum())
@@ -145,7 +145,7 @@ def centroid(outline: np.ndarray) -> np.ndarray:
 
 
 def squared_gyration(outline: np.ndarray) -> float:
-    """Polar second moment of the area about its centre, over the area [m2]."""
+    """Polar second moment of area about the centroid, over the area [m2]."""
     start = outline - centroid(outline)
     end = np.roll(start, -1, axis=0)
     twice = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
@@ -154,9 +154,9 @@ def squared_gyration(outline: np.ndarray) -> float:
 
 
 def lower_chain(outline: np.ndarray) -> np.ndarray:
-    """Return the part of an outline that one sees from below, (k, 2), from left end to right end.
+    """Return the part of an outline that is visible from below, (k, 2), from left to right.
 
-    Where it jumps, behind an overhang, two points have one x.
+    Where it jumps, behind an overhang, two points have the same x.
     """
     least = TOLERANCE * size(outline)
     ahead = np.roll(outline, -1, axis=0)
@@ -184,7 +184,7 @@ def lower_chain(outline: np.ndarray) -> np.ndarray:
 
 
 def _at(left: np.ndarray, right: np.ndarray, x: float, least: float) -> np.ndarray:
-    """Where an edge is at `x`: one of its ends, as it is, or a point between them."""
+    """The point of an edge at `x`: exactly one of its ends, or a point between them."""
     for end in (left, right):
         if abs(end[0] - x) <= least:
             return end
@@ -195,8 +195,7 @@ def _at(left: np.ndarray, right: np.ndarray, x: float, least: float) -> np.ndarr
 def swept_area(outline: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Area [m2] that a body going straight down has swept below its lowest starting level.
 
-    What has once been swept stays so: above its lower side the body counts as continuing straight
-    up.
+    Swept area stays swept: above its lower side the body counts as continuing straight up.
 
     Args:
         outline: (n, 2) with its lowest point at y = 0 [m].

@@ -1,4 +1,4 @@
-"""Polygons by their corners as impactors: a convex one, and any outline as one draws it."""
+"""Impactors given by their corners: a convex polygon, and any simple outline."""
 
 from collections.abc import Callable, Sequence
 from typing import Annotated, ClassVar, Literal
@@ -66,7 +66,7 @@ class Polygon(Impactor):
 
 
 class Outline(Edged):
-    """Any outline that does not cross itself: of a product, out of a drawing."""
+    """Any outline that does not cross itself, such as that of a product from a drawing."""
 
     shape: Literal["outline"] = "outline"
     label: ClassVar[str] = "outline"
@@ -98,7 +98,7 @@ class Outline(Edged):
 
 
 def _check_size(vertices: Corners, problems: Callable[[str, Corners], list[str]]) -> None:
-    """Raises ValueError: corners too near to one another, or what else the problems are."""
+    """Raises ValueError: the outline is too small, or has one of the `problems`."""
     extent = geometry.size(np.array(vertices))
     if extent < 1e-4:
         raise ValueError(
