@@ -312,8 +312,7 @@ def initial_state(scene: Scene) -> State:
     turn = {}
     if impactor is not None and scene.turns:
         turn = dict.fromkeys(TURN, 0.0) | {"u": impactor.velocity_x, "spin": impactor.spin}
-    arrays = {name: np.full(told.shape(columns, rows), told.start) for name, told in ARRAYS.items()}
-    arrays |= {
+    arrays = {
         "position": position,
         "velocity": velocity,
         "hold": _held(filled),
@@ -322,8 +321,14 @@ def initial_state(scene: Scene) -> State:
         "break_time_a": cut[:-1, :, 0],
         "break_time_b": cut[:, :-1, 1],
     }
+    others = {
+        name: np.full(told.shape(columns, rows), told.start)
+        for name, told in ARRAYS.items()
+        if name not in arrays
+    }
     return State(
         **arrays,
+        **others,
         clock=clock,
         body=body,
         turn=turn,

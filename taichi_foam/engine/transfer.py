@@ -1,6 +1,7 @@
 """Transfer to and from the device, one lattice of a batch at a time, and the choice of stepping."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def _put_model(lattice: Lattice, b: int, model: Model) -> None:
         _put_table(lattice, b, n, table)
     if model.foams is not None:
         _put_foams(lattice, b, model.foams, model.places.ravel())
-    parts = {name: (values, 0.0) for name, values in model.of_nodes.items()}
+    parts = {name: (values.__getitem__, 0.0) for name, values in model.of_nodes.items()}
     _put_nodes(lattice, lattice.made, b, parts, (0, 1) if lattice.features.alike else None)
     _put_nodes(lattice, lattice.apart, b, parts)
 
@@ -157,41 +158,61 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
 
 # Values of nodes, bonds and cells.
 
-Parts = Mapping[str, tuple[Array, Any]]
-"""Fields by name: their values by column and row, and the values outside the block."""
+Parts = Mapping[str, tuple[Callable[[slice], Array], Any]]
+"""Fields by name: values by column and row, given some columns, and the values outside the block.
+
+What follows from other arrays is computed as it is copied: whole, it would double a state's memory.
+"""
 
 
 def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Parts:
     """A state's node fields on the device; padding nodes are at rest on the reference lattice."""
-    parts: dict[str, tuple[Array, Any]] = {}
+    parts: dict[str, tuple[Callable[[slice], Array], Any]] = {}
+    arrays: dict[str, Array] = {}
     for name, told in ARRAYS.items():
         values = getattr(state, name)
         for n, device in enumerate(told.device):
-            parts[device] = values[..., n] if told.numbers else values, told.beyond
+            arrays[device] = values[..., n] if told.numbers else values
+            parts[device] = arrays[device].__getitem__, told.beyond
     across = (np.arange(-1, block.columns + 1)[:, None] - 0.5 * (block.columns - 1)) * block.dx
     up = (np.arange(_height(lattice)) - lattice.lanes + 0.5) * block.dy
-    parts["motion.x"] = state.position[..., 0], across
-    parts["motion.y"] = state.position[..., 1], up
-    grip = state.hold
+    parts["motion.x"] = parts["motion.x"][0], across
+    parts["motion.y"] = parts["motion.y"][0], up
+
+    def there(name: str, like: Array, columns: slice) -> Array | float:
+        """A constant of the block's cells or faces; in a plain block they are all there."""
+        if not lattice.features.shaped:
+            return 1.0
+        made = model.of_nodes[name]
+        here = made if len(made) == 1 else made[columns]
+        return here[: len(like), : like.shape[1]]
+
+    def is_broken(bond: str, columns: slice) -> NDArray[np.bool_]:
+        time = arrays[f"{bond}.break_time"][columns]
+        return ~np.isnan(time) & (there(f"filling.face_{bond[-1]}", time, columns) != 0.0)
+
+    def condition(bond: str, columns: slice) -> Array:
+        intact = arrays[f"{bond}.intact"][columns]
+        found = np.where(is_broken(bond, columns), BROKEN, intact)
+        return np.where(there(f"filling.face_{bond[-1]}", intact, columns) == 0.0, ABSENT, found)
+
+    def break_time(bond: str, columns: slice) -> Array:
+        return np.where(is_broken(bond, columns), arrays[f"{bond}.break_time"][columns], 0.0)
+
+    def grip(columns: slice) -> Array:
+        return state.hold[columns] * there("filling.cell", state.hold[columns], columns)
+
     for bond in ("bond_a", "bond_b"):
-        time, intact = parts[f"{bond}.break_time"][0], parts[f"{bond}.intact"][0]
-        condition = np.where(np.isnan(time), intact, BROKEN)
-        if lattice.features.shaped:
-            faces = model.of_nodes["filling.face_" + bond[-1]][: len(time), : time.shape[1]]
-            condition = np.where(faces == 0.0, ABSENT, condition)
-        parts[f"{bond}.condition"] = condition, ABSENT
-        parts[f"{bond}.break_time"] = np.where(condition == BROKEN, time, 0.0), 0.0
-    if lattice.features.shaped:
-        grip = grip * model.of_nodes["filling.cell"][: len(grip), : grip.shape[1]]
+        parts[f"{bond}.condition"] = partial(condition, bond), ABSENT
+        parts[f"{bond}.break_time"] = partial(break_time, bond), 0.0
     parts["grip"] = grip, 0.0
     for member in "xyuv":
         parts[f"trial.{member}"] = parts[f"motion.{member}"]
-    nothing = np.zeros((0, 0))
-    parts["push.x"] = parts["push.y"] = nothing, 0.0
+    nothing = np.zeros((0, 0)).__getitem__
+    parts["push.x"] = parts["push.y"] = parts["radius"] = nothing, 0.0
     if "radius" in state.neighbours and lattice.on_gpu:
-        parts["radius"] = state.neighbours["radius"].reshape(block.columns, block.rows), 0.0
-    else:
-        parts["radius"] = nothing, 0.0
+        radius = state.neighbours["radius"].reshape(block.columns, block.rows)
+        parts["radius"] = radius.__getitem__, 0.0
     return parts
 
 
@@ -217,9 +238,9 @@ def _put_nodes(
             if np.ndim(beyond) == 2:
                 beyond = beyond[first + 1 : last + 1]
             beyond = np.broadcast_to(beyond, copy.shape)
-            here = values[max(first, 0) : last]
+            here = values(slice(max(first, 0), last))
             low, high = max(-first, 0), max(-first, 0) + len(here)
-            bottom, top = lanes_, lanes_ + values.shape[1]
+            bottom, top = lanes_, lanes_ + here.shape[1]
             copy[low:high, bottom:top] = here
             for around in (np.s_[:low], np.s_[high:], np.s_[:, :bottom], np.s_[:, top:]):
                 copy[around] = beyond[around]
