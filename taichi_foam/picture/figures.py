@@ -249,7 +249,7 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
             # Stacked areas cannot be negative. Rounding may also make a part negative.
             given_back = lowest < -_ROUNDING * largest
             layers.append(total - lowest if given_back else np.maximum(total, 0.0))
-            names.append(f"{layer.label}, from its lowest" if given_back else layer.label)
+            names.append(f"{layer.label}, above its minimum" if given_back else layer.label)
             tones.append(layer.colour)
     if not layers:
         raise UserError("energy ledger: the history holds no energy to show")
@@ -397,7 +397,7 @@ def _stresses(
     axis.plot(
         100 * np.append(tested[0], along[beyond]),
         np.append(tested[1], table[beyond]) / scale,
-        color=BLUE, linestyle=(0, (3, 2)), label="continued beyond the test",
+        color=BLUE, linestyle=(0, (3, 2)), label="extrapolated beyond the test",
     )  # fmt: skip
     # only over the tested range: beyond it the two differ
     fine = np.linspace(0.0, curve.tested, 800)
