@@ -266,7 +266,7 @@ def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = F
     if standing.lost:
         parts.append(f"{standing.lost:,} lost, will be tried again (see {found.folder / 'lost'})")
     if at_work:
-        parts.append("at work" if standing.at_work else "not being computed")
+        parts.append("being computed" if standing.at_work else "not being computed")
     terminal.line("; ".join(parts))
     if not at_work:
         terminal.line(f"in {found.folder}: results.csv, results.parquet")

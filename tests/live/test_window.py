@@ -224,7 +224,7 @@ def test_the_window_shows_what_it_saves_and_another_shape_and_speed_are_kept_bes
     assert not result.run["interrupted"]
     curve = Curve.of(result.history, last=0.01)
     peak, in_g = (result.summary[f"peak_deceleration_cfc180_{unit}"] for unit in ("m_s2", "g"))
-    note = f"at its end · peak {peak:.1f} m/s², {in_g:.1f} g (CFC 180) · H help"
+    note = f"ended · peak {peak:.1f} m/s², {in_g:.1f} g (CFC 180) · H help"
     last = raster.frame(result.snapshots[-1], result.scene, SIZE, note=note, curve=curve)
     assert share_that_differs(seen, last) < 0.01
 
