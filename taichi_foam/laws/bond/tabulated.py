@@ -73,8 +73,8 @@ class TabulatedFoam(CrushingFoam):
     )
 
     curve: Curve = Field(
-        description="stress over strain in its compression test: a CSV file, with `strain_unit` and "
-        "`stress_unit` if its header has no units, `strain` and `stress` to choose its "
+        description="stress over strain in its compression test: a CSV file, with `strain_unit` "
+        "and `stress_unit` if its header has no units, `strain` and `stress` to choose its "
         "columns, and the specimen's `area` [m2] and `height` [m] if these hold force and "
         "displacement; or lists",
         json_schema_extra={
