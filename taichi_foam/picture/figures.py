@@ -414,7 +414,7 @@ def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> 
     marks = foam.landmarks
     start, end, limit = (-100 * s for s in (marks.crush_start, marks.crush_end, marks.limit))
     ends = f"densification, {end:.3g} %" if fit.densifies else f"test ends, {end:.3g} %"
-    _landmark(axis, foam, scale, start, f"crush starts, {start:.2g} %", to_the_right=True)
+    _landmark(axis, foam, scale, start, f"crushing starts, {start:.2g} %", to_the_right=True)
     _landmark(axis, foam, scale, end, ends, to_the_right=end < start + 100 * _APART)
     _landmark(axis, foam, scale, limit, f"locking, {limit:.3g} %", to_the_right=False)
     _plateau(axis, foam, fit, scale)
