@@ -173,7 +173,8 @@ def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
     )
     why = {
         "youngs_modulus": "plateau over the paper's yield strain of 0.05: the scaling for open "
-        "cells does not reproduce the paper's modulus (0.73 against 2.78 MPa), so it is not used here",
+        "cells does not reproduce the paper's modulus (0.73 against 2.78 MPa), so it is not "
+        "used here",
         "shear_modulus": "the same fraction of Young's modulus as in the paper's foam, 0.30",
         "densification_strain": missed.format("-0.80", "-0.97"),
         **dict.fromkeys(

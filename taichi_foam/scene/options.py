@@ -283,7 +283,7 @@ class Numerics(Part):
         allowed="'rebound' or above 0 and at most 10 s",
     )
     time_limit: float = quantity(
-        0.12, "s", "end of a run that has not ended by rebound before", above=0, at_most=10
+        0.12, "s", "end of a run that has not rebounded by then", above=0, at_most=10
     )
 
     @property
