@@ -386,8 +386,8 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
     if others and result is None and before is None:
         shown = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
         raise UserError(
-            f"output folder {target}: is not empty, but what it holds is not a result that could "
-            f"be replaced: {shown}. Fix: choose another folder."
+            f"output folder {target}: is not empty, but holds no result that could be replaced, "
+            f"only {shown}. Fix: choose another folder."
         )
     if result is not None and before is None and not overwrite:
         raise UserError(

@@ -193,7 +193,7 @@ def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(
 
     code, _, err = window.close()
     assert code == 130, err
-    assert "closed before its end" in err
+    assert "closed before the end of the drop" in err
     result = Result.load(window.folder)
     assert result.run["interrupted"]
     assert len(result.snapshots) >= 2
@@ -235,7 +235,7 @@ def test_ctrl_c_closes_the_window_and_keeps_what_there_is(show: Callable[..., Sh
     window.process.send_signal(signal.SIGINT)
     _, err = window.process.communicate(timeout=PATIENCE)
     assert window.process.returncode == 130, err
-    assert "closed before its end" in err
+    assert "closed before the end of the drop" in err
     assert "Traceback" not in err
     assert Result.load(window.folder).run["interrupted"]
 
@@ -256,7 +256,9 @@ def test_what_is_killed_goes_on_with_the_same_command(show: Callable[..., Shown]
     window.wait_for_motion()
     window.process.send_signal(signal.SIGTERM)
     _, err = window.process.communicate(timeout=PATIENCE)
-    assert (window.process.returncode, "closed before its end" in err) == (143, True), err
+    assert (window.process.returncode, "closed before the end of the drop" in err) == (143, True), (
+        err
+    )
     cut = Result.load(window.folder)
     assert cut.run["interrupted"]
     assert cut.run["resumed"] == 1

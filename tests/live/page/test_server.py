@@ -394,7 +394,7 @@ def test_a_closed_terminal_or_the_end_of_a_service_loses_nothing(tmp_path: Path)
                 os.killpg(server.process.pid, number)
                 time.sleep(0.01)
         code, said = server.wait()
-        assert (code, said) == (130, f"interrupted: what there was is in {tmp_path}\n")
+        assert (code, said) == (130, f"interrupted: what was computed is in {tmp_path}\n")
         assert Result.load(tmp_path / "paper-wedge-2.86-001").run["interrupted"]
 
 
