@@ -242,7 +242,7 @@ TABLE = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
         ([{**BAND, "foam": {"shear_strain": -1}}], "block.layers[0].foam.shear_strain = -1: must"),
         ([{**BAND, "foam": {"plateau_stress": 0.1}}], "block.layers[0].foam.plateau_stress = 0.1"),
         ([{**BAND, "foam": {"law": "hookes"}}], "block.layers[0].foam.law = 'hookes': must be one"),
-        ([{**BAND, "foam": {"rate": 3000.0}}], "does not match [foam], as it is different in rate,"),
+        ([{**BAND, "foam": {"rate": 3000.0}}], "not match [foam], as it is different in rate"),
         ([{**BAND, "foam": {"curve": TABLE}}], "of the law tabulated; all foams"),
         ([{**BAND, "interface": "glue"}], "block.layers[0].interface = 'glue': must be 'bonded'"),
         ([{**BAND, "density": 0}], "block.layers[0].density = 0: must be"),
