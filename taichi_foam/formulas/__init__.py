@@ -1,0 +1,1 @@
+"""Formulas of cushion design, in plain NumPy: no scene, no run, no device."""
