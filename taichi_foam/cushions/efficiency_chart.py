@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from taichi_foam.cushions.display import Unit
-from taichi_foam.picture.style import CYCLE, HALO, STYLE, blank
+from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from taichi_foam.cushions.efficiency import Absorber, Efficiency
+    from taichi_foam.formulas.envelope import Envelope
 
 Array = NDArray[np.float64]
 Units = Mapping[str, Unit]
@@ -42,11 +44,13 @@ _DASHED = (0, (3, 2))
 _PERCENT = Unit("%", 0.01)
 
 
-def chart(foams: Sequence[Absorber], units: Units) -> Figure:
+def chart(found: Efficiency, units: Units) -> Figure:
     """Stress, energy, efficiency and ideality over strain, energy and efficiency over stress.
 
-    A dot is the shoulder, where densification begins; a curve is dashed where it is assumed.
+    A dot is the shoulder, where densification begins; a curve is dashed where it is assumed. Over
+    stress the envelope of several foams is a broad grey line beneath them.
     """
+    foams = found.foams
     shades = _shades(foams)
     with mpl.rc_context(STYLE):
         figure = blank(16.0, 10.0)
@@ -60,6 +64,8 @@ def chart(foams: Sequence[Absorber], units: Units) -> Figure:
         _over_strain(ideality, foams, shades, "ideality", _PERCENT)
         _over_stress(diagram, foams, shades, "energy", units["stress"], units["energy"])
         _over_stress(best, foams, shades, "efficiency", units["stress"], _PERCENT)
+        if len(foams) > 1:
+            _envelope(diagram, best, found.envelope, units)
         for axis, mark, label in zip(
             axes,
             "abcdef",
@@ -78,10 +84,21 @@ def chart(foams: Sequence[Absorber], units: Units) -> Figure:
         if len(foams) <= _NAMED:
             _landmarks(stress, efficiency, foams, shades, units["stress"])
         figure.legend(
-            *stress.get_legend_handles_labels(), loc="outside upper left", frameon=False,
-            ncols=min(len(foams), 5), fontsize=12, handlelength=1.8, columnspacing=1.6,
+            handles=[*stress.get_legend_handles_labels()[0], *_signs(foams)],
+            loc="outside upper left", frameon=False, ncols=min(len(foams) + 2, 7), fontsize=12,
+            handlelength=1.8, columnspacing=1.6,
         )  # fmt: skip
     return figure
+
+
+def _signs(foams: Sequence[Absorber]) -> list[Line2D]:
+    """What dots and dashes mean, for the legend."""
+    dot = Line2D(
+        [], [], color=GREY, marker="o", markersize=8, mec="white", linestyle="none",
+        label="onset of densification",
+    )  # fmt: skip
+    dashes = Line2D([], [], color=GREY, linestyle=_DASHED, label="assumed")
+    return [dot, dashes] if any(foam.known_to is not None for foam in foams) else [dot]
 
 
 def _shades(foams: Sequence[Absorber]) -> list:
@@ -145,6 +162,19 @@ def _curve(axis: Axes, foam: Absorber, shade: object, x: Array, y: Array, percen
         axis.plot(x[rest:], y[rest:], color=shade, linestyle=_DASHED)
 
 
+def _envelope(diagram: Axes, best: Axes, envelope: Envelope, units: Units) -> None:
+    """Draw the least stress at each energy, as energy and as efficiency over stress."""
+    stress, energy = envelope.stress, envelope.energy
+    style: dict = {"color": INK, "linewidth": 6.0, "alpha": 0.22, "zorder": 1.5}
+    across = stress / units["stress"].size
+    diagram.plot(across, energy / units["energy"].size, **style)
+    best.plot(across, 100 * energy / stress, **style)
+    diagram.annotate(
+        "grey: the least stress\nat each energy", (0.97, 0.04), xycoords="axes fraction",
+        ha="right", va="bottom", color=INK, fontsize=12, path_effects=HALO,
+    )  # fmt: skip
+
+
 def _decades(side: object) -> None:
     """Plain numbers at 1, 2 and 5 of each decade."""
     side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # type: ignore[attr-defined]
@@ -199,35 +229,48 @@ def landmarks(foams: Sequence[Absorber], units: Units) -> tuple[list[str], list[
     return head, rows
 
 
+def choice(found: Efficiency, units: Units) -> tuple[list[str], list[list[str]]]:
+    """Which foam takes an energy at the least stress, as texts; no rows for one foam."""
+    stress, energy = units["stress"], units["energy"]
+    head = ["least stress", f"from W ({energy.name})", f"to W ({energy.name})",
+            f"from σ ({stress.name})", f"to σ ({stress.name})"]  # fmt: skip
+    rows = [
+        [row["foam"], *map(energy.text, row["energy_J_m3"]), *map(stress.text, row["stress_Pa"])]
+        for row in found.choice
+    ]
+    return head, rows
+
+
 def report(found: Efficiency, path: Path, units: Units) -> Path:
-    """Write figure, landmarks and what is assumed as one HTML file. Raises UserError."""
+    """Write landmarks, choice, figure and foams as one HTML file. Raises UserError."""
     from taichi_foam.picture.document import Section, Table, write
 
-    head, rows = landmarks(found.foams, units)
     best = max(found.foams, key=lambda foam: foam.efficiency[foam.shoulder])
-    figure = chart(found.foams, units)
+    at, stress = best.shoulder, units["stress"]
+    lead = [
+        f"{best.name} has the largest efficiency, {100 * best.efficiency[at]:.1f} % at "
+        f"{100 * best.strain[at]:.1f} % of strain and {stress.text(best.stress[at])} {stress.name}."
+    ]
+    caveats = " ".join(f"{each}." for each in found.caveats)
+    marks = Table(*landmarks(found.foams, units), caveats)
+    sections = [Section("Landmarks", [f"{EXPLAINED[0].upper()}{EXPLAINED[1:]}."], table=marks)]
+    if len(found.foams) > 1:
+        words = (
+            "Which foam takes an energy per volume at the least stress: the envelope of the "
+            "foams' shoulders (Maiti, Gibson & Ashby 1984)."
+        )
+        sections.append(Section("Choice", [words], table=Table(*choice(found, units))))
+    about = [[foam.name, f"{foam.title}. {foam.source}".strip()] for foam in found.foams]
     names = ", ".join(foam.name for foam in found.foams)
-    about = [[foam.name, foam.title] for foam in found.foams]
-    sections = [
-        Section(
-            "Landmarks",
-            [EXPLAINED],
-            table=Table(head, rows, " ".join(f"{each}." for each in found.caveats)),
-        ),
+    sections += [
         Section(
             "Curves",
-            figure=figure,
+            figure=chart(found, units),
             alt=f"Six panels of curves of {names}: stress, energy, efficiency and ideality over "
             "strain, energy and efficiency over stress",
             caption="A dot is the onset of densification. Curves are dashed where they are "
             "assumed.",
         ),
         Section("Foams", table=Table((), about, is_text=True)),
-    ]
-    at = best.shoulder
-    lead = [
-        f"{best.name} has the largest efficiency, {100 * best.efficiency[at]:.1f} % at "
-        f"{100 * best.strain[at]:.1f} % of strain and {units['stress'].text(best.stress[at])} "
-        f"{units['stress'].name}."
     ]
     return write(path, "Energy absorption of foams", lead, sections)

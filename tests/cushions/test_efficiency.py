@@ -31,7 +31,7 @@ def test_a_line_absorbs_half_of_what_it_could() -> None:
     assert foam.efficiency == pytest.approx(0.5 * foam.strain)
     assert foam.ideality[1:] == pytest.approx(0.5)
     assert not foam.densifies
-    assert "its efficiency still rises" in found.caveats[0]
+    assert "the efficiency still rises" in found.caveats[0]
 
 
 def test_a_foam_is_the_same_by_name_in_a_file_and_as_a_test(tmp_path: Path) -> None:
