@@ -121,7 +121,7 @@ def keys_command(
         bool, typer.Option("--markdown", help="Print the page docs/scene.md instead.")
     ] = False,
 ) -> None:
-    """List the keys of a scene: unit (- is a plain number), default, what is allowed, meaning."""
+    """List the keys of a scene: unit (-: dimensionless), default, allowed values, meaning."""
     with command() as terminal:
         from taichi_foam.cli import reference
 

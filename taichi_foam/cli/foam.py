@@ -49,7 +49,7 @@ def show_command(
         ),
     ],
 ) -> None:
-    """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
+    """Describe a foam: source, constants, landmarks, and what is assumed."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import foam_of
@@ -143,7 +143,7 @@ def import_command(
     ] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Make a foam file of a compression test, and a picture of both beside it."""
+    """Make a foam file from a compression test, with a picture of both beside it."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.laws.bond.fit import crushable_fit
@@ -188,7 +188,7 @@ def assumed_command(
         ),
     ],
 ) -> None:
-    """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
+    """List the values that a scene assumes of its foam, with the origin of each."""
     with command() as terminal:
         from taichi_foam.catalogue import load_scene
         from taichi_foam.cli import foam_files

@@ -73,7 +73,7 @@ def render_command(
     out: Annotated[str | None, typer.Option(help="Folder for the files; default: RUN_DIR.")] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
+    """Draw a stored run again: films, frames, figures for print; by default GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png or frames or pdf or svg):
             gif = mp4 = True
@@ -131,7 +131,7 @@ def compare_command(
     out: Annotated[str, typer.Option(help="Folder for the files.")] = "comparison",
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
+    """Show two to four stored runs side by side over time; by default as GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png):
             gif = mp4 = True

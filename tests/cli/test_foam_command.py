@@ -104,7 +104,7 @@ def test_import_writes_a_foam_and_a_picture(
     file = read_foam(tmp_path / "pu.toml")
     assert (file.title, file.source, file.licence) == ("PU [30]", "A. Tester", "CC0")
     assert (file.density, file.rate, file.direction) == (30.0, 0.001, "rise")
-    assert file.measured == ("stress to 0.88 of strain, 45 points",)
+    assert file.measured == ("stress up to a strain of 0.88, 45 points",)
     assert {each.key: each.why for each in file.assumed} == {
         f"foam.{key}": why for key, why in TabulatedFoam.unless_given.items()
     }
@@ -150,7 +150,7 @@ def test_noise_is_smoothed_and_said(invoke: Callable, tmp_path: Path) -> None:
     assert "thinned to" in done.stdout
     assert "fewer --points" in done.stderr
     measured = read_foam(tmp_path / "noisy.toml").measured
-    assert measured[0] == "stress to 0.85 of strain, 600 points"
+    assert measured[0] == "stress up to a strain of 0.85, 600 points"
     assert "smoothed by at most" in measured[-1]
     again = invoke(
         "foam", "import", "noisy.csv", "--density", "30", "--points", "60", "--overwrite"

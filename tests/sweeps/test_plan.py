@@ -31,9 +31,9 @@ def design_of(*axes: dict, **more: object) -> Design:
         ({"axes": []}, "none given"),
         ({"axes": [VELOCITY]}, "impactor.velocity: has no count"),
         ({"axes": [axis(low=4.0, high=2.0)]}, "from = 4 is not below to = 2"),
-        ({"axes": [{**axis(low=-1.0), "spacing": "log"}]}, "must be above 0"),
+        ({"axes": [{**axis(low=-1.0), "spacing": "log"}]}, "must start above 0"),
         ({"axes": [axis(count=1)]}, "must be at least 2, the ends of the range"),
-        ({"axes": [{"key": "impactor.mass", "values": [3, 3]}]}, "holds 3 twice"),
+        ({"axes": [{"key": "impactor.mass", "values": [3, 3]}]}, "contains 3 twice"),
         ({"axes": [{**MASS, "count": 3}]}, "has both values and a range"),
         ({"axes": [{**axis(), "spacing": "even"}]}, "axes[0].spacing = 'even': must be"),
         ({"axes": [axis(count=4000), axis("impactor.mass", 1, 9, 4000)]}, "at most 10,000,000"),
@@ -66,7 +66,7 @@ def test_what_makes_no_plan_is_refused_by_name(change: dict, says: str) -> None:
             [axis("model.damping", 1, 2)],
             "a range needs numbers, but the value in the scene is 'stiffness'",
         ),
-        ([axis("block.rows", 10, 12, 9)], "10 to 12 has not 9 of them"),
+        ([axis("block.rows", 10, 12, 9)], "fewer than 9 of them from 10 to 12"),
     ],
 )
 def test_values_that_make_no_scene_are_refused(axes: list, says: str) -> None:
