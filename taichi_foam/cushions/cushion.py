@@ -53,6 +53,12 @@ Array = NDArray[np.float64]
 MOST_DROPS, MOST_RUNS, MOST_POINTS = 5, 100, 100
 MOST_CURVES = 60
 
+THICKNESSES, HEIGHTS = (1e-3, 1.0), (1e-3, 20.0)
+"""Limits of thicknesses and of heights of fall [m]: beyond them a unit is probably mistaken."""
+
+_LIGHT = 1.0
+"""A static stress [Pa] that any foam carries, for scenes that are not computed."""
+
 FLAT = "flat"
 
 POINTS = 16
@@ -498,8 +504,8 @@ class _Asked:
                 f"{', '.join(map(str, CHANNEL_CLASSES))} (SAE J211)"
             )
         shapes = _shapes(shape)
-        thicknesses = _numbers("thickness", thickness, "50 mm is 0.05 m")
-        heights = _numbers("drop", drop_height, "76 cm is 0.76 m")
+        thicknesses = _lengths("thickness", thickness, THICKNESSES, "50 mm is 0.05 m")
+        heights = _lengths("drop height", drop_height, HEIGHTS, "76 cm is 0.76 m")
         pads = tuple(Pad(*each) for each in product(shapes, thicknesses, heights))
         if len(pads) * drops > MOST_CURVES:
             raise UserError(
@@ -510,8 +516,8 @@ class _Asked:
             raise UserError("static_stress, static_range: give one of them")
         sizes = {"width": width, "depth": depth, "density": density}
         asked = cls(
-            foam, _name(foam), shapes, pads, {}, static_stress is None, drops, runs, channel_class,
-            points, sizes,
+            foam, name_of(foam), shapes, pads, {}, static_stress is None, drops, runs,
+            channel_class, points, sizes,
         )  # fmt: skip
         if static_stress is not None:
             given = sorted(_numbers("static_stress", static_stress, "4 kPa is 4000 Pa"))
@@ -521,8 +527,14 @@ class _Asked:
             count = min(FIRST, points)
             first = {pad: _spread(*(ends or asked.usual_range(pad)), count) for pad in pads}
         for pad, statics in first.items():
-            for each in (statics[0], statics[-1]):
-                asked.scene(pad, each)  # a wrong value is best told by its scene
+            plateau = asked.scene(pad, _LIGHT).foam.landmarks.plateau_stress
+            if statics[-1] > plateau:
+                raise UserError(
+                    f"static_stress = {statics[-1]:g} Pa: above the foam's plateau of "
+                    f"{plateau:.4g} Pa: the product would crush a pad that it only stands on. Fix: "
+                    "lower static stresses; 4 kPa is 4000 Pa"
+                )
+            asked.scene(pad, statics[-1])  # what else is wrong is told by its scene
         return replace(asked, first=first)
 
     def scene(self, pad: Pad, static_stress: float) -> Scene:
@@ -537,9 +549,8 @@ class _Asked:
 
         Ribs and later drops have their optimum at a lower static stress than a flat pad's first.
         """
-        # the range of a scene that is not computed does not matter
         flat = Pad(FLAT, pad.thickness, pad.drop_height)
-        scene = replace(self, shapes={FLAT: FLAT}).scene(flat, 1.0)
+        scene = replace(self, shapes={FLAT: FLAT}).scene(flat, _LIGHT)
         e, s = curve_of(scene)
         best, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
         most = 0.95 * scene.foam.landmarks.plateau_stress
@@ -735,11 +746,26 @@ def _numbers(name: str, values: Any, example: str) -> list[float]:
     return [float(each) for each in listed]
 
 
+def _lengths(name: str, values: Any, limits: tuple[float, float], example: str) -> list[float]:
+    """Lengths within limits [m]."""
+    found = _numbers(name, values, example)
+    for each in found:
+        if not limits[0] <= each <= limits[1]:
+            raise UserError(
+                f"{name} = {each:g} m: must be {limits[0]:g} to {limits[1]:g} m; {example}"
+            )
+    return found
+
+
 def _range(ends: Any) -> tuple[float, float]:
-    low, high = _numbers("static_range", ends, "4 kPa is 4000 Pa")
-    if low >= high:
-        raise UserError(f"static_range: {low:g} Pa is not below {high:g} Pa. Fix: exchange them")
-    return low, high
+    found = _numbers("static stress", ends, "4 kPa is 4000 Pa")
+    if len(found) != 2 or found[0] >= found[1]:
+        shown = " to ".join(f"{each:g}" for each in found)
+        raise UserError(
+            f"static stress from {shown} Pa: a range has two ends, the lower one first. Fix: such "
+            "as 2 kPa to 10 kPa"
+        )
+    return found[0], found[1]
 
 
 def _spread(low: float, high: float, count: int) -> list[float]:
@@ -756,7 +782,7 @@ def _check_count(name: str, value: Any, least: int, most: int) -> None:
         raise UserError(f"{name} = {value!r}: must be a whole number from {least} to {most}")
 
 
-def _name(foam: Any) -> str:
+def name_of(foam: Any) -> str:
     """What a foam is called in titles: as it was asked for."""
     if isinstance(foam, str | Path):
         return Path(foam).stem if str(foam).lower().endswith((".csv", ".toml")) else str(foam)

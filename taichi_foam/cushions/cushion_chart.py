@@ -74,7 +74,7 @@ def report(found: CushionCurve, path: str | Path, units: str = "si") -> Path:
                 f"by {100 * WITHIN:.0f} % at most. Divide the product's weight by a static stress "
                 "to get the area of the pad.",
             ],
-            table=_minima(found, system),
+            table=minima(found, system),
         ),
         Section("All points", table=_points(found, system)),
     ]
@@ -227,11 +227,12 @@ def _one(curve: Curve, way: str, system: Units) -> str:
     return f"drop from {system.text('height', value)}"
 
 
-def _words(curve: Curve, system: Units) -> str:
-    """A curve in words."""
-    ways = ["shape", "thickness", "drop_height"]
-    text = ", ".join(_one(curve, way, system) for way in ways)
-    return text if curve.number == 1 else f"{text}, drop {curve.number}"
+def _words(curve: Curve, system: Units, among: Sequence[Curve] = ()) -> str:
+    """A curve in words; `among` others, how it differs from them."""
+    ways = [way for way in _WAYS if len({_value(each, way) for each in among}) > 1]
+    if not ways:
+        ways = ["shape", "thickness", "drop_height", *(["number"] if curve.number > 1 else [])]
+    return ", ".join(_one(curve, way, system) for way in ways)
 
 
 def _subs(ratio: float) -> list[float]:
@@ -261,7 +262,8 @@ def _key(found: CushionCurve) -> list[Any]:
     return key
 
 
-def _minima(found: CushionCurve, system: Units) -> Table:
+def minima(found: CushionCurve, system: Units) -> Table:
+    """The minima, as a table."""
     stress = system.unit("stress")
     head = [
         "curve", "least peak (g)", f"at ({stress})", f"within 10 % ({stress})",
@@ -276,7 +278,7 @@ def _minima(found: CushionCurve, system: Units) -> Table:
         ends = [of(f"within_10_percent_{end}_Pa") for end in ("from", "to")]
         rows.append(
             [
-                _words(curve, system),
+                _words(curve, system, found.curves),
                 _number(row["least_peak_g"]) + ("" if row["is_bracketed"] else " *"),
                 of("at_static_stress_Pa"),
                 " to ".join(ends),
@@ -302,7 +304,7 @@ def _points(found: CushionCurve, system: Units) -> Table:
         for k, static in enumerate(curve.static_stress):
             rows.append(
                 [
-                    _words(curve, system),
+                    _words(curve, system, found.curves),
                     system.number("stress", float(static)),
                     _number(curve.median[k]),
                     f"{_number(curve.low[k])} to {_number(curve.high[k])}",
