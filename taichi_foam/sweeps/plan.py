@@ -140,6 +140,12 @@ class Plan(Part):
     )
     axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
     sample: Sample | None = None
+    # None, not false: the hash of a plan without it stays
+    paired: Literal[True] | None = Field(
+        None,
+        description="listed values go together, the first of each axis, the second of each, ..., "
+        "instead of in every combination",
+    )
     repeats: Repeats = Repeats()
     keep: Keep = Keep()
     chunk: int | None = Field(None, ge=1, le=10_000, description="most drops of one task")
@@ -154,6 +160,8 @@ class Plan(Part):
         ranges = [axis for axis in self.axes if axis.is_range]
         if self.sample is not None and not ranges:
             raise ValueError("sample: there is no range to draw from; give an axis from and to")
+        if self.paired and (ranges or len({len(axis.values or ()) for axis in self.axes}) > 1):
+            raise ValueError("paired: needs axes that all list equally many values")
         for axis in ranges:
             if self.sample is None and axis.count is None:
                 raise ValueError(f"{axis.key}: has no count; say how many values of the range")
@@ -175,6 +183,7 @@ class Plan(Part):
         sizes = [
             len(axis.values) if axis.values is not None else axis.count or 1 for axis in self.axes
         ]
+        sizes = sizes[:1] if self.paired else sizes
         return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
 
     @property

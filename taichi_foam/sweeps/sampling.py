@@ -69,6 +69,9 @@ class Design:
             for axis in plan.axes
             if not axis.is_range
         ]
+        if plan.paired:
+            rows = zip(*(points for _, points in levels), strict=True)
+            levels = [([axis.key for axis in plan.axes], [sum(row, []) for row in rows])]
         if plan.sample is None:
             levels += [([a.key], _grid(a, a.key in whole)) for a in ranges]
         else:
