@@ -32,7 +32,9 @@ from taichi_foam.errors import UserError
 from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.laws.bond.curve import PLATEAU
-from taichi_foam.scene import library
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.scene import Block, library
+from taichi_foam.scene.measured import read_curve
 from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -57,6 +59,9 @@ under 44 % by 1.6, under 69 % by 7.5 % (Negussey & Jahanandish 1993); polyethyle
 may carry 17 kPa (ETHAFOAM package design guide), a third of its plateau.
 """
 
+_RIGID = (20, 30, 40, 60, 80, 100)
+"""Densities of rigid polyurethane that are tried [kg/m3]."""
+
 _POINTS = 801
 _HALVINGS = 50
 
@@ -65,7 +70,7 @@ _HALVINGS = 50
 class Cushioning:
     """A foam as the energy balance sees it, up to the end of its test.
 
-    name     as it was asked for
+    name     as it was asked for: in the library, or of a file
     title    what foam it is
     density  kg/m3
     foam     its constants
@@ -75,6 +80,11 @@ class Cushioning:
     title: str
     density: float
     foam: BondFoam
+
+    @property
+    def label(self) -> str:
+        """Its name in tables; of a file, the file's."""
+        return Path(self.name).stem if self.name.endswith((".toml", ".csv")) else self.name
 
     @cached_property
     def strain(self) -> Array:
@@ -300,6 +310,12 @@ class Relaxed:
     pad: Pad
 
 
+def thicker(pad_: Pad, wish: Wish) -> Pad | None:
+    """The next pad of the same foam that is thicker; None: there is none."""
+    rest = [each for each in wish.thicknesses if each > pad_.thickness]
+    return next((found for each in rest if (found := pad(pad_.foam, wish, each))), None)
+
+
 def relaxed(foams: Sequence[Cushioning], wish: Wish) -> list[Relaxed]:
     """What to relax if nothing fits, and by how much: each value alone, the smallest change first.
 
@@ -343,12 +359,21 @@ def _searched(foams: Sequence[Cushioning], wish: Wish, key: str, most: float) ->
     return Relaxed(key, needed, needed / value - 1.0, pads[0])
 
 
-def cushioning(name: str, folder: Path = Path()) -> Cushioning:
-    """A foam of the library or of a file, for the formulas.
+def known() -> list[str]:
+    """The foams that are tried if none is named: the library's, and rigid polyurethane."""
+    return [*library.listed(), *(f"rigid-pu-{density}" for density in _RIGID)]
+
+
+def cushioning(name: str) -> Cushioning:
+    """A foam of the library, of a foam file (.toml) or of a compression test (.csv).
 
     Raises UserError: there is no such foam, its file is invalid, or its law states no stress.
     """
-    file = library.foam_of(name, folder, asked="foam = ")
+    if name.lower().endswith(".csv"):
+        curve = read_curve(Path(name))
+        made = TabulatedFoam.model_validate({"curve": curve})
+        return Cushioning(name, f"the test in {Path(name).name}", Block().density, made)
+    file = library.foam_of(name)
     if file.foam.loading(np.zeros(1)) is None:
         raise UserError(
             f"foam = {name}: its law {file.foam.law!r} states no stress over strain, which the "
