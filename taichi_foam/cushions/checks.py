@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from taichi_foam.cushions.shown import Units
 from taichi_foam.cushions.sizing import CREEP, SLENDER, Pad
 
 TESTED_AT = 23.0
@@ -45,31 +46,31 @@ class Check:
     source: str
 
 
-def checks(pad: Pad, temperature: float | None = None) -> list[Check]:
+def checks(pad: Pad, units: Units, temperature: float | None = None) -> list[Check]:
     """The checks of a pad; `temperature` is the most extreme of transport [C], None: not said."""
-    return [_creep(pad), _buckling(pad), _temperature(pad, temperature)]
+    return [_creep(pad, units), _buckling(pad, units), _temperature(pad, temperature)]
 
 
-def _creep(pad: Pad) -> Check:
+def _creep(pad: Pad, units: Units) -> Check:
     limit = CREEP * pad.foam.plateau
     return Check(
         "creep",
-        f"static stress {1e-3 * pad.static_stress:.3g} kPa, limit {1e-3 * limit:.3g} kPa: "
-        f"{CREEP:g} of the plateau's stress",
+        f"static stress {units.text('stress', pad.static_stress)}, limit "
+        f"{units.text('stress', limit)}: {CREEP:g} of the plateau's stress",
         pad.static_stress <= limit,
         "assumed for all foams; EPS under 26 % of its stress at 5 % of strain crept by 0.3 % in "
         "eight weeks, under 44 % by 1.6 % (Negussey & Jahanandish 1993)",
     )
 
 
-def _buckling(pad: Pad) -> Check:
+def _buckling(pad: Pad, units: Units) -> Check:
     side, least = pad.area**0.5, SLENDER * pad.thickness
     if pad.wish.braced:
         return Check("buckling", "the pad is held at its sides", None, "as said with the wish")
     return Check(
         "buckling",
-        f"side of a square pad {1e3 * side:.3g} mm, limit {1e3 * least:.3g} mm: {SLENDER:g} "
-        "times the thickness; several pads: each its own",
+        f"side of a square pad {units.text('length', side)}, limit {units.text('length', least)}: "
+        f"{SLENDER:g} times the thickness; of several pads each its own side",
         side >= 0.995 * least,  # the area is rounded to three digits
         "ETHAFOAM package design guide, step four",
     )
@@ -84,7 +85,10 @@ def _temperature(pad: Pad, temperature: float | None) -> Check:
         source += f"; service: {known[2]}"
     if temperature is None:
         return Check(
-            "temperature", f"not given; the curve is of about {TESTED_AT:g} C{service}", None, source
+            "temperature",
+            f"not given; the curve is of about {TESTED_AT:g} C{service}",
+            None,
+            source,
         )
     holds: bool | None = abs(temperature - TESTED_AT) <= NEAR or None
     if known is not None and not known[1][0] <= temperature <= known[1][1]:

@@ -291,7 +291,12 @@ def candidates(foams: Sequence[Cushioning], wish: Wish) -> list[Pad]:
             if (fits := pad(foam, wish, thickness)) is not None:
                 found.append(fits)
                 break
-    return sorted(found, key=lambda each: (each.thickness, each.volume))
+    return sorted(found, key=rank)
+
+
+def rank(pad_: Pad) -> tuple[float, float]:
+    """The order of pads: thinnest first, then the least foam."""
+    return pad_.thickness, pad_.volume
 
 
 @dataclass(frozen=True)
