@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from numpy.typing import NDArray
 
 from taichi_foam.cushions import sizing
 from taichi_foam.cushions.sizing import Cushioning, Pad
@@ -30,11 +33,18 @@ if TYPE_CHECKING:
 
     from taichi_foam.cushions.design import Design
 
+Array = NDArray[np.float64]
+
 _TOP = 2.5
 """Height of a figure over the fragility."""
 
-_MOST_FOAMS = 8
-"""Most curves of a figure of foams: those of the thinnest pads."""
+_COLOURS = (*CYCLE, INK)
+
+_SAME = 0.02
+"""Largest relative difference of curves that are drawn as one."""
+
+_NAMED = 3
+"""Most foams that a legend names beside one curve."""
 
 
 def all_of(found: Design) -> dict[str, Figure]:
@@ -52,31 +62,28 @@ def curve(found: Design) -> Figure:
     """Peak over static stress of one foam and drop height, for neighbouring thicknesses."""
     pad, units, wish = shown_pad(found), found.units, found.wish
     with mpl.rc_context(STYLE):
-        figure = blank(8.0, 5.6)
+        figure = blank(8.0, 6.2)
         axis = figure.subplots()
         if pad is None:
             axis.set_title("no pad of any foam and thickness comes near")
             axis.set_axis_off()
             return figure
         top = _TOP * max(wish.fragility, pad.g)
-        ends = []
-        for place, each in enumerate(_neighbours(found, pad)):
+        beyond = replace(pad.foam, to_limit=True)
+        for each in _neighbours(found, pad):
             own = each == pad.thickness
-            response = sizing.response(pad.foam, each, pad.wish.drop, wish.drops)
-            static = units.of("stress", 1.0) * response.static
-            there = np.isfinite(response.g) & (response.g <= 1.3 * top)
-            colour = BLUE if own else GREY
-            axis.plot(
-                static[there], response.g[there], color=colour,
-                linewidth=2.6 if own else 1.4, zorder=3 if own else 2,
-            )  # fmt: skip
-            used_up = np.flatnonzero(there)[-1]
-            axis.plot(static[used_up], response.g[used_up], "x", color=colour, markersize=8)
-            ends.append((static[used_up], response.g[used_up], each, colour, place))
-        for x, y, each, colour, _ in ends:
+            colour, width = (BLUE, 2.6) if own else (GREY, 1.4)
+            for foam, dashes in ((beyond, ":"), (pad.foam, "-")):
+                response = sizing.response(foam, each, pad.wish.drop, wish.drops)
+                there = np.isfinite(response.g)
+                static, g = units.of("stress", 1.0) * response.static[there], response.g[there]
+                axis.plot(static, g, dashes, color=colour, linewidth=width, zorder=2 + own)
+            axis.plot(static[-1], g[-1], "x", color=colour, markersize=8, zorder=2 + own)
+            best = int(np.argmin(g))
             axis.annotate(
-                units.text("length", each), (x, y), xytext=(6, 0), textcoords="offset points",
-                color=colour, fontweight="bold", path_effects=HALO, va="center", clip_on=True,
+                units.text("length", each), (static[best], g[best]), xytext=(-2, -7),
+                textcoords="offset points", color=colour, fontweight="bold",
+                path_effects=HALO, va="top", ha="right", clip_on=True,
             )  # fmt: skip
         low, high = (units.of("stress", each) for each in pad.statics)
         axis.axvspan(low, high, color=GREEN, alpha=0.13, linewidth=0)
@@ -99,32 +106,29 @@ def curve(found: Design) -> Figure:
         axis.set_ylabel("peak deceleration (g)")
         last = "" if wish.drops == 1 else f", drop {wish.drops}"
         axis.set_title(f"{pad.foam.label}, fall of {units.text('height', pad.wish.drop)}{last}")
-        axis.plot([], [], "x", color=GREY, label="foam used up: it bottoms out beyond")
+        axis.plot([], [], "x", color=GREY, label="end of the foam's test: it bottoms out beyond")
         axis.fill_between([], [], color=GREEN, alpha=0.13,
                           label=f"safe with this pad: {masses} {units.unit('mass')}")  # fmt: skip
-        axis.legend(loc="upper right", framealpha=0.9, edgecolor="none", fontsize=11)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=11)
     return figure
 
 
 def thickness(found: Design) -> Figure:
     """The least peak of each foam, at its best static stress, over the thickness."""
     units, wish = found.units, found.wish
-    best = [each.foam for each in found.candidates]
-    foams = [*best, *(each for each in found.foams if each not in best)][:_MOST_FOAMS]
+    foams = [each.foam for each in found.candidates]
+    foams += [each for each in found.foams if each not in foams]
     least, most = min(wish.stock), max(wish.stock)
     with mpl.rc_context(STYLE):
-        figure = blank(8.0, 5.6)
+        figure = blank(8.0, 6.2)
         axis = figure.subplots()
         across = np.geomspace(least, most, 80)
-        top, ends = _TOP * wish.fragility, []
-        for colour, foam in zip(_colours(len(foams)), foams, strict=True):
-            g = np.array([_least(foam, each, found) for each in across])
-            axis.plot(units.of("length", 1.0) * across, g, color=colour)
-            axis.plot([], [], color=colour, label=foam.label)
-            ends.append(g[-1])
-        for pad in found.candidates:
-            if pad.foam in foams:
-                colour = _colours(len(foams))[foams.index(pad.foam)]
+        top = _TOP * wish.fragility
+        curves = {foam.label: np.array([_least(foam, t, found) for t in across]) for foam in foams}
+        for colour, group in zip(_COLOURS, _alike(curves), strict=False):
+            x = units.of("length", 1.0) * across
+            axis.plot(x, curves[group[0]], color=colour, label=_listed(group))
+            for pad in (each for each in found.candidates if each.foam.label in group):
                 x = units.of("length", pad.thickness)
                 axis.plot(x, pad.g, "o", color=colour, markersize=8, markeredgecolor="white")
         axis.axhline(wish.fragility, color=VERMILION)
@@ -141,8 +145,8 @@ def thickness(found: Design) -> Figure:
         axis.set_xlabel(f"thickness ({units.unit('length')})")
         axis.set_ylabel("least peak, at the best static stress (g)")
         axis.set_title(f"How thick: fall of {units.text('height', wish.drop)}")
-        axis.legend(loc="upper right", framealpha=0.9, edgecolor="none", fontsize=11,
-                    title="o: pad of the table")  # fmt: skip
+        axis.plot([], [], "o", color=GREY, label="pads of the table")
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=11)
     return figure
 
 
@@ -187,8 +191,23 @@ def _least(foam: Cushioning, thickness: float, found: Design) -> float:
     return float(response.g[response.best])
 
 
-def _colours(count: int) -> list[Any]:
-    return [*CYCLE, INK][:count] if count <= len(CYCLE) + 1 else []
+def _alike(curves: Mapping[str, Array]) -> list[list[str]]:
+    """Names of curves that cannot be told apart, together."""
+    groups: list[list[str]] = []
+    for name, values in curves.items():
+        for group in groups:
+            if np.allclose(values, curves[group[0]], rtol=_SAME):
+                group.append(name)
+                break
+        else:
+            groups.append([name])
+    return groups
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names for a legend, of many the first ones."""
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _label_log(axis: Axes, low: float, high: float) -> None:

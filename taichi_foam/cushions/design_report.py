@@ -240,6 +240,12 @@ def write(found: Design, path: str | Path) -> Path:
         made = checks(pad, found.units, found.temperature)
         heading = "Checks" if found.pad is not None else "Checks of the closest miss"
         sections.append(Section(heading, table=checks_table(made)))
+    if pad is not None:
+        foam = pad.foam
+        words = [f"{foam.title}. Source: {foam.source}."]
+        rows = [each.split(": ", 1) for each in foam.assumed]
+        table = Table(["assumed", "why"], rows, is_text=True) if rows else None
+        sections.append(Section("The foam", words, table=table))
     if pad is not None and found.tests is not None:
         words = [f"Read from {found.tests.name}; the filter is that of the measurement."]
         sections.append(Section("Own tests", words, table=tests_table(found, pad)))

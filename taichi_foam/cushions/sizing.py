@@ -70,16 +70,22 @@ _HALVINGS = 50
 class Cushioning:
     """A foam as the energy balance sees it, up to the end of its test.
 
-    name     as it was asked for: in the library, or of a file
-    title    what foam it is
-    density  kg/m3
-    foam     its constants
+    name      as it was asked for: in the library, or of a file
+    title     what foam it is
+    source    who measured it
+    assumed   what is assumed of it, in words
+    density   kg/m3
+    foam      its constants
+    to_limit  whether its curve goes on to the limit of its law, where the foam counts as used up
     """
 
     name: str
     title: str
+    source: str
+    assumed: tuple[str, ...]
     density: float
     foam: BondFoam
+    to_limit: bool = False
 
     @property
     def label(self) -> str:
@@ -89,7 +95,9 @@ class Cushioning:
     @cached_property
     def strain(self) -> Array:
         """(n,) strains in compression, positive, from 0 to the end of the test."""
-        return np.linspace(0.0, -self.foam.used_up_strain, _POINTS)
+        limit = self.foam.landmarks.limit * (1.0 - 1e-3)
+        end = limit if self.to_limit else self.foam.used_up_strain
+        return np.linspace(0.0, -end, _POINTS)
 
     @cached_property
     def stress(self) -> Array:
@@ -377,11 +385,16 @@ def cushioning(name: str) -> Cushioning:
     if name.lower().endswith(".csv"):
         curve = read_curve(Path(name))
         made = TabulatedFoam.model_validate({"curve": curve})
-        return Cushioning(name, f"the test in {Path(name).name}", Block().density, made)
+        file = Path(name).name
+        said = tuple(f"foam.{key}: {why}" for key, why in made.unless_given.items())
+        density = Block().density
+        said = (f"block.density: {density:g} kg/m3, of the paper's foam", *said)
+        return Cushioning(name, f"the test in {file}", file, said, density, made)
     file = library.foam_of(name)
     if file.foam.loading(np.zeros(1)) is None:
         raise UserError(
             f"foam = {name}: its law {file.foam.law!r} states no stress over strain, which the "
             "formulas need; choose a foam with a curve (`taichi-foam foam list`)"
         )
-    return Cushioning(name, file.title, file.density, file.foam)
+    assumed = tuple(f"{each.key}: {each.why}" for each in file.assumed)
+    return Cushioning(name, file.title, file.source, assumed, file.density, file.foam)

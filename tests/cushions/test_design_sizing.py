@@ -57,7 +57,7 @@ def test_the_curve_over_strains_is_the_balance_over_static_stresses(
 def test_five_drops_are_those_of_the_balance_drop_by_drop() -> None:
     """The scene `five_drops` states the strains and peaks of its balance."""
     made = TabulatedFoam.model_validate({"curve": read_curve(OWN), "crush_band": 0.0075})
-    own = sizing.Cushioning("own", "own", 35.0, made)
+    own = sizing.Cushioning("own", "own", "", (), 35.0, made)
     static = 8.0 * STANDARD_GRAVITY / 0.015
     found = [sizing.response(own, 0.05, 0.3, drops).at(static) for drops in range(1, 6)]
     assert [strain for _, strain in found] == pytest.approx(
