@@ -118,7 +118,7 @@ def thickness(found: Design) -> Figure:
     units, wish = found.units, found.wish
     foams = [each.foam for each in found.candidates]
     foams += [each for each in found.foams if each not in foams]
-    least, most = min(wish.stock), max(wish.stock)
+    least, most = 0.8 * min(wish.stock), 1.25 * max(wish.stock)
     with mpl.rc_context(STYLE):
         figure = blank(8.0, 6.2)
         axis = figure.subplots()
