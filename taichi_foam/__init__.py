@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
     from taichi_foam.cushions.design import design
+    from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.records.ending import Ending
@@ -57,6 +58,7 @@ __all__ = [
     "UserError",
     "__version__",
     "design",
+    "efficiency",
     "init",
     "load",
     "load_scene",
@@ -84,6 +86,7 @@ _HOMES = {
     "Snapshot": "records.snapshot",
     "UserError": "errors",
     "design": "cushions.design",
+    "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
     "load": "results.result",
     "load_scene": "catalogue",
