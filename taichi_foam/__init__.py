@@ -20,6 +20,7 @@ from taichi_foam.version import __version__
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
+    from taichi_foam.cushions.cushion import cushion_curve
     from taichi_foam.cushions.design import design
     from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
@@ -57,6 +58,7 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "cushion_curve",
     "design",
     "efficiency",
     "init",
@@ -85,6 +87,7 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "cushion_curve": "cushions.cushion",
     "design": "cushions.design",
     "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
