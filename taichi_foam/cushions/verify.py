@@ -16,7 +16,7 @@ from taichi_foam.cushions.scenes import cushion_scene
 from taichi_foam.cushions.sizing import Pad
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.simulate import Progress, run_drops, simulate_many
+from taichi_foam.simulation.simulate import Progress, drop_name, simulate_many
 from taichi_foam.sweeps.sampling import factors, seed_of
 
 WITHIN = 0.005
@@ -28,7 +28,7 @@ FILTER = "CFC 180"
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs of a pad, one value for each (n,); of the last drop, if there are several.
+    """The runs of a pad, one value for each (n,); the largest of all drops, if there are several.
 
     pad       what was dropped on
     velocity  at first contact of the first drop [m/s]
@@ -100,37 +100,53 @@ def runs(
     Raises UserError, RunError as `simulate_many`; KeyboardInterrupt on Ctrl-C.
     """
     asked = scenes(pad, shape, count)
-    kept: dict[int, Result] = {}
-    if pad.wish.drops == 1:
-        many = simulate_many(asked, on_progress, checkpoint=checkpoint, arch=arch, threads=threads)
-        kept.update(many)
-    else:
-        for place, scene in enumerate(asked):
-            folder = None if checkpoint is None else checkpoint / f"{place:02d}"
-            series = run_drops(
-                scene, pad.wish.drops, on_progress,
-                checkpoint=folder, arch=arch, threads=threads,
-            )  # fmt: skip
-            if len(series) < pad.wish.drops:
-                raise KeyboardInterrupt
-            kept[place] = series[-1]
-    return _of_results(pad, asked, [kept[place] for place in sorted(kept)])
+    results: list[Result] = []
+    found: list[Runs] = []
+    for number in range(pad.wish.drops):
+        folder = None if checkpoint is None else checkpoint / drop_name(number + 1)
+        ended = dict(
+            simulate_many(
+                asked, on_progress, after=results, checkpoint=folder, arch=arch, threads=threads
+            )
+        )
+        results = [ended[place] for place in sorted(ended)]
+        found.append(_of_results(pad, asked, results))
+        if any(result.ending is not None and result.ending.failed for result in results):
+            break
+    return _worst(found)
+
+
+def _worst(found: Sequence[Runs]) -> Runs:
+    """The largest figures of each run over drops in a row."""
+
+    def largest(name: str) -> list[float]:
+        return [max(values) for values in zip(*(getattr(f, name) for f in found), strict=True)]
+
+    first = found[0]
+    return Runs(
+        first.pad,
+        first.velocity,
+        largest("g"),
+        largest("raw"),
+        largest("strain"),
+        largest("change"),
+        list(dict.fromkeys(text for each in found for text in each.warnings)),
+    )
 
 
 def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> Runs:
-    found = [result.summary for result in results]
+    summaries = [result.summary for result in results]
 
     def column(key: str) -> list[float]:
         """A figure of all runs; one that has none, as of a failed run, counts as larger."""
-        return [math.inf if each[key] is None else float(each[key]) for each in found]
+        return [math.inf if each[key] is None else float(each[key]) for each in summaries]
 
     # a run that failed has a peak so far, but may have had a larger one
     failed = [result.ending is not None and result.ending.failed for result in results]
-    g = [math.inf if bad else each for bad, each in zip(failed, column(KEY), strict=True)]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],
-        g,
+        [math.inf if bad else g for bad, g in zip(failed, column(KEY), strict=True)],
         column("peak_deceleration_g"),
         column("max_strain"),
         column("velocity_change_m_s"),
