@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
     from taichi_foam.cushions.cushion import cushion_curve
+    from taichi_foam.cushions.design import design
     from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
@@ -58,6 +59,7 @@ __all__ = [
     "UserError",
     "__version__",
     "cushion_curve",
+    "design",
     "efficiency",
     "init",
     "load",
@@ -86,6 +88,7 @@ _HOMES = {
     "Snapshot": "records.snapshot",
     "UserError": "errors",
     "cushion_curve": "cushions.cushion",
+    "design": "cushions.design",
     "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
     "load": "results.result",

@@ -10,6 +10,7 @@ import typer
 
 from taichi_foam import version as package
 from taichi_foam.cli import cushion, efficiency, foam, replay, sweep
+from taichi_foam.cli.design import design_command
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -135,6 +136,7 @@ def keys_command(
 
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
+_app.command("design")(design_command)
 
 
 @_app.command("serve")
