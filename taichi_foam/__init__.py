@@ -19,6 +19,7 @@ from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
+    from taichi_foam.calibration.calibrate import calibrate
     from taichi_foam.catalogue import load_scene
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
@@ -55,6 +56,7 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "calibrate",
     "init",
     "load",
     "load_scene",
@@ -81,6 +83,7 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "calibrate": "calibration.calibrate",
     "init": "simulation.simulate",
     "load": "results.result",
     "load_scene": "catalogue",

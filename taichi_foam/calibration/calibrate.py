@@ -5,9 +5,9 @@ done = tf.calibrate("trace.csv", "my_cushion.toml", {"foam.yield_strain": (-0.06
 print(done)
 done.report("calibration.html")
 
-A wave of runs over the ranges makes an emulator (`emulator`), which rules out what does not agree with
-the trace (`posterior`); another wave goes into the rest, and so on. The posterior is
-sampled with the last emulator, and a last ensemble of runs at samples of it shows what the model predicts.
+A wave of runs over the ranges makes an emulator (`emulator`), which rules out what does not agree
+with the trace (`posterior`); another wave goes into the rest, and so on. The posterior is sampled
+with the last emulator, and an ensemble of runs at samples of it shows what the model predicts.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from taichi_foam.calibration.posterior import (
     next_points,
     sample,
 )
-from taichi_foam.calibration.reading import Reading, Trace, reading_of, trace_in
+from taichi_foam.calibration.reading import Measured, Reading, measured_in, reading_of
 from taichi_foam.calibration.runs import (
     Runs,
     computed,
@@ -65,7 +65,7 @@ _FAR = 2.0  # runs beyond this many times the limit of implausibility leave the 
 
 
 def calibrate(
-    trace: str | Path | tuple[Any, Any] | Trace | None,
+    trace: str | Path | tuple[Any, Any] | Measured | None,
     scene: str | Path | Scene,
     fit: Mapping[str, Sequence[Any]] | Sequence[str],
     out: str | Path | None = None,
@@ -74,6 +74,8 @@ def calibrate(
     runs: int = 64,
     waves: int = 2,
     channel_class: int = 180,
+    column: str | None = None,
+    offset: float | None = None,
     noise: float | None = None,
     discrepancy: float | None = None,
     seed: int = 0,
@@ -89,7 +91,7 @@ def calibrate(
 
     Args:
         trace: a CSV file of time and acceleration or force; the same as two arrays (n,) of time [s]
-            and deceleration [m/s2]; a `Trace`; None: only key figures.
+            and deceleration [m/s2]; a `Measured`; None: only key figures.
         scene: name, file or `Scene` of the measured impact.
         fit: the ranges of the parameters, by dotted key: (low, high), or (low, high, "log").
         out: folder of the result; None: nothing is kept.
@@ -98,6 +100,8 @@ def calibrate(
         runs: runs of each wave.
         waves: number of waves; those after the first go where the trace has ruled nothing out.
         channel_class: CFC of the filter that both traces go through.
+        column: header of the trace's values, or a part of it, if the file has several columns.
+        offset: what the sensor shows before the impact [m/s2]; None: found in the trace.
         noise: standard deviation of the trace's samples, as a part of its peak; None: found in it.
         discrepancy: what the model may lack, as a part of the figures; None: it is estimated.
         seed: of all random numbers.
@@ -121,10 +125,10 @@ def calibrate(
     base = load_scene(scene, choices, overrides)
     space = space_of(base, fit)
     known = {name: _with_deviation(name, each, noise) for name, each in (figures or {}).items()}
-    measured = _measured(trace, base)
+    measured = _measured(trace, base, column)
     if measured is None and not known:
         raise UserError("neither a trace nor a key figure is given; give one of them")
-    reading = None if measured is None else reading_of(measured, channel_class, noise, seed)
+    reading = None if measured is None else reading_of(measured, channel_class, noise, offset, seed)
     scene = _for_runs(base, channel_class)
     request = {
         "command": "calibrate",
@@ -134,6 +138,7 @@ def calibrate(
         "runs": runs,
         "waves": waves,
         "channel_class": channel_class,
+        "offset": offset,
         "noise": noise,
         "discrepancy": discrepancy,
         "seed": seed,
@@ -273,8 +278,7 @@ def target_of(
     covariance = np.diag([deviation**2 for _, deviation in known.values()])
     size = np.abs(values)
     if reading is not None:
-        means = reading.figures[1:]
-        level = np.full(len(means), np.sqrt(np.mean(means**2)))
+        level = np.full(len(reading.figures) - 1, reading.level)
         values = np.concatenate([reading.figures, values])
         size = np.concatenate([reading.figures[:1], level, size])
         count = len(reading.figures)
@@ -349,17 +353,17 @@ def _with_deviation(
     return float(value), float(deviation)
 
 
-def _measured(trace: Any, scene: Scene) -> Trace | None:
+def _measured(trace: Any, scene: Scene, column: str | None) -> Measured | None:
     """The trace of an argument of `calibrate`. Raises UserError: the file cannot be read."""
-    if trace is None or isinstance(trace, Trace):
+    if trace is None or isinstance(trace, Measured):
         return trace
     if isinstance(trace, (str, Path)):
-        return trace_in(Path(trace), scene)
+        return measured_in(Path(trace), scene, column)
     time, deceleration = (np.asarray(each, dtype=float) for each in trace)
-    return Trace(time, deceleration)
+    return Measured(time, deceleration)
 
 
-def _digest(trace: Trace) -> str:
+def _digest(trace: Measured) -> str:
     """Hash of a trace; 16 hexadecimal digits."""
     data = trace.time.tobytes() + trace.deceleration.tobytes()
     return hashlib.sha256(data).hexdigest()[:16]

@@ -81,7 +81,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         from sklearn.gaussian_process import GaussianProcessClassifier, GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
-    good: NDArray[np.bool_] = np.isfinite(figures).all(axis=1)
+    good = np.asarray(np.isfinite(figures).all(axis=1))
     if good.sum() < LEAST_RUNS:
         raise UserError(
             f"only {good.sum()} of {len(good)} runs have the figures of the trace; an emulator "

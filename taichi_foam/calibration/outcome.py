@@ -16,6 +16,7 @@ from taichi_foam.calibration.posterior import Posterior, Target
 from taichi_foam.calibration.reading import Reading
 from taichi_foam.calibration.runs import Runs
 from taichi_foam.calibration.space import Space
+from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.scene.keys import keys
 
@@ -160,6 +161,41 @@ class Calibration:
             )
         return found
 
+    @cached_property
+    def bands(self) -> tuple[Array, Array]:
+        """Bands of the trace at `reading.reader.time` [m/s2]: 5, 50 and 95 % of it (3, m) each.
+
+        The first is that of the runs at samples of the posterior; the second has the noise of the
+        measurement and the model discrepancy in it, and should hold 90 % of the measured trace.
+
+        Raises UserError: there is no trace.
+        """
+        if self.reading is None:
+            raise UserError("no trace was given, so none is predicted; only key figures were")
+        series = self.predicted.series[np.isfinite(self.predicted.series).all(axis=1)]
+        random = np.random.default_rng(0)
+        drawn = random.choice(len(series), 2000)
+        lacking = random.choice(self.posterior.discrepancy, len(drawn)) * self.level
+        # each copy deviates in one direction: neighbouring instants err together
+        noise = random.normal(size=(len(drawn), 2))
+        whole = series[drawn] + noise[:, :1] * lacking[:, None] + noise[:, 1:] * self.reading.band
+        return np.quantile(series, LEVELS, axis=0), np.quantile(whole, LEVELS, axis=0)
+
+    @property
+    def level(self) -> float:
+        """Root mean square of the measured means, to which their discrepancy is relative [m/s2]."""
+        return 0.0 if self.reading is None else self.reading.level
+
+    @property
+    def inside_band(self) -> float | None:
+        """Part of the measured trace from the onset that is in the wider band; None: no trace."""
+        if self.reading is None:
+            return None
+        low, _, high = self.bands[1]
+        after = self.reading.reader.time >= 0
+        inside = (self.reading.series >= low) & (self.reading.series <= high)
+        return float(inside[after].mean())
+
     def __repr__(self) -> str:
         lines = [
             f"{each.key} = {each.median:.4g} ({each.low:.4g} to {each.high:.4g}): {each.verdict}"
@@ -212,6 +248,6 @@ def parameters_of(space: Space, posterior: Posterior) -> tuple[Parameter, ...]:
                 high,
                 float(widths[d]),
                 verdict,
-            )  # fmt: skip
+            )
         )
     return tuple(found)

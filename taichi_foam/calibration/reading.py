@@ -1,28 +1,32 @@
-"""What is read from a trace: the same figures from a measured one and from those of runs.
+"""What is read from a trace: the same figures from a measured one and from runs.
 
 Both go through the same filter, and their time begins when the filtered deceleration first exceeds
 a part of its peak, so that neither the trigger of a recorder nor the start of a run counts. Figures
 are the peak, which names its filter, and the means over equal intervals of that time. Together
 these determine what a trace can: the first intervals the stiffness and the onset of crushing, those
 in the middle the plateau and its rate, the last ones densification and rebound, the sum of all the
-velocity change. Means over intervals longer than the response of the filter are hardly
-changed by noise, and by the chaos of broken foam much less than values at instants; and unlike principal
+velocity change. Noise hardly changes means over intervals longer than the response of the filter,
+and the chaos of broken foam changes them much less than values at instants; unlike principal
 components of the runs they mean something to a reader.
 
-The time of the peak, the duration and the velocity change are read, too, but not compared: they follow
-from the means in part, and serve as a check of the result.
+The time of the peak, the duration and the velocity change are read, too, but not compared: they
+follow from the means in part, and serve as a check of the result.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.formulas.traces import filtered
+from taichi_foam.scene import Scene
+from taichi_foam.scene.traces import read_trace
 
 Array = NDArray[np.float64]
 
@@ -36,23 +40,22 @@ _MOST_INTERVALS = 8
 _BEYOND = 1.25  # compared time over the pulse's duration: longer pulses of runs show, too
 _PAD = 5.0  # cycles of the channel class before and after a trace, in which the filter settles
 _STEPS = 60  # samples per cycle of the channel class
-_DRAWN = 400  # noisy copies of the trace
+_DRAWN = 200  # noisy copies of the trace
 
 
 @dataclass(frozen=True)
-class Trace:
+class Measured:
     """A measured trace.
 
     time          (n,) s, increasing
-    deceleration  (n,) m/s2, positive where it stops the impactor
+    deceleration  (n,) m/s2 from free fall, that is, contact force over mass: what a load cell
+                  shows, or a sensor whose zero is that before the impact
     name          of its file
-    notes         what was assumed about it, and found in it
     """
 
     time: Array
     deceleration: Array
     name: str = "trace"
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Reader:
     length         compared time from there [s]
     """
 
-    channel_class: float
+    channel_class: int
     onset: float
     length: float
 
@@ -77,7 +80,7 @@ class Reader:
     def time(self) -> Array:
         """Instants (m,) of the series from the onset [s]; the first ones are before it."""
         before = int(_STEPS * 0.6)  # the response of the filter, half an amplitude's cycle
-        return self.step * np.arange(-before, round(self.length / self.step) + 1)
+        return np.arange(-before, round(self.length / self.step) + 1, dtype=float) * self.step
 
     @property
     def edges(self) -> Array:
@@ -89,7 +92,7 @@ class Reader:
     def names(self) -> list[str]:
         """Names of the figures (k)."""
         ends = [f"{1e3 * edge:.3g}" for edge in self.edges]
-        means = [f"mean, {a} to {b} ms" for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        means = [f"mean, {a} to {b} ms" for a, b in pairwise(ends)]
         return [f"peak, CFC {self.channel_class:g}", *means]
 
     def series(self, time: ArrayLike, deceleration: ArrayLike) -> Array:
@@ -118,10 +121,7 @@ class Reader:
 
     def figures(self, series: Array) -> Array:
         """The figures (..., k) of series (..., m) [m/s2]."""
-        inside = [
-            (self.time >= a) & (self.time <= b)
-            for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)
-        ]
+        inside = [(self.time >= a) & (self.time <= b) for a, b in pairwise(self.edges)]
         means = [series[..., where].mean(axis=-1) for where in inside]
         return np.stack([series.max(axis=-1), *means], axis=-1)
 
@@ -159,18 +159,42 @@ class Reading:
     band: Array
     notes: tuple[str, ...]
 
+    @property
+    def level(self) -> float:
+        """Root mean square of the means over intervals [m/s2]."""
+        return float(np.sqrt(np.mean(self.figures[1:] ** 2)))
+
+
+def measured_in(path: Path, scene: Scene, column: str | None = None) -> Measured:
+    """The trace in a CSV file, see `read_trace`; a force is divided by the mass of the impactor.
+
+    Raises UserError: as `read_trace`, or a force without an impactor.
+    """
+    found = read_trace(path, column)
+    if found.kind == "acceleration":
+        return Measured(found.time, found.values, path.name)
+    if scene.impactor is None:
+        raise UserError(f"{path}: a force, and the scene has no impactor whose mass it stops")
+    return Measured(found.time, found.values / scene.impactor.mass, path.name)
+
 
 def reading_of(
-    trace: Trace, channel_class: float, noise: float | None = None, seed: int = 0
+    trace: Measured,
+    channel_class: int,
+    noise: float | None = None,
+    offset: float | None = None,
+    seed: int = 0,
 ) -> Reading:
     """Read a measured trace.
 
-    Errors of measurement are those of 400 copies of the trace with white noise added, through the
+    Errors of measurement are those of 200 copies of the trace with white noise added, through the
     same filter; a peak's bias by noise is taken off.
 
     Args:
         trace: the trace; if it is mostly negative, its sign is changed, and this is noted.
         channel_class: CFC of the filter [Hz].
+        offset: what the sensor shows before the impact [m/s2], in the sign of the pulse; None: the
+            mean of the samples before it, if there are at least ten.
         noise: standard deviation of the samples, as a part of the peak; None: from their second
             differences, at least `LEAST_NOISE`.
         seed: of the noise.
@@ -179,13 +203,20 @@ def reading_of(
         UserError: times that do not increase, too few samples for the filter, or no peak.
     """
     _check(trace, channel_class)
-    t, a, notes = trace.time, trace.deceleration, list(trace.notes)
+    t, a, notes = trace.time, trace.deceleration, list[str]()
     whole = Reader(channel_class, _ONSET, 1.0)
     at, smooth = whole._filtered(t, a)
     if -smooth.min() > smooth.max():
         a, smooth = -a, -smooth
         notes.append("the trace is mostly negative: its sign was changed")
     peak = float(smooth.max())
+    if offset is None:
+        # two cycles of the filter before the onset nothing of the pulse is seen
+        before = t < at[int(np.argmax(smooth >= _ONSET * peak))] - 2.0 / channel_class
+        offset = float(a[before].mean()) if before.sum() >= LEAST_SAMPLES else 0.0
+        if offset:
+            notes.append(f"offset: {offset:.3g} m/s2, the mean of the samples before the impact")
+    a, smooth, peak = a - offset, smooth - offset, peak - offset
     second = np.diff(a, 2)
     found = 1.4826 * float(np.median(np.abs(second - np.median(second)))) / np.sqrt(6.0)
     if noise is None:
@@ -228,7 +259,7 @@ def reading_of(
     )
 
 
-def _check(trace: Trace, channel_class: float) -> None:
+def _check(trace: Measured, channel_class: int) -> None:
     """Raise UserError for a trace that cannot be read."""
     t, a, name = trace.time, trace.deceleration, trace.name
     if t.ndim != 1 or t.shape != a.shape or len(t) < LEAST_SAMPLES:
@@ -245,12 +276,9 @@ def _check(trace: Trace, channel_class: float) -> None:
             f"{name}: time runs from {t[n]:g} s to {t[n + 1]:g} s in sample {n + 2}; times must "
             "increase. Fix: sort the lines, or take one test out of the file"
         )
-    if channel_class <= 0 or not np.isfinite(channel_class):
-        raise UserError(f"channel class {channel_class:g}: must be above 0, e.g. 180")
-    step = float(np.median(np.diff(t)))
-    if step * 10 * channel_class > 1.0 + 1e-9:
+    rate = 1.0 / float(np.median(np.diff(t)))
+    if rate * 1.001 < 10 * channel_class:
         raise UserError(
-            f"{name}: a sample every {step:.3g} s is too few for CFC {channel_class:g}, which needs "
-            f"{10 * channel_class:g} a second (SAE J211). Fix: choose a class of at most "
-            f"{0.1 / step:.0f}"
+            f"{name}: {rate:.4g} samples a second; CFC {channel_class} needs "
+            f"{10 * channel_class:,} (SAE J211). Fix: choose a lower channel class"
         )

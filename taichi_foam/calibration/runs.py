@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +73,10 @@ def first_plan(scene: Scene, space: Space, count: int, seed: int) -> dict[str, A
 
 def plan_at(scene: Scene, space: Space, values: Array, seed: int) -> dict[str, Any]:
     """The plan of runs at values (n, d) of the parameters."""
-    axes = [{"key": key, "values": each.tolist()} for key, each in zip(space.keys, values.T)]
+    axes = [
+        {"key": key, "values": each.tolist()}
+        for key, each in zip(space.keys, values.T, strict=True)
+    ]
     if _scatters(scene, space):
         seeds = np.random.default_rng(seed).choice(_SEEDS, len(values), replace=False)
         axes.append({"key": SEED, "values": seeds.tolist()})
@@ -91,7 +93,7 @@ def _common(scene: Scene) -> dict[str, Any]:
 
 
 def computed(plan: dict[str, Any], folder: Path, **how: Any) -> Sweep:
-    """The sweep of a plan in a folder. An earlier one there goes on with the plan it was begun with.
+    """The sweep of a plan in a folder; one that was begun there goes on with its own plan.
 
     Raises as `sweep`, to which `how` is passed on.
     """
@@ -116,11 +118,12 @@ def runs_of(found: Sweep, space: Space, reader: Reader | None, measures: Sequenc
     series = np.empty((len(rows), 0))
     if reader is not None:
         series = np.full((len(rows), len(reader.time)), np.nan)
-        read = partial(_series, reader)
+        gravity = found.plan.base.numerics.gravity
         traces = _traces(found)
         for place, row in enumerate(rows):
             if failures[place] is None:
-                series[place] = read(*traces[row[table.MEMBER]])
+                time, deceleration = traces[row[table.MEMBER]]
+                series[place] = _series(reader, time, deceleration + gravity)
                 if np.isnan(series[place]).any():
                     failures[place] = "its trace has no peak"
     for place, (row, reason) in enumerate(zip(rows, failures, strict=True)):
