@@ -13,6 +13,7 @@ figures becomes that of the emulator, since a run that stops late has many figur
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,78 @@ _LENGTHS = (0.05, 50.0)
 _NO_SPREAD = 1e-9
 
 
+_AT_ONCE = 512  # points that are predicted together: their covariances fit into caches
+
+
+@dataclass(frozen=True)
+class _Processes:
+    """Fitted processes of k figures over the same n runs, evaluated together.
+
+    scikit-learn evaluates one at a time, and spends most of it on checks: a chain calls them ten
+    thousand times with a few points.
+
+    points    (k, n, d) of the runs, divided by the lengths
+    lengths   (k, d)
+    variance  (k,) of the smooth part
+    noise     (k,) variance of the scatter between runs
+    weights   (k, n) of the runs in the mean
+    inverse   (k, n, n) of their covariance
+    mean, size
+              (k,) by which figures are normalised
+    """
+
+    points: Array
+    lengths: Array
+    variance: Array
+    noise: Array
+    weights: Array
+    inverse: Array
+    mean: Array
+    size: Array
+
+    @classmethod
+    def of(cls, fitted: Sequence[Any], unit: Array) -> _Processes:
+        """Those of scikit-learn's regressors with a kernel `constant * Matern(5/2) + white`."""
+        from scipy.linalg import cho_solve
+
+        smooth = [each.kernel_.k1 for each in fitted]
+        lengths = np.stack([np.broadcast_to(k.k2.length_scale, unit.shape[1:]) for k in smooth])
+        eye = np.eye(len(unit))
+        return cls(
+            points=unit / lengths[:, None, :],
+            lengths=lengths,
+            variance=np.array([k.k1.constant_value for k in smooth]),
+            noise=np.array([each.kernel_.k2.noise_level for each in fitted]),
+            weights=np.stack([np.ravel(each.alpha_) for each in fitted]),
+            inverse=np.stack([cho_solve((each.L_, True), eye) for each in fitted]),
+            mean=np.array([float(each._y_train_mean) for each in fitted]),
+            size=np.array([float(each._y_train_std) for each in fitted]),
+        )
+
+    def predict(self, unit: Array) -> tuple[Array, Array]:
+        """Means and standard deviations (m, k) of a run's figures at points (m, d)."""
+        at = unit / self.lengths[:, None, :]
+        squares = (
+            (at**2).sum(axis=2)[:, :, None]
+            + (self.points**2).sum(axis=2)[:, None, :]
+            - 2.0 * at @ self.points.transpose(0, 2, 1)
+        )
+        away = np.sqrt(5.0 * np.maximum(squares, 0.0))
+        shared = self.variance[:, None, None] * (1.0 + away + away**2 / 3.0) * np.exp(-away)
+        mean = np.einsum("kmn,kn->km", shared, self.weights)
+        known = np.einsum("kmn,kmn->km", shared @ self.inverse, shared)
+        variance = (self.variance + self.noise)[:, None] - known
+        deviation = np.sqrt(np.maximum(variance, 1e-12))
+        return (self.mean[:, None] + self.size[:, None] * mean).T, (
+            self.size[:, None] * deviation
+        ).T
+
+    def left_out(self) -> tuple[Array, Array]:
+        """Errors and predicted deviations (n, k), in spreads, of each run left out."""
+        variance = 1.0 / np.diagonal(self.inverse, axis1=1, axis2=2)
+        return (self.weights * variance).T, np.sqrt(variance).T
+
+
 @dataclass(frozen=True)
 class Emulator:
     """Figures (k) as functions of d parameters in coordinates from 0 to 1.
@@ -48,13 +121,14 @@ class Emulator:
     explained: Array
     widening: Array
     correlation: Array
-    _processes: tuple[Any, ...]
+    _processes: _Processes
     _classifier: Any
 
     def predict(self, unit: Array) -> tuple[Array, Array]:
         """Means and standard deviations (m, k) of a run's figures at points (m, d)."""
-        found = [process.predict(unit, return_std=True) for process in self._processes]
-        mean, deviation = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+        parts = np.split(unit, range(_AT_ONCE, len(unit), _AT_ONCE))
+        found = zip(*map(self._processes.predict, parts), strict=True)
+        mean, deviation = map(np.concatenate, found)
         return mean, deviation * self.widening
 
     def success(self, unit: Array) -> Array:
@@ -89,7 +163,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         )
     inside, known = unit[good], figures[good]
     lengths: Any = np.full(unit.shape[1], 0.5)  # their type is declared as that of one
-    processes, errors, explained = [], [], []
+    fitted = []
     with warnings.catch_warnings():
         # a length or a noise at its bound is a finding, not a failure
         warnings.simplefilter("ignore", ConvergenceWarning)
@@ -99,25 +173,24 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
             ) + WhiteKernel(1e-2, (1e-6, 1.0))
             process = GaussianProcessRegressor(
                 kernel, alpha=1e-10, normalize_y=True, n_restarts_optimizer=1, random_state=seed
-            ).fit(inside, column)
-            processes.append(process)
-            off, deviation = _left_out(process)
-            errors.append(off / deviation)
-            explained.append(1.0 - np.mean(off**2))
+            )
+            fitted.append(process.fit(inside, column))
         classifier = None
         if not good.all():
             classifier = GaussianProcessClassifier(
                 1.0 * RBF(lengths, (0.1, 10.0)), random_state=seed
             ).fit(unit, good)
-    errors = np.stack(errors, axis=1)
+    processes = _Processes.of(fitted, inside)
+    off, deviation = processes.left_out()
+    errors = off / deviation
     shared = LedoitWolf(assume_centered=True).fit(errors).covariance_
     size = np.sqrt(np.diag(shared))
     return Emulator(
         errors=errors,
-        explained=np.array(explained),
+        explained=1.0 - np.mean(off**2, axis=0),
         widening=np.maximum(1.0, np.sqrt(np.mean(errors**2, axis=0))),
         correlation=shared / np.outer(size, size),
-        _processes=tuple(processes),
+        _processes=processes,
         _classifier=classifier,
     )
 
@@ -145,12 +218,3 @@ def influences(emulator: Emulator, dimension: int, seed: int = 0) -> Array:
         classes = mean[order].reshape(16, -1, mean.shape[1]).mean(axis=1)
         found[:, d] = classes.var(axis=0)
     return found / np.maximum(whole, np.finfo(float).tiny)[:, None]
-
-
-def _left_out(process: Any) -> tuple[Array, Array]:
-    """Errors and predicted deviations (n,) of each run left out, in spreads of the figures."""
-    from scipy.linalg import cho_solve
-
-    inverse = cho_solve((process.L_, True), np.eye(len(process.L_)))
-    variance = 1.0 / np.diag(inverse)
-    return np.ravel(process.alpha_) * variance, np.sqrt(variance)

@@ -32,8 +32,8 @@ DISCREPANCY = 0.05
 """Scale of the prior of a model discrepancy that is estimated, as a part of the figures' size."""
 
 _BURNT = 5  # autocorrelation times at the start that are not used
-_ENOUGH = 50  # autocorrelation times of a chain that is long enough
-_BLOCK = 250  # steps between checks of that
+_ENOUGH = 25  # autocorrelation times of a chain that is long enough: it begins where it is likely
+_BLOCK = 200  # steps between checks of that
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def sample(
     dimension: int,
     discrepancy: float | None = None,
     seed: int = 0,
-    most: int = 4000,
+    most: int = 3000,
 ) -> Posterior:
     """Sample the posterior of parameters by emcee's ensemble of walkers (Goodman & Weare 2010).
 
@@ -131,7 +131,7 @@ def sample(
         return found
 
     random = np.random.default_rng(seed)
-    walkers = max(32, 4 * size)
+    walkers = max(64, 4 * size)
     start = sobol(size, 4096, seed)
     if estimated:
         start[:, dimension] *= 2.0 * DISCREPANCY
@@ -167,7 +167,7 @@ def next_points(
     The first points of a Sobol sequence that no target rules out. If there are too few, as when
     nothing within the ranges agrees with the measurement, the least implausible ones fill up.
     """
-    unit = sobol(dimension, 2**14, seed)
+    unit = sobol(dimension, 2**13, seed)
     away = np.max([target.implausibility(unit, discrepancy) for target in targets], axis=0)
     left = np.flatnonzero(away <= RULED_OUT)
     part = len(left) / len(unit)
