@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 
 from taichi_foam.calibration.outcome import Calibration, Parameter
-from taichi_foam.picture.style import BLUE, GREY, INK, LEGEND, STYLE, VERMILION, blank
+from taichi_foam.picture.style import BLUE, GREY, INK, STYLE, VERMILION, blank
 from taichi_foam.units import si_scale
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def posterior(found: Calibration) -> Figure:
                     axis.set_xlabel(label)
                 else:
                     axis.tick_params(labelbottom=False)
-                axis.locator_params(nbins=4)
+                axis.locator_params(nbins=3)
                 if row == column:
                     _marginal(axis, found, column, scale, named=row == 0)
                     continue
@@ -85,7 +85,7 @@ def trace(found: Calibration) -> Figure:
             axis.axvline(1e3 * edge, color=GREY, linewidth=0.7, linestyle=":")
         axis.set_xlabel("time from onset (ms)")
         axis.set_ylabel(f"deceleration, CFC {reading.reader.channel_class} (m/s²)")
-        axis.legend(**LEGEND)
+        axis.legend(frameon=False)
     return figure
 
 

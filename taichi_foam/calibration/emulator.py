@@ -135,7 +135,7 @@ class Emulator:
         """Probability (m,) that a run at points (m, d) does not fail."""
         if self._classifier is None:
             return np.ones(len(unit))
-        return self._classifier.predict_proba(unit)[:, 1]
+        return self._classifier.predict_proba(unit - 0.5)[:, 1]
 
 
 def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
@@ -152,8 +152,11 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
     with installed(_PURPOSE, _EXTRA):
         from sklearn.covariance import LedoitWolf
         from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessClassifier, GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+        from sklearn.linear_model import LogisticRegression
+        from sklearn.pipeline import make_pipeline
+        from sklearn.preprocessing import PolynomialFeatures
 
     good = np.asarray(np.isfinite(figures).all(axis=1))
     if good.sum() < LEAST_RUNS:
@@ -172,14 +175,15 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
                 lengths, _LENGTHS, nu=2.5
             ) + WhiteKernel(1e-2, (1e-6, 1.0))
             process = GaussianProcessRegressor(
-                kernel, alpha=1e-10, normalize_y=True, n_restarts_optimizer=1, random_state=seed
+                kernel, alpha=1e-10, normalize_y=True, random_state=seed
             )
             fitted.append(process.fit(inside, column))
         classifier = None
         if not good.all():
-            classifier = GaussianProcessClassifier(
-                1.0 * RBF(lengths, (0.1, 10.0)), random_state=seed
-            ).fit(unit, good)
+            # quadratic: unlike a process, it does not return to doubt far from the boundary
+            classifier = make_pipeline(
+                PolynomialFeatures(2), LogisticRegression(C=100.0, max_iter=1000)
+            ).fit(unit - 0.5, good)
     processes = _Processes.of(fitted, inside)
     off, deviation = processes.left_out()
     errors = off / deviation

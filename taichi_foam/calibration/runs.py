@@ -119,7 +119,7 @@ def runs_of(found: Sweep, space: Space, reader: Reader | None, measures: Sequenc
     if reader is not None:
         series = np.full((len(rows), len(reader.time)), np.nan)
         gravity = found.plan.base.numerics.gravity
-        traces = _traces(found)
+        traces = traces_of(found)
         for place, row in enumerate(rows):
             if failures[place] is None:
                 time, deceleration = traces[row[table.MEMBER]]
@@ -142,7 +142,7 @@ def _series(reader: Reader, time: Array, deceleration: Array) -> Array:
     return reader.series(0.5 * (time[1:] + time[:-1]), deceleration[1:])
 
 
-def _traces(found: Sweep) -> dict[int, tuple[Array, Array]]:
+def traces_of(found: Sweep) -> dict[int, tuple[Array, Array]]:
     """Time [s] and raw deceleration [m/s2] of each drop, from the histories of a sweep."""
     import pyarrow.parquet as pq
 
