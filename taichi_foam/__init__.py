@@ -19,6 +19,7 @@ from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
+    from taichi_foam.calibration.calibrate import calibrate
     from taichi_foam.catalogue import load_scene
     from taichi_foam.cushions.cushion import cushion_curve
     from taichi_foam.cushions.design import design
@@ -58,6 +59,7 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "calibrate",
     "cushion_curve",
     "design",
     "efficiency",
@@ -87,6 +89,7 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "calibrate": "calibration.calibrate",
     "cushion_curve": "cushions.cushion",
     "design": "cushions.design",
     "efficiency": "cushions.efficiency",

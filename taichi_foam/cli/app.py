@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam import version as package
-from taichi_foam.cli import cushion, efficiency, foam, replay, sweep
+from taichi_foam.cli import calibrate, cushion, efficiency, foam, replay, sweep
 from taichi_foam.cli.design import design_command
 from taichi_foam.cli.options import (
     Arch,
@@ -188,6 +188,7 @@ def serve_command(
 
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
+_app.command("calibrate")(calibrate.calibrate_command)
 _app.command("cushion")(cushion.cushion_command)
 _app.command("efficiency")(efficiency.efficiency_command)
 
