@@ -16,9 +16,9 @@ from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UN
 
 def _foams_begun(word: str) -> list[str]:
     """Completions of a word from the library; the shell completes files."""
-    from taichi_foam.scene.library import packaged
+    from taichi_foam.scene.library import listed
 
-    return [name for name in packaged() if name.startswith(word)]
+    return [name for name in listed() if name.startswith(word)]
 
 
 app = typer.Typer(
@@ -33,14 +33,9 @@ def list_command() -> None:
     """List the foams of the library."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
-        from taichi_foam.scene.library import SCALED
+        from taichi_foam.scene.families import FAMILIES
 
-        terminal.show(
-            foam_files.library(),
-            "",
-            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, by a "
-            "scaling",
-        )
+        terminal.show(foam_files.library(), "", *(family.words for family in FAMILIES))
 
 
 @app.command("show")
@@ -64,6 +59,7 @@ def show_command(
             *foam_files.known(file),
             *foam_files.constants(file),
             *foam_files.landmarks(file.foam),
+            *foam_files.derived(file),
             *foam_files.assumed(file, file.assumed),
         )
 
@@ -174,7 +170,7 @@ def import_command(
         foam_files.write(file, read, fit, *targets)
         terminal.show(
             *foam_files.what_was_read(path, read),
-            *foam_files.derived(file.foam, fit),
+            *foam_files.from_the_curve(file.foam, fit),
             *foam_files.assumed(file, file.assumed),
         )
         terminal.warn(foam_files.doubts(file.foam, fit))
