@@ -20,6 +20,8 @@ from taichi_foam.version import __version__
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
     from taichi_foam.catalogue import load_scene
+    from taichi_foam.cushions.cushion import cushion_curve
+    from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.records.ending import Ending
@@ -55,6 +57,8 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "cushion_curve",
+    "efficiency",
     "init",
     "load",
     "load_scene",
@@ -81,6 +85,8 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "cushion_curve": "cushions.cushion",
+    "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
     "load": "results.result",
     "load_scene": "catalogue",

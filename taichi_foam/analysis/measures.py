@@ -181,7 +181,7 @@ PLATEAU = measure(
     "plateau deceleration", "plateau", "m/s²", 1, _ALL, 13)
 PEAK = measure(
     "initial_peak_m_s2", loads.initial_peak,
-    "initial peak", "initial peak", "m/s²", 0, _ALL, 16, "deceleration")
+    "initial peak (CFC 180)", "initial peak", "m/s²", 0, _ALL, 16, "deceleration")
 PEAK_TIME = measure(
     "initial_peak_time_s", loads.initial_peak,
     "time of the initial peak", "peak time", "ms", 1, "run cell", 17, "time")

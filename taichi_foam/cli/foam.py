@@ -14,7 +14,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UNITS
 
 
-def _foams_begun(word: str) -> list[str]:
+def foams_begun(word: str) -> list[str]:
     """Completions of a word from the library; the shell completes files."""
     from taichi_foam.scene.library import listed
 
@@ -45,7 +45,7 @@ def show_command(
         typer.Argument(
             metavar="NAME|FILE.toml",
             help="Name in the library, or a foam file.",
-            autocompletion=_foams_begun,
+            autocompletion=foams_begun,
         ),
     ],
 ) -> None:

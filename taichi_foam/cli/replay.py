@@ -111,7 +111,7 @@ def render_command(
                 printed.column_width(wide)
                 endings = [e for e, wanted in ((".pdf", pdf), (".svg", svg)) if wanted]
                 jobs += [_figure(name + e, partial(figure, column=wide)) for e in endings]
-        _deliver(jobs, run_dir if out is None else out, overwrite, terminal)
+        deliver(jobs, run_dir if out is None else out, overwrite, terminal)
 
 
 def compare_command(
@@ -149,7 +149,7 @@ def compare_command(
         if png:
             draw = partial(comparison.instants, lineup)
             jobs.append(_still(f"{name}.png", draw, results[0].scene, size))
-        _deliver(jobs, out, overwrite, terminal)
+        deliver(jobs, out, overwrite, terminal)
 
 
 def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
@@ -235,7 +235,7 @@ def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     return Job((name,), 1, write)
 
 
-def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
+def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
     """Draw `jobs` into `folder`, which is created if it does not exist, and list what was written.
 
     Folder and files may exist; each file appears complete or not at all.

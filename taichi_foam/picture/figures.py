@@ -303,7 +303,7 @@ def drops_figure(results: Sequence[Result]) -> Figure:
         right.set_xlim(min(numbers) - 0.7, max(numbers) + 0.5)
         right.xaxis.set_major_locator(MaxNLocator(integer=True))
         right.set_xlabel("drop")
-        right.set_ylabel("peak deceleration (g), with its strain")
+        right.set_ylabel("peak deceleration, CFC 180 (g), with strain")
     return figure
 
 

@@ -205,6 +205,7 @@ def eps(density: float) -> FoamFile:
         licence="figures as published",
         density=density,
         rate=round(0.1 / 60, 6),
+        known_to=SPECIFIED[-1],
         measured=(
             f"least resistance, which most foam exceeds: {resistances} of strain"
             + ("" if density in DENSITIES else "; interpolated in density"),

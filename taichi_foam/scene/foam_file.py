@@ -50,6 +50,12 @@ class FoamFile(Part):
     measured: tuple[str, ...] = Field(
         default=(), description="what was measured, in words", max_length=50
     )
+    known_to: Annotated[float, Field(gt=0, lt=1)] | None = quantity(
+        None,
+        "-",
+        "strain in compression up to which its curve is from the source, if it is assumed beyond",
+        allowed="none, or above 0 and below 1",
+    )
     derived: tuple[Origin, ...] = Field(
         default=(), description="what follows from that, key by key of a scene", max_length=100
     )

@@ -75,9 +75,6 @@ class Axis(Part):
         if self.values is not None:
             if self.low is not None or self.high is not None or self.count is not None:
                 raise ValueError(f"{self.key}: has both values and a range; give one of them")
-            few = self.values if len(self.values) <= 1000 else ()
-            if (twice := _twice([repr(value) for value in few])) is not None:
-                raise ValueError(f"{self.key}: values holds {twice} twice; leave one out")
             return self
         if self.low is None or self.high is None:
             raise ValueError(
@@ -147,6 +144,9 @@ class Plan(Part):
         "instead of in every combination",
     )
     repeats: Repeats = Repeats()
+    drops: int | None = Field(
+        None, ge=1, le=100, description="impacts in a row on each block; none: one"
+    )
     keep: Keep = Keep()
     chunk: int | None = Field(None, ge=1, le=10_000, description="most drops of one task")
 
@@ -157,6 +157,11 @@ class Plan(Part):
         keys = [axis.key for axis in self.axes]
         if (twice := _twice(keys)) is not None:
             raise ValueError(f"axes: {twice} is there twice; a key has one axis")
+        if not self.paired:
+            for axis in self.axes:
+                few = [repr(value) for value in (axis.values or ())[:1001]]
+                if len(few) <= 1000 and (twice := _twice(few)) is not None:
+                    raise ValueError(f"{axis.key}: values holds {twice} twice; leave one out")
         ranges = [axis for axis in self.axes if axis.is_range]
         if self.sample is not None and not ranges:
             raise ValueError("sample: there is no range to draw from; give an axis from and to")
@@ -185,6 +190,11 @@ class Plan(Part):
         ]
         sizes = sizes[:1] if self.paired else sizes
         return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
+
+    @property
+    def impacts(self) -> int:
+        """Number of impacts on each block."""
+        return self.drops or 1
 
     @property
     def notes(self) -> list[str]:
