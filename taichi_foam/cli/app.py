@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam import version as package
-from taichi_foam.cli import calibrate, cushion, efficiency, foam, replay, sweep
-from taichi_foam.cli.design import design_command
+from taichi_foam.cli import calibrate, cushion, design, efficiency, foam, replay, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -136,7 +135,6 @@ def keys_command(
 
 _app.command("render")(replay.render_command)
 _app.command("compare")(replay.compare_command)
-_app.command("design")(design_command)
 
 
 @_app.command("serve")
@@ -188,9 +186,10 @@ def serve_command(
 
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
-_app.command("calibrate")(calibrate.calibrate_command)
-_app.command("cushion")(cushion.cushion_command)
 _app.command("efficiency")(efficiency.efficiency_command)
+_app.command("cushion")(cushion.cushion_command)
+_app.command("design")(design.design_command)
+_app.command("calibrate")(calibrate.calibrate_command)
 
 
 @_app.command("reproduce")
