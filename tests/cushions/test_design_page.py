@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ def test_the_page_shows_what_its_commands_print(
     blocks = re.findall(r"^```(\w*)\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     shown = {
         command.strip(): after if kind == "" else None
-        for (language, command), (kind, after) in zip(blocks, blocks[1:], strict=False)
+        for (language, command), (kind, after) in pairwise(blocks)
         if language == "sh"
     }
     compared = 0
