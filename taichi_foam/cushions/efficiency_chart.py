@@ -185,20 +185,19 @@ def _decades(side: object) -> None:
 def _landmarks(
     stress: Axes, efficiency: Axes, foams: Sequence[Absorber], shades: Sequence, unit: Unit
 ) -> None:
-    """Write plateau stresses and largest efficiencies into two panels, a line for each foam."""
+    """Write plateau stresses and largest efficiencies above the curves, a line for each foam."""
+    efficiency.set_ylim(top=efficiency.get_ylim()[1] * (1.0 + 1.2 * _LINE * len(foams)))
     for line, (foam, shade) in enumerate(zip(foams, shades, strict=True)):
         at = foam.shoulder
         plateau = f"plateau {unit.text(foam.plateau_stress)} {unit.name}"
-        onset = f"{100 * foam.efficiency[at]:.1f} % at {100 * foam.strain[at]:.1f} %"
-        words = f"{onset} of strain" if foam.densifies else f"{onset}, its end"
-        for axis, text, height, step, vertical in (
-            (stress, plateau, 0.97, -_LINE, "top"),
-            (efficiency, words, 0.03, _LINE, "bottom"),
+        largest = f"{100 * foam.efficiency[at]:.1f} % at {100 * foam.strain[at]:.1f} % of strain"
+        for axis, text in (
+            (stress, plateau),
+            (efficiency, largest if foam.densifies else f"{largest}, its end"),
         ):
             axis.annotate(
-                text, (0.04 if vertical == "top" else 0.97, height + step * line),
-                xycoords="axes fraction", ha="left" if vertical == "top" else "right", va=vertical,
-                color=shade, fontweight="bold", fontsize=12, path_effects=HALO,
+                text, (0.03, 0.97 - _LINE * line), xycoords="axes fraction", va="top", color=shade,
+                fontweight="bold", fontsize=12, path_effects=HALO,
             )  # fmt: skip
 
 
@@ -260,7 +259,10 @@ def report(found: Efficiency, path: Path, units: Units) -> Path:
             "foams' shoulders (Maiti, Gibson & Ashby 1984)."
         )
         sections.append(Section("Choice", [words], table=Table(*choice(found, units))))
-    about = [[foam.name, f"{foam.title}. {foam.source}".strip()] for foam in found.foams]
+    about = [
+        [foam.name, f"{foam.title}. Source: {foam.source}" if foam.source else foam.title]
+        for foam in found.foams
+    ]
     names = ", ".join(foam.name for foam in found.foams)
     sections += [
         Section(
