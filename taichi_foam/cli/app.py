@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam import version as package
-from taichi_foam.cli import efficiency, foam, replay, sweep
+from taichi_foam.cli import calibrate, cushion, design, efficiency, foam, replay, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -187,6 +187,9 @@ def serve_command(
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
 _app.command("efficiency")(efficiency.efficiency_command)
+_app.command("cushion")(cushion.cushion_command)
+_app.command("design")(design.design_command)
+_app.command("calibrate")(calibrate.calibrate_command)
 
 
 @_app.command("reproduce")

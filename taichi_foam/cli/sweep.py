@@ -287,5 +287,6 @@ def _say_balance(terminal: Terminal, found: Sweep) -> None:
     off = max(abs(computed / peak - 1.0) for peak, computed in peaks)
     terminal.line(
         f"peaks of {len(peaks):,} level cushions: by energy balance "
-        f"{' to '.join(dict.fromkeys(by_hand))} g, computed peaks within {100 * off:.1f} % of that"
+        f"{' to '.join(dict.fromkeys(by_hand))} g, computed raw peaks within {100 * off:.1f} % of "
+        "that"
     )

@@ -27,7 +27,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_csv, write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of
+from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of, values_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
@@ -229,7 +229,7 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     if not path.is_file():
         return None
     try:
-        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene.block)))
+        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene)))
     except KeyError:
         return None
 
@@ -257,7 +257,7 @@ def _write_snapshots(result: Result, path: Path) -> None:
                 }
                 np.lib.format.write_array_header_1_0(file, header)
                 for snapshot in snapshots:
-                    file.write(np.asarray(getattr(snapshot, name), kind).tobytes())
+                    file.write(np.asarray(values_of(snapshot)[name], kind).tobytes())
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:

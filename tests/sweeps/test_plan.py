@@ -47,6 +47,7 @@ def design_of(*axes: dict, **more: object) -> Design:
             "no axis has a range to draw from",
         ),
         ({"axes": [axis(count=float("nan"))]}, "axes[0].count = nan"),
+        ({"paired": True}, "needs axes that all list equally many values"),
         ({"scene": 3}, "scene"),
     ],
 )
@@ -213,3 +214,14 @@ def test_files_that_a_plans_own_scene_names_lie_beside_the_plan(
     (tmp_path / "plans" / "test.csv").unlink()
     with pytest.raises(UserError, match=r"foam.curve: plans/test.csv: cannot be read"):
         Plan.load("plans/plan.toml")
+
+
+def test_listed_values_can_go_together_instead_of_in_every_combination() -> None:
+    heights = {"key": "impactor.drop_height", "values": [0.3, 0.6, 0.9]}
+    masses = {"key": "impactor.mass", "values": [3, 6.0, 4.5]}
+    design = design_of(masses, heights, paired=True)
+    assert [tuple(design.axes(n)[0].values()) for n in range(len(design))] == [
+        (3.0, 0.3), (6.0, 0.6), (4.5, 0.9),
+    ]  # fmt: skip
+    with pytest.raises(UserError, match="equally many"):
+        design_of(MASS, heights, paired=True)

@@ -297,22 +297,22 @@ class Tabulated(Crushing):
         return here + (along - ti.cast(row, ti.f64)) * rise, rise * (TABLE_ROWS - 1.0)
 
     @ti.func
-    def met(self, e, e_min):
-        return elementary.smaller(e, e_min)
+    def turn_at(self, e, history: ti.template()):
+        return elementary.smaller(e, history.worst)
 
     @ti.func
-    def stiffens_at(self, e, e_min):
+    def stiffens_at(self, e, history: ti.template()):
         """Foam keeps the stiffness of its most compressive strain when it unloads."""
-        return self.met(e, e_min)
+        return self.turn_at(e, history)
 
     @ti.func
     def stiffens_below(self, c: ti.template()):
         return c.stiffens_below
 
     @ti.func
-    def stiffening(self, c: ti.template(), e, e_min, broken):
+    def stiffening(self, c: ti.template(), e, history: ti.template(), broken):
         """No stress, since `unloading` includes all of it, and the slope of unloading."""
-        _, slope = self.unloading(c, self.met(e, e_min))
+        _, slope = self.unloading(c, self.turn_at(e, history))
         return 0.0 * e, slope
 
     @ti.func
