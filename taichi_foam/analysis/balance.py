@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_foam.analysis.impact import is_flat
+from taichi_foam.formulas.energy import largest_until, stopping_strain
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
 from taichi_foam.units import STANDARD_GRAVITY
 
 POINTS = 20_001
-"""Number of strains, from 0 to 1, at which the balance is evaluated."""
+"""Number of strains, from 0 to 1, between which the curve of a foam is taken as linear."""
 
 
 @dataclass(frozen=True)
@@ -65,16 +66,14 @@ def balance(scene: Scene) -> Balance | None:
         return None
     area, gravity = block.width * block.depth, scene.numerics.gravity
     thickness = scene.contact_height - block.foot
-    taken = np.append(0.0, np.cumsum(0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)))
-    fall = 0.5 * impactor.velocity**2 + gravity * (impactor.gap + thickness * strain)
-    enough = area * thickness * taken >= impactor.mass * fall
+    load = impactor.mass * gravity / area
+    energy = 0.5 * impactor.mass * impactor.velocity**2 / area + load * impactor.gap
+    stop = stopping_strain(strain, stress, energy / thickness, load)
     static = impactor.mass * STANDARD_GRAVITY / area
-    enough[0] = False  # a mass released at rest has not stopped at its start
-    stop = int(np.argmax(enough))
-    if not enough[stop] or -strain[stop] <= scene.foam.landmarks.limit:
+    if stop is None or -stop <= scene.foam.landmarks.limit:
         return Balance(static, None, None)
-    peak = area * float(stress[: stop + 1].max()) / impactor.mass - gravity
-    return Balance(static, float(strain[stop]), peak)
+    peak = area * largest_until(strain, stress, stop) / impactor.mass - gravity
+    return Balance(static, stop, peak)
 
 
 def doubt(scene: Scene) -> str | None:
@@ -85,9 +84,9 @@ def doubt(scene: Scene) -> str | None:
     if found.strain is not None and found.strain <= -scene.foam.used_up_strain:
         return None
     return (
-        f"by energy balance {impactor.mass:g} kg at {impactor.velocity:.3g} m/s use up this foam: "
-        "it will bottom out; masses are in kilograms (5,000 g is 5), lengths in metres (76 cm is "
-        "0.76), velocities in m/s"
+        f"by energy balance, {impactor.mass:g} kg at {impactor.velocity:.3g} m/s is more than this "
+        "foam can absorb: it will bottom out; check the units: masses are in kilograms (5,000 g "
+        "is 5), lengths in metres (76 cm is 0.76), velocities in m/s"
     )
 
 
@@ -100,14 +99,14 @@ def words(scene: Scene, found: Balance, peak: float | None, strain: float | None
     size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))
     static = f"static stress {1e-3 * found.static_stress:.3g} kPa"
     load = f"cushion {size} mm (height, width, depth), {static}"
-    by_hand = "by energy balance the foam cannot stop it"
+    by_hand = "by energy balance the foam cannot stop the impactor"
     if found.peak is not None:
         by_hand = f"by energy balance {_peak(found.peak, found.strain)}"
-    return f"{load}; {by_hand}, computed {_peak(peak, strain)}"
+    return f"{load}; {by_hand}, computed {_peak(peak, strain, 'raw ')}"
 
 
-def _peak(peak: float | None, strain: float | None) -> str:
+def _peak(peak: float | None, strain: float | None, channel: str = "") -> str:
     if peak is None:
         return "no peak"
     at = "" if strain is None else f" at {100 * strain:.1f} % strain"
-    return f"{peak / STANDARD_GRAVITY:.1f} g{at}"
+    return f"{channel}{peak / STANDARD_GRAVITY:.1f} g{at}"

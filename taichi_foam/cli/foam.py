@@ -24,7 +24,7 @@ def _foams_begun(word: str) -> list[str]:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Foams: the library's, those in files, and how to make one of a compression test.",
+    help="Foams: those of the library, those in files, and making one from a compression test.",
 )
 
 
@@ -38,8 +38,7 @@ def list_command() -> None:
         terminal.show(
             foam_files.library(),
             "",
-            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, by a "
-            "scaling",
+            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, scaled",
         )
 
 
@@ -70,17 +69,17 @@ def show_command(
 
 @app.command("import")
 def import_command(
-    test: Annotated[
-        str, typer.Argument(metavar="TEST.csv", help="Compression test: columns of a CSV file.")
-    ],
+    test: Annotated[str, typer.Argument(metavar="TEST.csv", help="Compression test: a CSV file.")],
     density: Annotated[
-        str | None, typer.Option(metavar="KG_M3", help="Density of the foam; must be given.")
+        str | None, typer.Option(metavar="KG_M3", help="Density of the foam; required.")
     ] = None,
     name: Annotated[
-        str | None, typer.Option(metavar="TITLE", help="What foam it is; default: the file's name.")
+        str | None,
+        typer.Option(metavar="TITLE", help="Description of the foam; default: the file's name."),
     ] = None,
     source: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Who measured it, where; default: the file.")
+        str | None,
+        typer.Option(metavar="TEXT", help="Who measured it, and where; default: the file."),
     ] = None,
     licence: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Licence of the data; default: not stated.")
@@ -94,13 +93,14 @@ def import_command(
     area: Annotated[
         str | None,
         typer.Option(
-            metavar="M2", help="Area of the specimen: stress is a column of force over it."
+            metavar="M2", help="Area of the specimen, by which a column of force is divided."
         ),
     ] = None,
     height: Annotated[
         str | None,
         typer.Option(
-            metavar="M", help="Height of the specimen: strain is a column of displacement over it."
+            metavar="M",
+            help="Height of the specimen, by which a column of displacement is divided.",
         ),
     ] = None,
     strain: Annotated[
@@ -136,8 +136,8 @@ def import_command(
         int | None,
         typer.Option(
             metavar="N",
-            help="A test of more points is read as means over N equal parts of its strain: fewer "
-            "take noise out; default: as many as there may be.",
+            help="Average a test with more points over N equal intervals of strain; fewer points "
+            "remove noise. Default: the largest allowed number.",
         ),
     ] = None,
     out: Annotated[
@@ -199,10 +199,10 @@ def assumed_command(
         folder = Path(source)
         if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
             raise UserError(
-                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give a run's, "
-                "or a scene"
+                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give the folder "
+                "of a run, or a scene"
             )
         scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
         if not scene.assumed:
-            terminal.show("nothing is assumed of the foam")
+            terminal.show("no value of the foam is assumed")
         terminal.show(*foam_files.assumed(scene, scene.assumed or ()))

@@ -179,7 +179,7 @@ class Controls:
         if nodes > most:
             raise UserError(
                 f"block.columns = {scene.block.columns}, block.rows = {scene.block.rows}: "
-                f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
+                f"{nodes:,} mass points; at most {most:,} here; use fewer, or serve a scene of "
                 "that size"
             )
         return renamed(scene, self.given, self.changes(scene))

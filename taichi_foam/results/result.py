@@ -140,19 +140,19 @@ def _check_whole(root: Path) -> None:
     """Raise UserError if the folder holds no complete result."""
     manifest = Manifest.read(root)
     if manifest is None:
-        reason = "has not ended. Fix: `taichi-foam resume` continues it"
+        reason = "the run in it has not ended. Fix: continue it with `taichi-foam resume`"
         if request_in(root) is None:
-            reason = "is not a complete result of this version. Fix: run its scene again"
-        raise UserError(f"result folder {root}: what is in it {reason}.")
+            reason = "it does not hold a complete result of this version. Fix: run its scene again"
+        raise UserError(f"result folder {root}: {reason}.")
     needed = [name for name, output in OUTPUTS.items() if output.needed]
     changed = [name for name in (*needed, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
     if not changed and (root / "drop-1").is_dir():
-        raise UserError(f"{root}: holds a series of drops; name one of them, such as {root}/drop-1")
+        raise UserError(f"{root}: holds a series of drops; give one of them, such as {root}/drop-1")
     if changed or not {*needed} <= {*manifest.files}:
         raise UserError(
-            f"result folder {root}: not as it was written: {', '.join(changed) or 'files missing'}."
-            " Fix: run its scene again."
+            f"result folder {root}: its files are not as they were written: "
+            f"{', '.join(changed) or 'some are missing'}. Fix: run its scene again."
         )
 
 
@@ -293,7 +293,7 @@ def _read_array(
     with archive.open(entry) as file:
         array = np.lib.format.read_array(file)
         if array.dtype.kind not in "fi" or file.read(1):
-            raise ValueError(f"{name} holds something else than numbers of its shape")
+            raise ValueError(f"{name} does not hold numbers of its shape")
     if shape is not None and array.shape != shape:
         raise ValueError(f"{name} has the shape {array.shape}, not {shape}")
     return array
@@ -353,10 +353,8 @@ class RunFile:
 # The measures import SciPy, which takes half a second to load: these functions import them late.
 OUTPUTS: dict[str, RunFile] = {
     "history.csv": RunFile(_write_history, True, "CSV", "histories"),
-    "scene.toml": RunFile(_write_scene, True, "TOML", "the scene; it runs again by itself"),
-    "snapshots.npz": RunFile(
-        _write_snapshots, True, "NPZ", "the lattice at each interval, for NumPy"
-    ),
+    "scene.toml": RunFile(_write_scene, True, "TOML", "the complete scene, ready to be run again"),
+    "snapshots.npz": RunFile(_write_snapshots, True, "NPZ", "snapshots of the lattice, for NumPy"),
     "compression.csv": RunFile(_write_curve),
     _STATE: RunFile(_write_state),
     "cracks.json": RunFile(_write_cracks, True),

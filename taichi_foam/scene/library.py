@@ -62,8 +62,8 @@ def _words(default: Any, meaning: str, most: int) -> Any:
 class FoamFile(Part):
     """The contents of a foam file."""
 
-    title: str = _words(..., "what foam it is", 200)
-    source: str = _words(..., "who measured it, where", 1000)
+    title: str = _words(..., "description of the foam", 200)
+    source: str = _words(..., "who measured it, and where", 1000)
     licence: str = _words("not stated", "licence of the data", 200)
     density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
     rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
@@ -74,7 +74,7 @@ class FoamFile(Part):
         default=(), description="what was measured, in words", max_length=50
     )
     assumed: tuple[Assumed, ...] = Field(
-        default=(), description="what is assumed, key by key of a scene", max_length=100
+        default=(), description="assumed values, by key of a scene", max_length=100
     )
     foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
 
@@ -126,9 +126,9 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
     near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(
-        f"{asked}{shown(name)}: not in the library; {meant} A foam file's name ends with .toml, "
-        "and a test in a CSV file is the foam's curve; `taichi-foam foam list` lists the foams, "
-        "`taichi-foam foam import` makes one of a test"
+        f"{asked}{shown(name)}: not in the library; {meant} The name of a foam file ends with "
+        ".toml, and a test in a CSV file is given as foam.curve; `taichi-foam foam list` lists "
+        "the foams, `taichi-foam foam import` makes one from a test"
     )
 
 
@@ -161,19 +161,21 @@ def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
     if not SCALED[0] <= density <= SCALED[1]:
         raise UserError(
             f"{asked}{shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
-            f"{SCALED[1]} kg/m3 only; take the test of a foam of that density (foam.curve)"
+            f"{SCALED[1]} kg/m3 only; use a test of a foam of that density (foam.curve)"
         )
     plateau = 0.3 * CELL_WALLS * (density / SOLID) ** 1.5
     paper = Foam()
     young = plateau / -paper.yield_strain
     shear = paper.shear_modulus / paper.youngs_modulus * young
     missed = (
-        "that of the paper's foam, {}: the scaling misses it there ({}), and is not used for it"
+        "that of the paper's foam, {}: the scaling does not reproduce it for that foam ({}), so "
+        "it is not used here"
     )
     why = {
         "youngs_modulus": "plateau over the paper's yield strain of 0.05: the scaling for open "
-        "cells misses the paper's modulus (0.73 against 2.78 MPa), and is not used for it",
-        "shear_modulus": "as much of Young's modulus as in the paper's foam, 0.30",
+        "cells does not reproduce the paper's modulus (0.73 against 2.78 MPa), so it is not "
+        "used here",
+        "shear_modulus": "the same fraction of Young's modulus as in the paper's foam, 0.30",
         "densification_strain": missed.format("-0.80", "-0.97"),
         **dict.fromkeys(
             ("yield_strain", "tensile_strain", "shear_strain", "locking_strain",
@@ -187,7 +189,7 @@ def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
         "MPa at 25.6 kg/m3, where 0.12 MPa was measured (Shim, Tu & Lim 2000)",
         licence="formula and figures as published",
         density=density,
-        measured=(f"nothing at this density; plateau {plateau / 1e3:.1f} kPa by the scaling",),
+        measured=(f"nothing at this density; plateau of {plateau / 1e3:.1f} kPa by the scaling",),
         assumed=tuple(Assumed(key=f"foam.{key}", why=words) for key, words in why.items()),
         foam=Foam(
             youngs_modulus=young,
@@ -238,8 +240,8 @@ def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     name = impactor["file"]
     if rest.get("shape", "outline") != "outline":
         raise ValueError(
-            f"impactor.file = {shown(name)}: holds the corners of an outline; impactor.shape = "
-            f"{shown(rest['shape'])}: must be outline; or leave the file out"
+            f"impactor.file = {shown(name)}: holds the corners of an outline, but impactor.shape = "
+            f"{shown(rest['shape'])}; must be outline, or leave the file out"
         )
     if "vertices" in rest:
         raise ValueError("impactor.file: impactor.vertices are given too; leave one of them out")

@@ -10,12 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.loads import PLATEAU_END_FRACTION
 from taichi_foam.analysis.measures import Quantity
 from taichi_foam.parts import described
+from taichi_foam.picture.document import template
 from taichi_foam.records.history import LEDGER
 from taichi_foam.scene import Cylinder, Scene
 from taichi_foam.shim2000 import pictures
@@ -72,7 +71,7 @@ def write(
             if name not in left_out:
                 drawn[name] = draw()
             on_picture()
-        page = _template().render(
+        page = template("taichi_foam.shim2000", "report.html.j2").render(
             content=content,
             tests=f"{_NUMBERS[len(cases)]} drop test{'' if len(cases) == 1 else 's'}",
             created=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
@@ -101,17 +100,6 @@ def write(
             scatters=any(case.scene.foam.strength_scatter > 0.0 for case in cases),
         )
         (folder / "report.html").write_text(page, encoding="utf-8")
-
-
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("taichi_foam.shim2000", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html.j2")
 
 
 # --- texts of the tables, row by row --------------------------------------------------------------

@@ -361,7 +361,7 @@ def test_an_outline_comes_from_a_file_beside_its_scene(tmp_path):
         ("0,0\n0.1,nan\n0,0.1\n", "", "line 2: nan in column 2: must be finite"),
         ("0,0\n0.1,0\n0,0.1\n", 'shape = "flat"', "impactor.shape = 'flat': must be outline"),
         ("0,0\n0.1,0\n0,0.1\n", "vertices = [[0, 0]]", "leave one of them out"),
-        ("", "", "empty; needs lines of x and y"),
+        ("", "", "empty; must have lines of x and y"),
         (None, "", "cannot be read"),
     ],
 )

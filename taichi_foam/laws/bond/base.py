@@ -99,7 +99,7 @@ class BondFoam(Part):
     """
     source: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
         default=None,
-        description="where its values are from: a foam's name, a test, a publication",
+        description="origin of its values: the name of a foam, a test, a publication",
         json_schema_extra={"allowed": "none, or 1 to 1,000 characters", "fix": "shorten it"},
     )
 
@@ -115,14 +115,14 @@ class BondFoam(Part):
     crush_band: Annotated[float, Field(ge=1e-5, le=1)] | None = quantity(
         None,
         "m",
-        "width of the bands in which foam crushes and shears: dashpots and rate take strain rates "
-        "over this length, whatever the cell; none: over a cell",
+        "width of the bands in which foam crushes and shears: dashpots and rate dependence use "
+        "strain rates over this length, whatever the cell size; none: over one cell",
         allowed="none, or at least 1e-5 and at most 1 m",
     )
     strength_scatter: float = quantity(
         0.0,
         "-",
-        "scatter of the bonds' strength in tension and shear, Weibull: standard deviation "
+        "scatter of the bonds' strengths in tension and shear (Weibull), as standard deviation "
         "over mean; 0: all are equally strong",
         at_least=0,
         at_most=0.5,
@@ -130,10 +130,10 @@ class BondFoam(Part):
     strength_seed: int = quantity(
         0,
         "count",
-        "which strengths the scatter draws",
+        "seed of the random strengths",
         at_least=0,
         at_most=2**32 - 1,
-        fix="any other whole number draws others",
+        fix="each whole number gives other strengths",
     )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:

@@ -75,19 +75,19 @@ class Foam(CrushingFoam):
         0.5, "-", "constant a of Eq. 26: how steeply the stress rises", above=0, at_most=10
     )
     densification_b: float = quantity(
-        1.0, "-", "constant b of Eq. 26: the power of the distance to locking", above=0, at_most=5
+        1.0, "-", "constant b of Eq. 26: exponent of the distance to locking", above=0, at_most=5
     )
     rate: Annotated[float, Field(ge=1, le=1e9)] | None = quantity(
         None,
         "1/s",
-        "strain rate D at which the plateau's stress is twice its static one (Cowper & Symonds); "
-        "none: the foam does not depend on the rate",
+        "strain rate D at which the plateau stress is twice the static one (Cowper & Symonds); "
+        "none: no rate dependence",
         allowed="none, or at least 1 and at most 1e9 1/s",
     )
     rate_exponent: float = quantity(
         1.0,
         "-",
-        "exponent q: the plateau's stress grows by the part (rate / D)^(1/q)",
+        "exponent q: the plateau stress grows by the fraction (rate / D)^(1/q)",
         at_least=1,
         at_most=20,
     )
@@ -119,7 +119,7 @@ class Foam(CrushingFoam):
         if isinstance(given, int | float) and abs(given - strain) > 1e-9 * abs(strain):
             raise ValueError(
                 f"foam.plateau_stress = {stress:g}: with foam.youngs_modulus = {young:g} Pa it "
-                f"comes to foam.yield_strain = {strain:.4g}, not {given:g}; give one of the two"
+                f"gives foam.yield_strain = {strain:.4g}, not {given:g}; give one of the two"
             )
         return {**rest, "yield_strain": strain}
 

@@ -26,9 +26,9 @@ ROUNDING = 1e-9
 CELL = 0.005
 
 UNLESS_GIVEN = {
-    "fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
-    "shear_fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
-    "crush_band": "dashpots take strain rates over a cell, of whatever size",
+    "fracture_energy": "its value in 5 mm cells whose bonds break at once",
+    "shear_fracture_energy": "its value in 5 mm cells whose bonds break at once",
+    "crush_band": "dashpots use strain rates over one cell, whatever its size",
 }
 """See `BondFoam.unless_given`."""
 
@@ -42,7 +42,7 @@ class CrushingFoam(BondFoam):
     shear_strain: float = quantity(
         0.10,
         "tension",
-        "shear strain at which a bond breaks, either way",
+        "shear strain at which a bond breaks, in either direction",
         above=0,
         at_most=2,
         fix="strains are fractions (10 % is 0.10)",
@@ -50,27 +50,27 @@ class CrushingFoam(BondFoam):
     fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as it opens, over its area; none: as in cells of 5 mm whose "
-        "bonds break at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
+        "energy per area that an opening crack absorbs; none: as in 5 mm cells whose bonds break "
+        "at once at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as its faces slide without pressure, over its area; none: as in "
-        "cells of 5 mm whose bonds break at shear_strain, "
-        "shear_modulus * shear_strain^2 * 5 mm",
+        "energy per area that a crack absorbs as its faces slide without pressure; none: as in 5 "
+        "mm cells whose bonds break at once at shear_strain, shear_modulus * shear_strain^2 * 5 "
+        "mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     softening: bool = choice(
         True,
-        "beyond its limit in tension or shear a bond loses its stress gradually; false: it breaks "
-        "at once, and a crack costs about as much",
+        "true: a bond beyond its limit in tension or shear loses its stress gradually; false: it "
+        "breaks at once, and a crack takes about as much energy",
     )
     crushed_tensile_fraction: float = quantity(
         0.5,
         "-",
-        "a crushed bond breaks at this fraction of tensile_strain",
+        "fraction of tensile_strain at which a crushed bond breaks",
         above=0,
         at_most=1,
     )

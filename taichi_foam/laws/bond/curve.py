@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from taichi_foam.formulas.energy import absorbed_energy, densification_onset, efficiency
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
 from taichi_foam.parts import Part
 
@@ -74,7 +75,7 @@ class Curve(Part):
         },
     )
     stress: tuple[float, ...] = Field(
-        description="engineering stresses in compression there [Pa]",
+        description="engineering stresses in compression at these strains [Pa]",
         json_schema_extra={
             "allowed": "as many numbers as strains",
             "fix": "stresses are in pascals (0.12 MPa is 0.12e6)",
@@ -84,7 +85,7 @@ class Curve(Part):
     smoothing: float = Field(
         default=0.0,
         ge=0,
-        description="by how much a stress was changed at most, so that none falls [Pa]",
+        description="largest change that was made to a stress so that no stress falls [Pa]",
         json_schema_extra={"allowed": "at least 0 Pa", "unit": "Pa"},
     )
 
@@ -161,12 +162,12 @@ class Curve(Part):
             word = "repeats" if strain[at] == strain[at - 1] else "is below"
             return (
                 f".strain[{at}] = {strain[at]:g}: {word} the one before, {strain[at - 1]:g}; "
-                "strains must rise from point to point; sort them, or cut the unloading off"
+                "strains must rise from point to point; sort them, or remove the unloading"
             )
         if strain[0] < 0.0:
             return (
-                f".strain[0] = {strain[0]:g}: strains of both signs; must be from 0 up, all in "
-                "compression; cut off what is before contact"
+                f".strain[0] = {strain[0]:g}: the strains have both signs; all must be at least 0, "
+                "in compression; remove the points before contact"
             )
         if strain[-1] >= 1.0:
             return (
@@ -202,19 +203,17 @@ class Curve(Part):
     @property
     def energy(self) -> Array:
         """Energy per volume [J/m3] absorbed up to each point."""
-        strain, stress = self.points
-        return _areas(strain, stress)
+        return absorbed_energy(*self.points)
 
     @property
     def efficiency(self) -> Array:
         """Absorbed energy over stress at each point: the stroke of an ideal absorber, in strain."""
-        _, stress = self.points
-        return np.divide(self.energy, stress, out=np.zeros_like(stress), where=stress > 0.0)
+        return efficiency(*self.points)
 
     @property
     def densification(self) -> float:
         """Strain at which densification begins: where the energy efficiency is largest."""
-        return self.strain[int(np.argmax(self.efficiency))]
+        return densification_onset(*self.points)
 
     @property
     def plateau_stress(self) -> float:
@@ -223,7 +222,7 @@ class Curve(Part):
         first = min(PLATEAU[0], 0.5 * last)
         strain = np.union1d(self.points[0], [first, last])
         strain = strain[(strain >= first) & (strain <= last)]
-        return float(_areas(strain, self.stress_at(strain))[-1] / (last - first))
+        return float(absorbed_energy(strain, self.stress_at(strain))[-1] / (last - first))
 
     def steepest(self, until: float) -> float:
         """The largest slope [Pa] up to a strain, by secants over SECANT to suppress noise."""
@@ -258,7 +257,9 @@ class Curve(Part):
         rise = np.maximum.accumulate(np.maximum(2.0 * turning - shear, 0.0))
         rise = _mean_around(strain, _mean_around(strain, rise))
         in_cells = np.cumsum(rises)
-        return np.column_stack([stress, unloading, in_cells, _areas(strain, in_cells), rise])
+        return np.column_stack(
+            [stress, unloading, in_cells, absorbed_energy(strain, in_cells), rise]
+        )
 
     def _beyond(self, strain: Array, locking: float) -> Array:
         """Stress [Pa] beyond the last point: a power of the distance to locking, then a tangent."""
@@ -272,15 +273,9 @@ class Curve(Part):
         return stress * (1.0 + power * (strain - inside) / (locking - inside))
 
 
-def _areas(strain: Array, stress: Array) -> Array:
-    """The area [J/m3] under the curve up to each of its points (trapezoidal rule)."""
-    parts = 0.5 * (stress[1:] + stress[:-1]) * np.diff(strain)
-    return np.append(0.0, np.cumsum(parts))
-
-
 def _mean_around(strain: Array, values: Array) -> Array:
     """The mean over a strain interval SMOOTHED around each point; shorter near the ends."""
-    area = _areas(strain, values)
+    area = absorbed_energy(strain, values)
     reach = np.minimum(0.5 * SMOOTHED, np.minimum(strain, 1.0 - strain))[1:-1]
     low, high = strain[1:-1] - reach, strain[1:-1] + reach
     means = (np.interp(high, strain, area) - np.interp(low, strain, area)) / (2.0 * reach)

@@ -134,7 +134,7 @@ class PageView:
         A viewer uses the same `reply` each time.
         """
         if not self._inbox.put(command, reply):
-            reply("too much at once; try again")
+            reply("too many commands at once; try again")
 
     def close(self) -> bool:
         """End the drop and have kept what it gave; whether this has cut it short."""

@@ -32,8 +32,8 @@ export class Controls {
   order(message) {
     this.unsent = !this.send(message);
     if (this.unsent) {
-      this.problem("Nothing is dropped: the page has no connection to the program (taichi-foam serve). " +
-        "It keeps trying, and what is set here stays; press again once it is connected.");
+      this.problem("Nothing was dropped: the page has no connection to taichi-foam serve. " +
+        "It keeps trying to reconnect, and your settings are kept; press the button again once it is connected.");
     }
     return !this.unsent;
   }
@@ -178,7 +178,7 @@ export class Controls {
       if (values[key] === undefined) wrong.push(knob);
     }
     if (wrong.length) {
-      this.problem(`Nothing is dropped. ${wrong.map(({ label, wrong: { textContent } }) => `${label} ${textContent}.`).join("\n")}`);
+      this.problem(`Nothing was dropped. ${wrong.map(({ label, wrong: { textContent } }) => `${label} ${textContent}.`).join("\n")}`);
       wrong[0].row.closest("details").open = true;
       wrong[0].number.focus();
       return;

@@ -45,7 +45,7 @@ function hear(message) {
       controls.connected();
       paces = message.paces;
       step = message.step;
-      $("step").title = `${Number((1e3 * step).toPrecision(3))} ms further, then stand still`;
+      $("step").title = `${Number((1e3 * step).toPrecision(3))} ms forward, then pause`;
       $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
       $("mode").replaceChildren(...message.modes.map(([name, about]) => new Option(about, name)));
       controls.build(message.controls);
@@ -136,7 +136,7 @@ async function draw(data) {
   }
 }
 
-const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "at its end",
+const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "ended",
   "cut short": "cut short", failed: "failed", died: "stopped" };
 
 function tell(message) {
@@ -144,7 +144,7 @@ function tell(message) {
     state = message.state;
     $("state").dataset.state = state;
     $("state").textContent = WORDS[state];
-    $("pause").textContent = state === "paused" ? "Go on" : "Pause";
+    $("pause").textContent = state === "paused" ? "Resume" : "Pause";
     for (const id of ["pause", "step"]) $(id).disabled = !["running", "paused", "preparing"].includes(state);
   }
   const remedy = state === "died" ? ". Drop starts it again." : "";
@@ -157,8 +157,8 @@ function tell(message) {
 
 function speedWords({ pace, steps, steps_per_s }) {
   const words = [`${steps.toLocaleString("en")} steps`];
-  if (pace > 0) words.push(`goes at ${paceWords(pace)}`);
-  if (steps_per_s) words.push(`${Number(steps_per_s.toPrecision(2)).toLocaleString("en")} steps/s while it computes`);
+  if (pace > 0) words.push(`running at ${paceWords(pace)}`);
+  if (steps_per_s) words.push(`${Number(steps_per_s.toPrecision(2)).toLocaleString("en")} steps/s while computing`);
   return words.join(" · ");
 }
 
@@ -178,7 +178,7 @@ function lost(reason) {
   if (!reason) return;
   for (const id of ["pause", "step"]) $(id).disabled = true;
   $("state").dataset.state = "lost";
-  $("state").textContent = `${reason}; trying again`;
+  $("state").textContent = `${reason}; reconnecting`;
 }
 
 const look = () => send({ do: "look", mode: $("mode").value, theme: $("theme").value, grid: $("grid").checked });

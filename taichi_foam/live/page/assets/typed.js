@@ -10,9 +10,9 @@ export function typed(text) {
   if (trimmed === "") return { value: null };
   if (EITHER.test(trimmed)) {
     const [whole, rest] = trimmed.split(",");
-    return { problem: `may mean ${whole}${rest} or ${whole}.${rest}, write the one that you mean` };
+    return { problem: `could mean ${whole}${rest} or ${whole}.${rest}; write the one you mean` };
   }
   const pointed = COMMA.test(trimmed) ? trimmed.replace(",", ".") : trimmed;
   if (PLAIN.test(pointed)) return { value: Number(pointed) };
-  return { problem: GROUPED.test(trimmed) ? "has separators of thousands, leave them out" : "is not a number" };
+  return { problem: GROUPED.test(trimmed) ? "has thousands separators; leave them out" : "is not a number" };
 }

@@ -1,0 +1,1 @@
+"""Parameters of a scene from measured traces, with their uncertainty."""

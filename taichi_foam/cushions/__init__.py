@@ -1,0 +1,1 @@
+"""Cushions: which foam, how thick, how large; curves and designs from formulas and runs."""
