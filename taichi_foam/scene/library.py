@@ -109,7 +109,7 @@ def names() -> list[str]:
 def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFile:
     """The foam with a name, or of a file whose name ends with .toml; `asked` begins messages.
 
-    Raises UserError: no such name or file, an invalid foam file, resilient foam.
+    Raises UserError: no such name or file, or an invalid foam file.
     """
     if name.endswith(".toml"):
         return read_foam(folder / name)
@@ -120,8 +120,8 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
         return _checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
     if any(word in name.lower() for word in _RESILIENT):
         raise UserError(
-            f"{asked}{shown(name)}: not in the library; resilient foam springs back by the gas in "
-            "its cells, which the model leaves out (docs/limits.md)"
+            f"{asked}{shown(name)}: not in the library; give the test of a foam that springs back "
+            "as foam.curve, with foam.law = 'recovering'"
         )
     near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
