@@ -17,7 +17,8 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.recovering import RecoveringFoam
 from taichi_foam.records.history import DISSIPATIONS
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Block, FlatBlock, Model, Output, Scene, Start
+from taichi_foam.scene import Block, FlatBlock, Model, Output, Scene
+from taichi_foam.simulation.after import After
 from taichi_foam.units import STANDARD_GRAVITY
 
 STRAIN = np.array([0.0, 0.05, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9])
@@ -35,23 +36,21 @@ def areas(stress: np.ndarray) -> np.ndarray:
 TAKEN = areas(CURVE)
 
 
-def scene_of(wait: float = 0.0, **foam: float) -> Scene:
-    return Scene(
-        name="recovering",
-        block=Block(width=WIDE, height=THICK, depth=DEEP, density=25.0),
-        foam=RecoveringFoam(
-            curve=Curve(strain=STRAIN, stress=STRESS),
-            hysteresis_factor=FACTOR, hysteresis_shape=SHAPE, permanent_set=SET,
-            tensile_strain=0.5, shear_strain=2.0, **foam,
-        ),
-        impactor=FlatBlock(
-            width=2 * WIDE, mass=STATIC * WIDE * DEEP / STANDARD_GRAVITY, drop_height=HEIGHT,
-            friction=0.0,
-        ),
-        model=Model(self_contact=False),
-        start=Start(wait=wait),
-        output=Output(film=False),
-    )  # fmt: skip
+SCENE = Scene(
+    name="recovering",
+    block=Block(width=WIDE, height=THICK, depth=DEEP, density=25.0),
+    foam=RecoveringFoam(
+        curve=Curve(strain=STRAIN, stress=STRESS),
+        hysteresis_factor=FACTOR, hysteresis_shape=SHAPE, permanent_set=SET, recovery_time=40.0,
+        tensile_strain=0.5, shear_strain=2.0,
+    ),
+    impactor=FlatBlock(
+        width=2 * WIDE, mass=STATIC * WIDE * DEEP / STANDARD_GRAVITY, drop_height=HEIGHT,
+        friction=0.0,
+    ),
+    model=Model(self_contact=False),
+    output=Output(film=False),
+)  # fmt: skip
 
 
 def balance(before: float) -> tuple[float, float]:
@@ -83,7 +82,8 @@ def check_ledger(result: Result) -> None:
 
 @pytest.fixture(scope="module")
 def drops() -> list[Result]:
-    return tf.run_drops(scene_of(), 5)
+    """Without a wait, so that the recovery does not act."""
+    return tf.run_drops(SCENE, 5)
 
 
 def test_five_drops_meet_the_energy_balance(drops: list[Result]) -> None:
@@ -103,3 +103,43 @@ def test_five_drops_meet_the_energy_balance(drops: list[Result]) -> None:
 def test_the_ledger_closes_and_nothing_lost_comes_back(drops: list[Result]) -> None:
     for drop in drops:
         check_ledger(drop)
+
+
+def test_the_part_given_back_is_that_of_the_law(drops: list[Result]) -> None:
+    """At the stop of the first drop all bonds are where they have never been."""
+    history = drops[0].history
+    stop = int(np.argmax(history.strain_J))
+    taken = history.strain_J[stop] + history.crushing_J[stop]
+    part = (1.0 - SET) * (1.0 + SHAPE * FACTOR) / (1.0 + SHAPE)
+    assert history.strain_J[stop] / taken == pytest.approx(part, rel=0.01)
+    assert taken == pytest.approx(
+        WIDE * DEEP * THICK * np.interp(balance(0.0)[0], FINE, TAKEN), rel=0.03
+    )
+
+
+def test_the_set_recovers_while_the_block_rests(drops: list[Result]) -> None:
+    """In 60 s by exp(-60 / 40); every bond is then as long as that leaves it, and stores nothing.
+
+    The next drop meets the balance of what remains.
+    """
+    left = np.exp(-60.0 / 40.0)
+    scene = SCENE.with_values(start__wait=60.0)
+    before, after = drops[0].cushion, After.of(scene, drops[0]).cushion
+    assert before is not None
+    assert after is not None
+    np.testing.assert_allclose(after.worst_b, left * before.worst_b, rtol=1e-12)
+    lengths = np.linalg.norm(np.diff(after.position, axis=1), axis=-1) / scene.block.dy
+    np.testing.assert_allclose(lengths, 1.0 + SET * after.worst_b, atol=1e-4)
+    np.testing.assert_allclose(
+        lengths.mean(axis=1), 1.0 + SET * after.worst_b.mean(axis=1), atol=1e-5
+    )
+    assert np.all(after.velocity == 0.0)
+    again = tf.run(scene, after=drops[0])
+    energy = 0.5 * scene.impactor.mass * scene.impactor.velocity**2
+    assert again.history.strain_J[0] < 1e-4 * energy
+    strain, g = balance(float(-after.worst_b.min()))
+    assert again.summary["peak_deceleration_g"] == pytest.approx(g, rel=0.03)
+    check_ledger(again)
+    height = again.run["after"]["contact_height_m"]
+    reached = 1.0 - (height - again.summary["max_displacement_m"]) / THICK
+    assert reached == pytest.approx(strain, rel=0.03)
