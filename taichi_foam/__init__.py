@@ -19,7 +19,11 @@ from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
+    from taichi_foam.calibration.calibrate import calibrate
     from taichi_foam.catalogue import load_scene
+    from taichi_foam.cushions.cushion import cushion_curve
+    from taichi_foam.cushions.design import design
+    from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
     from taichi_foam.records.ending import Ending
@@ -55,6 +59,10 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "calibrate",
+    "cushion_curve",
+    "design",
+    "efficiency",
     "init",
     "load",
     "load_scene",
@@ -81,6 +89,10 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "calibrate": "calibration.calibrate",
+    "cushion_curve": "cushions.cushion",
+    "design": "cushions.design",
+    "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
     "load": "results.result",
     "load_scene": "catalogue",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam import version as package
-from taichi_foam.cli import foam, replay, sweep
+from taichi_foam.cli import calibrate, cushion, design, efficiency, foam, replay, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -121,7 +121,7 @@ def keys_command(
         bool, typer.Option("--markdown", help="Print the page docs/scene.md instead.")
     ] = False,
 ) -> None:
-    """List the keys of a scene: unit (- is a plain number), default, what is allowed, meaning."""
+    """List the keys of a scene: unit (-: dimensionless), default, allowed values, meaning."""
     with command() as terminal:
         from taichi_foam.cli import reference
 
@@ -186,6 +186,10 @@ def serve_command(
 
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
+_app.command("efficiency")(efficiency.efficiency_command)
+_app.command("cushion")(cushion.cushion_command)
+_app.command("design")(design.design_command)
+_app.command("calibrate")(calibrate.calibrate_command)
 
 
 @_app.command("reproduce")

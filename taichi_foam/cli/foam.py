@@ -14,11 +14,11 @@ from taichi_foam.errors import UserError
 from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UNITS
 
 
-def _foams_begun(word: str) -> list[str]:
+def foams_begun(word: str) -> list[str]:
     """Completions of a word from the library; the shell completes files."""
-    from taichi_foam.scene.library import packaged
+    from taichi_foam.scene.library import listed
 
-    return [name for name in packaged() if name.startswith(word)]
+    return [name for name in listed() if name.startswith(word)]
 
 
 app = typer.Typer(
@@ -33,13 +33,9 @@ def list_command() -> None:
     """List the foams of the library."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
-        from taichi_foam.scene.library import SCALED
+        from taichi_foam.scene.families import FAMILIES
 
-        terminal.show(
-            foam_files.library(),
-            "",
-            f"rigid-pu-NN: rigid polyurethane of NN kg/m3, {SCALED[0]} to {SCALED[1]}, scaled",
-        )
+        terminal.show(foam_files.library(), "", *(family.words for family in FAMILIES))
 
 
 @app.command("show")
@@ -49,11 +45,11 @@ def show_command(
         typer.Argument(
             metavar="NAME|FILE.toml",
             help="Name in the library, or a foam file.",
-            autocompletion=_foams_begun,
+            autocompletion=foams_begun,
         ),
     ],
 ) -> None:
-    """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
+    """Describe a foam: source, constants, landmarks, and what is assumed."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import foam_of
@@ -63,6 +59,7 @@ def show_command(
             *foam_files.known(file),
             *foam_files.constants(file),
             *foam_files.landmarks(file.foam),
+            *foam_files.derived(file),
             *foam_files.assumed(file, file.assumed),
         )
 
@@ -153,7 +150,7 @@ def import_command(
     ] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Make a foam file of a compression test, and a picture of both beside it."""
+    """Make a foam file from a compression test, with a picture of both beside it."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.laws.bond.fit import crushable_fit
@@ -183,7 +180,7 @@ def import_command(
         terminal.show(
             *foam_files.what_was_read(path, read),
             *([] if returned is None else [foam_files.in_words(returned, read.curve.tested)]),
-            *foam_files.derived(file.foam, fit),
+            *foam_files.from_the_curve(file.foam, fit),
             *foam_files.assumed(file, file.assumed),
         )
         terminal.warn(foam_files.doubts(file.foam, fit))
@@ -200,7 +197,7 @@ def assumed_command(
         ),
     ],
 ) -> None:
-    """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
+    """List the values that a scene assumes of its foam, with the origin of each."""
     with command() as terminal:
         from taichi_foam.catalogue import load_scene
         from taichi_foam.cli import foam_files

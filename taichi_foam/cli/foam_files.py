@@ -22,10 +22,10 @@ from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
 from taichi_foam.scene import Scene
-from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.assumed import Assumed, Origin
 from taichi_foam.scene.csv_file import Column
 from taichi_foam.scene.keys import written
-from taichi_foam.scene.library import FoamFile, foam_of, packaged
+from taichi_foam.scene.library import FoamFile, foam_of, listed
 from taichi_foam.scene.measured import FINEST, CompressionTest
 from taichi_foam.scene.messages import explain, shown
 from taichi_foam.scene.paths import NOTHING, at
@@ -51,10 +51,10 @@ _NOISY = 1.3
 
 
 def library() -> Table:
-    """The foams that come with the package, by name."""
+    """The foams of which the library has values, by name."""
     table = _table("name", ">kg/m3", ">plateau")
     table.add_column("description")
-    for name in packaged():
+    for name in listed():
         file = foam_of(name)
         plateau = f"{file.foam.landmarks.plateau_stress / 1e3:.3g} kPa"
         table.add_row(Text(name), plain(file.density), plateau, Text(file.title))
@@ -83,32 +83,34 @@ def known(file: FoamFile) -> Iterator[RenderableType]:
 
 
 def constants(file: FoamFile) -> Iterator[RenderableType]:
-    """The foam's constants with units, and whether they were given.
+    """The foam's constants with units, and where they are from.
 
-    Descriptions are cut to their first words; `taichi-foam keys foam` shows them in full.
+    What is given is as the source states it. Descriptions are cut to their first words;
+    `taichi-foam keys foam` shows them in full.
     """
     foam = file.foam
     assumed = {each.key for each in file.assumed}
+    derived = {each.key for each in file.derived}
     table = _table(f"law {foam.law}", ">", "unit", "")
     table.add_column("meaning")
     for key, field in type(foam).model_fields.items():
         if key in ("law", "source"):
             continue
         value = getattr(foam, key)
+        about = (field.description or "").partition(";")[0]
         if isinstance(value, Curve):
-            text = f"{len(value.strain):,} points"
             about = (
                 f"stress over strain in its compression test, up to a strain of {value.tested:.3g}"
             )
-        else:
-            text, about = written(value), (field.description or "").partition(";")[0]
         if f"foam.{key}" in assumed:
             origin = "assumed"
+        elif f"foam.{key}" in derived:
+            origin = "derived"
         elif key in foam.model_fields_set and value is not None:
             origin = "given"
         else:
             origin = "default"
-        table.add_row(key, text, unit_of(field), origin, Text(about))
+        table.add_row(key, written(value), unit_of(field), origin, Text(about))
     yield table
     yield Text()
 
@@ -132,11 +134,23 @@ def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
     yield Text()
 
 
+def derived(file: FoamFile) -> Iterator[RenderableType]:
+    """The values of a foam file that follow from measured ones, and how."""
+    yield from _origins(file, file.derived, "derived")
+
+
 def assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
     """The unmeasured values of a foam, each with the assumed value in `whole`."""
+    yield from _origins(whole, entries, "assumed")
+
+
+def _origins(
+    whole: FoamFile | Scene, entries: Sequence[Origin], head: str
+) -> Iterator[RenderableType]:
+    """A table of values in `whole`, with the reason for each."""
     if not entries:
         return
-    table = _table("assumed", ">", "unit")
+    table = _table(head, ">", "unit")
     table.add_column("why")
     for each in entries:
         value, unit = _value(whole, each.key)
@@ -381,7 +395,7 @@ def _left_out(read: CompressionTest) -> Iterator[str]:
         yield f"left out of the curve: {rest:,} points whose strain had been reached before"
 
 
-def derived(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
+def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
     """Values that follow from the curve, beside those of Eq. 26 fitted to it."""
     assert isinstance(foam, CurveFoam)
     fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks

@@ -73,7 +73,7 @@ def render_command(
     out: Annotated[str | None, typer.Option(help="Folder for the files; default: RUN_DIR.")] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
+    """Draw a stored run again: films, frames, figures for print; by default GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png or frames or pdf or svg):
             gif = mp4 = True
@@ -113,7 +113,7 @@ def render_command(
                 printed.column_width(wide)
                 endings = [e for e, wanted in ((".pdf", pdf), (".svg", svg)) if wanted]
                 jobs += [_figure(name + e, partial(figure, column=wide)) for e in endings]
-        _deliver(jobs, run_dir if out is None else out, overwrite, terminal)
+        deliver(jobs, run_dir if out is None else out, overwrite, terminal)
 
 
 def compare_command(
@@ -131,7 +131,7 @@ def compare_command(
     out: Annotated[str, typer.Option(help="Folder for the files.")] = "comparison",
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
+    """Show two to four stored runs side by side over time; by default as GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png):
             gif = mp4 = True
@@ -151,7 +151,7 @@ def compare_command(
         if png:
             draw = partial(comparison.instants, lineup)
             jobs.append(_still(f"{name}.png", draw, results[0].scene, size))
-        _deliver(jobs, out, overwrite, terminal)
+        deliver(jobs, out, overwrite, terminal)
 
 
 def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
@@ -237,7 +237,7 @@ def _figure(name: str, draw: Callable[[], Figure]) -> Job:
     return Job((name,), 1, write)
 
 
-def _deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
+def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Terminal) -> None:
     """Draw `jobs` into `folder`, which is created if it does not exist, and list what was written.
 
     Folder and files may exist; each file appears complete or not at all.

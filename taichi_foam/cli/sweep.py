@@ -67,7 +67,7 @@ def run_command(
     histories: Annotated[
         bool, typer.Option("--histories", help="Keep the histories, too, as float32.")
     ] = False,
-    out: Annotated[str | None, typer.Option(help="Folder; default sweeps/NAME.")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder; default: sweeps/NAME.")] = None,
     set_: Set = None,
     choices: Choices = None,
     workers: Annotated[
@@ -92,7 +92,7 @@ def run_command(
         ),
     ] = False,
 ) -> None:
-    """Compute the drops of a plan; the same command again goes on where it has ended."""
+    """Compute the drops of a plan; the same command continues a sweep that was stopped."""
     with command() as terminal:
         from taichi_foam.results.files import file_name
         from taichi_foam.sweeps import run
@@ -129,7 +129,7 @@ def run_command(
 def status_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
-    """Say how far a sweep is, and what has failed."""
+    """Report the progress of a sweep, and what has failed."""
     with command() as terminal:
         found = _opened(folder)
         _say(terminal, found, found.standing, at_work=True)
@@ -139,7 +139,7 @@ def status_command(
 def collect_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
-    """Write results.csv and results.parquet of what there is, while it goes on or after."""
+    """Write results.csv and results.parquet from all complete drops, during a sweep or after it."""
     with command() as terminal:
         count = _opened(folder).collect()
         if not count:
@@ -191,10 +191,10 @@ def show_command(
 def again_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
     member: Annotated[int, typer.Argument(metavar="MEMBER", help="Its number in the table.")],
-    out: Annotated[str | None, typer.Option(help="Folder; default DIR-MEMBER.")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder; default: DIR-MEMBER.")] = None,
     threads: Threads = None,
 ) -> None:
-    """Compute one drop of a sweep again and keep its whole result; the numbers are the same."""
+    """Compute one drop of a sweep again and keep its complete result; the numbers are the same."""
     with command() as terminal:
         found = _opened(folder)
         from taichi_foam.cli import tables
@@ -287,5 +287,6 @@ def _say_balance(terminal: Terminal, found: Sweep) -> None:
     off = max(abs(computed / peak - 1.0) for peak, computed in peaks)
     terminal.line(
         f"peaks of {len(peaks):,} level cushions: by energy balance "
-        f"{' to '.join(dict.fromkeys(by_hand))} g, computed peaks within {100 * off:.1f} % of that"
+        f"{' to '.join(dict.fromkeys(by_hand))} g, computed raw peaks within {100 * off:.1f} % of "
+        "that"
     )

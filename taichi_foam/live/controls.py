@@ -196,6 +196,18 @@ class Controls:
                 told[knob.key] = f"{knob.label} {_shown(knob, value)}"
         return told
 
+    def describes(self, scene: Scene) -> bool:
+        """Whether the controls can make this scene, whatever its name.
+
+        If they cannot, `changes` does not hold all of its differences.
+        """
+        shape = scene.impactor.shape if scene.impactor else NO_SHAPE
+        try:
+            made = self.scene_of(shape, self.values_of(scene))
+        except UserError:
+            return False
+        return made == scene.model_copy(update={"name": made.name})
+
     def _has(self, shape: str, knob: Knob) -> bool:
         """Whether a control applies to this impactor shape."""
         if knob.group == "impactor" and shape == NO_SHAPE:

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 
 from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.laws.bond import FOAMS, BondFoam, Curve
 from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
@@ -42,8 +42,8 @@ _OTHERS = ("across.", "block.layers[")
 """Beginnings of keys of foams other than [foam]."""
 
 
-class Assumed(Part):
-    """A key that was not given, and the origin of its value."""
+class Origin(Part):
+    """A key of a scene, and the origin of its value."""
 
     key: str = Field(
         description="dotted key of the scene",
@@ -55,6 +55,10 @@ class Assumed(Part):
         max_length=1000,
         json_schema_extra={"allowed": "text of at most 1,000 characters"},
     )
+
+
+class Assumed(Origin):
+    """A key that was not given, and the origin of its value."""
 
 
 def followed(scene: Any) -> dict[str, Any]:
@@ -235,8 +239,16 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         changed = any(key in keys or key.startswith(f"{own}curve.") for key in values)
         if changed and f"{own}source" not in values:
             foam.pop("source", None)  # it is no longer the foam from that source
+        if kind and f"{own}law" in values and isinstance(data.get("assumed"), list):
+            there = {own + key for key in kind.model_fields}
+            data["assumed"] = [
+                each
+                for each in data["assumed"]
+                if not (_key(each) or "").startswith(own) or _key(each) in there
+            ]
     if isinstance(entries := data.get("assumed"), list) and entries:
-        data["assumed"] = [each for each in entries if _key(each) not in values]
+        replaced = {re.sub(r"\.curve\..*", ".curve", key) for key in values}
+        data["assumed"] = [each for each in entries if _key(each) not in replaced]
 
 
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
@@ -256,7 +268,7 @@ def _is_value(scene: Any, key: str) -> bool:
     if not isinstance(part, Part) or last not in type(part).model_fields:
         return False
     first = found[0] if isinstance(found, tuple) and found else found
-    return found is not NOTHING and not isinstance(first, Part)
+    return found is not NOTHING and (isinstance(first, Curve) or not isinstance(first, Part))
 
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:

@@ -1,8 +1,6 @@
 """Foams and files that a scene names: the foam library, foam files, tests, drawings and pulses.
 
-A foam file is TOML: a description of the foam, and its constants in a table `[foam]` with the same
-keys as a scene's. `taichi-foam foam import` writes one from a test. The library's own are in
-`foams/`; rigid polyurethane of any density in a range follows from a scaling law.
+The library has foam files in `foams/`, and families of which any density in a range can be named.
 """
 
 from __future__ import annotations
@@ -12,87 +10,29 @@ import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tomli_w
-from pydantic import Field, ValidationError, field_validator
+from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
-from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.parts import Part, quantity
+from taichi_foam.parts import Part
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.csv_file import Kind, two_columns
+from taichi_foam.scene.families import FAMILIES
+from taichi_foam.scene.foam_file import FoamFile, checked, read_foam
 from taichi_foam.scene.measured import curve_of
-from taichi_foam.scene.messages import explain, shown
+from taichi_foam.scene.messages import shown
 from taichi_foam.scene.options import Pulse
 from taichi_foam.scene.paths import NOTHING, at, copied, heads_of_foams, put
-from taichi_foam.scene.toml import parsed, read_toml
+from taichi_foam.scene.toml import parsed
 from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, TIME_UNITS
-
-CELL_WALLS = 127e6
-"""Yield stress of solid polyurethane [Pa] (Gibson & Ashby 1997)."""
-
-SOLID = 1200.0
-"""Density of solid polyurethane [kg/m3] (Gibson & Ashby 1997)."""
-
-SCALED = (20, 100)
-"""Range of densities [kg/m3] for which the plateau of rigid polyurethane is scaled."""
 
 _LENGTH = Kind("length", LENGTH_UNITS, "m")
 _TIME = Kind("time", TIME_UNITS, "s")
 _ACCELERATION = Kind("acceleration", ACCELERATION_UNITS, "m/s2")
 
-_SCALED_NAME = re.compile(r"rigid-pu-(\d+(?:\.\d+)?)")
-
 _RESILIENT = ("epe", "eva", "epp", "pe-foam", "sponge", "latex", "memory", "neoprene", "flexible")
-
-
-def _words(default: Any, meaning: str, most: int) -> Any:
-    """A field for text of 1 to `most` characters."""
-    return Field(
-        default=default,
-        description=meaning,
-        min_length=1,
-        max_length=most,
-        json_schema_extra={"allowed": f"1 to {most:,} characters"},
-    )
-
-
-class FoamFile(Part):
-    """The contents of a foam file."""
-
-    title: str = _words(..., "description of the foam", 200)
-    source: str = _words(..., "who measured it, and where", 1000)
-    licence: str = _words("not stated", "licence of the data", 200)
-    density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
-    rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
-        None, "1/s", "strain rate of the test", allowed="none, or above 0 and at most 1e6 1/s"
-    )
-    direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
-    measured: tuple[str, ...] = Field(
-        default=(), description="what was measured, in words", max_length=50
-    )
-    assumed: tuple[Assumed, ...] = Field(
-        default=(), description="assumed values, by key of a scene", max_length=100
-    )
-    foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
-
-    @field_validator("measured", "assumed", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
-
-    @property
-    def foam_given(self) -> dict[str, Any]:
-        """The constants that the file gives, as raw data."""
-        given = self.foam.model_dump(exclude_unset=True, exclude_none=True)
-        return {FOAMS.tag: self.foam.law, **given}
-
-    def to_toml(self) -> str:
-        """The file's text; `read_foam` gives an equal one back."""
-        data = self.model_dump(exclude_none=True, exclude={"foam"}, exclude_defaults=True)
-        return tomli_w.dumps({**data, "foam": self.foam_given})
 
 
 def packaged() -> list[str]:
@@ -101,9 +41,14 @@ def packaged() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
 
 
+def listed() -> list[str]:
+    """The names of all foams of which the library has values: its files, and points of families."""
+    return [*packaged(), *(name for family in FAMILIES for name in family.names())]
+
+
 def names() -> list[str]:
-    """The names in the library, including the range of scaled foams."""
-    return [*packaged(), f"rigid-pu-{SCALED[0]} to rigid-pu-{SCALED[1]}"]
+    """The names in the library, families as ranges."""
+    return [*packaged(), *(family.span() for family in FAMILIES)]
 
 
 def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFile:
@@ -113,89 +58,30 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
     """
     if name.endswith(".toml"):
         return read_foam(folder / name)
-    if scaled := _SCALED_NAME.fullmatch(name):
-        return _rigid_pu(name, float(scaled[1]), asked)
+    for family in FAMILIES:
+        if (density := family.density(name)) is not None:
+            low, high = family.range
+            if low <= density <= high:
+                return family.make(density)
+            raise UserError(
+                f"{asked}{shown(name)}: {family.limit} from {low:g} to {high:g} kg/m3 only; use a "
+                "test of a foam of that density (foam.curve)"
+            )
     packaged = resources.files("taichi_foam.scene").joinpath("foams", f"{name}.toml")
     if re.fullmatch(r"[\w.-]+", name) and packaged.is_file():
-        return _checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
+        return checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
     if any(word in name.lower() for word in _RESILIENT):
         raise UserError(
             f"{asked}{shown(name)}: not in the library; give the test of a foam that springs back "
             "as foam.curve, with foam.law = 'recovering'"
         )
-    near = difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
+    near = [each.span() for each in FAMILIES if name.lower().startswith(each.head.rstrip("-"))]
+    near = near or difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(
         f"{asked}{shown(name)}: not in the library; {meant} The name of a foam file ends with "
         ".toml, and a test in a CSV file is given as foam.curve; `taichi-foam foam list` lists "
         "the foams, `taichi-foam foam import` makes one from a test"
-    )
-
-
-def read_foam(path: Path) -> FoamFile:
-    """The foam of a file; the path of a curve's file is relative to it.
-
-    Raises UserError: unreadable, not TOML, or an invalid foam.
-    """
-    data = read_toml(path)
-    foam = data.get("foam")
-    if isinstance(foam, dict) and isinstance(foam.get("curve"), str | dict):
-        try:
-            curve = curve_of(foam["curve"], "foam.curve", path.parent)
-        except ValueError as error:
-            raise UserError(f"{path}: {error}") from None
-        data = {**data, "foam": {**foam, "curve": curve}}
-    return _checked(data, str(path))
-
-
-def _checked(data: dict[str, Any], source: str) -> FoamFile:
-    try:
-        return FoamFile.model_validate(data)
-    except ValidationError as error:
-        listed = "\n".join(f"  {line}" for line in explain(error, FoamFile).splitlines())
-        raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
-
-
-def _rigid_pu(name: str, density: float, asked: str) -> FoamFile:
-    """Rigid polyurethane of a density [kg/m3]: the plateau is scaled, the rest assumed."""
-    if not SCALED[0] <= density <= SCALED[1]:
-        raise UserError(
-            f"{asked}{shown(name)}: the plateau is scaled for densities from {SCALED[0]} to "
-            f"{SCALED[1]} kg/m3 only; use a test of a foam of that density (foam.curve)"
-        )
-    plateau = 0.3 * CELL_WALLS * (density / SOLID) ** 1.5
-    paper = Foam()
-    young = plateau / -paper.yield_strain
-    shear = paper.shear_modulus / paper.youngs_modulus * young
-    missed = (
-        "that of the paper's foam, {}: the scaling does not reproduce it for that foam ({}), so "
-        "it is not used here"
-    )
-    why = {
-        "youngs_modulus": "plateau over the paper's yield strain of 0.05: the scaling for open "
-        "cells does not reproduce the paper's modulus (0.73 against 2.78 MPa), so it is not "
-        "used here",
-        "shear_modulus": "the same fraction of Young's modulus as in the paper's foam, 0.30",
-        "densification_strain": missed.format("-0.80", "-0.97"),
-        **dict.fromkeys(
-            ("yield_strain", "tensile_strain", "shear_strain", "locking_strain",
-             "densification_a", "densification_b", "crushed_tensile_fraction"),
-            "that of the paper's foam",
-        ),
-    }  # fmt: skip
-    return FoamFile(
-        title=f"Rigid polyurethane foam of {density:g} kg/m3, scaled",
-        source="plateau 0.3 x 127 MPa x (density / 1200 kg/m3)^1.5 (Gibson & Ashby 1997): 0.119 "
-        "MPa at 25.6 kg/m3, where 0.12 MPa was measured (Shim, Tu & Lim 2000)",
-        licence="formula and figures as published",
-        density=density,
-        measured=(f"nothing at this density; plateau of {plateau / 1e3:.1f} kPa by the scaling",),
-        assumed=tuple(Assumed(key=f"foam.{key}", why=words) for key, words in why.items()),
-        foam=Foam(
-            youngs_modulus=young,
-            shear_modulus=shear,
-            **{key: getattr(paper, key) for key in why if not key.endswith("modulus")},
-        ),
     )
 
 

@@ -217,7 +217,10 @@ def read_test(path: Path, columns: Columns | None = None, finest: int = FINEST) 
         curve = Curve(strain=tuple(thinned[0].tolist()), stress=tuple(thinned[1].tolist()))
     except ValidationError as error:
         told = str(error.errors()[0].get("ctx", {}).get("error", error))
-        raise UserError(f"{path}: {told.removeprefix('foam.curve').lstrip(':. ')}") from None
+        told = told.removeprefix("foam.curve").lstrip(":. ")
+        if heads is None:
+            told += "; a first line such as strain [%],stress [kPa] names other units"
+        raise UserError(f"{path}: {told}") from None
     skipped = len(rows.above) - lines_of_header
     return CompressionTest(strain, stress, loading, branches, found, rows.encoding, skipped, curve)
 
@@ -243,7 +246,7 @@ def _column(
         raise UserError(
             f"{path}: column {divided[0] + 1} ({shown(heads[divided[0]])}) holds "
             f"{side.divided.name}; {key} also needs the specimen's {side.size} [{side.unit}]: give "
-            f"--{side.size}, or foam.curve.{side.size} in a scene"
+            f"--{side.size} to `foam import`, or foam.curve.{side.size} in a scene"
         )
     at = _place(path, heads, key, kind, given)
     head = None if heads is None else heads[at]

@@ -120,8 +120,8 @@ def _place(listed: Any, number: int, key: str) -> Any:
         )
     if number >= len(listed):
         raise UserError(
-            f"{key_shown(key)}: beyond the end of the list, which has {len(listed)} entries, "
-            "counted from [0]; give the whole list to make it longer"
+            f"{key_shown(key)}: beyond the end of the list (length {len(listed)}, counted from "
+            "[0]); give the whole list to make it longer"
         )
     return listed[number]
 

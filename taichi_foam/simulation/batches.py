@@ -66,6 +66,9 @@ ENDINGS = {
 LEAVING = (AT_END_TIME, AT_REBOUND)
 """Those of them that leave a block for the next impact."""
 
+Afters = Sequence[After | None]
+"""For each scene, by its index, the block that it starts on; None: a fresh one. Empty: all are."""
+
 
 @dataclass
 class Wall:
@@ -215,12 +218,11 @@ class Slots:
     """
 
     def __init__(
-        self, lattice: Lattice, wall: Wall, kept: Checkpoints | None, after: After | None
+        self, lattice: Lattice, wall: Wall, kept: Checkpoints | None, after: Afters
     ) -> None:
         """The engine's work is added to `wall`.
 
-        Runs continue from the checkpoints in `kept` and write new ones. If `after` is given, all
-        start on the block that it describes.
+        Runs continue from the checkpoints in `kept` and write new ones.
         """
         self._lattice = lattice
         self._wall = wall
@@ -253,7 +255,8 @@ class Slots:
 
     def _loaded(self, b: int, index: int, scene: Scene) -> Run:
         """The run of a scene in slot `b`: from its checkpoint, if it has one, or from its start."""
-        lattice, wall, kept, after = self._lattice, self._wall, self._kept, self._after
+        lattice, wall, kept = self._lattice, self._wall, self._kept
+        after = self._after[index] if self._after else None
         stored = kept and kept.stored(index, scene, _arch(), after)
         if stored is not None:
             transfer.load(lattice, b, scene, stored.state)
@@ -357,7 +360,7 @@ def borrowed_slots(
     scene: Scene,
     wall: Wall,
     checkpoints: Checkpoints | None = None,
-    after: After | None = None,
+    after: Afters = (),
 ) -> Iterator[Slots]:
     """`batch` slots for scenes like `scene`, on a lattice that is returned empty.
 
@@ -376,13 +379,12 @@ def advance_all(
     scenes: Sequence[Scene],
     wall: Wall,
     checkpoints: Checkpoints | None = None,
-    after: After | None = None,
+    after: Afters = (),
 ) -> Iterator[list[Run]]:
     """Advance scenes call by call; yields the runs on the device after each call.
 
     A run is last yielded with the status that ended it. With `checkpoints`, runs continue from
-    existing ones, and write new ones at intervals, on interruption and at the end. If `after` is
-    given, all start on the block that it describes.
+    existing ones, and write new ones at intervals, on interruption and at the end.
 
     Raises UserError: a checkpoint cannot be continued.
     """
@@ -390,7 +392,7 @@ def advance_all(
     groups: dict[tuple[int, int, Features], list[int]] = {}
     for index, scene in enumerate(scenes):
         if checkpoints is not None and checkpoints.has_ended(index):
-            stored = checkpoints.stored(index, scene, _arch(), after)
+            stored = checkpoints.stored(index, scene, _arch(), after[index] if after else None)
             assert stored is not None
             yield [Run.stored(stored, index, wall, batch=1)]
             continue

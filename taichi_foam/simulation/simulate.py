@@ -28,7 +28,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.after import After
-from taichi_foam.simulation.batches import Run, Wall
+from taichi_foam.simulation.batches import Afters, Run, Wall
 from taichi_foam.simulation.checkpoint import Checkpoint, Checkpoints, work_in
 
 
@@ -82,6 +82,7 @@ def simulate_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,
     *,
+    after: Sequence[Result | str | Path | After | None] = (),
     checkpoint: str | Path | Claim | None = None,
     every: float | None = None,
     arch: str | None = None,
@@ -99,6 +100,8 @@ def simulate_many(
     Args:
         scenes: what to run.
         on_progress: called after each call of the engine.
+        after: for each scene the earlier run that left its block, as in `run`, or None for a fresh
+            one; empty: all are fresh.
         checkpoint: folder for checkpoints, or a claim that is already held on one. Runs continue
             from the checkpoints in it; runs that have ended are yielded, not computed again.
         every, arch, threads: as `run`.
@@ -107,11 +110,14 @@ def simulate_many(
         UserError: as `run`.
     """
     init(arch, threads)
+    if after and len(after) != len(scenes):
+        raise UserError(f"after: {len(after)} earlier runs for {len(scenes)} scenes; give one each")
+    afters = [_after(scene, before) for scene, before in zip(scenes, after, strict=False)]
     if checkpoint is None:
         _check_memory(scenes[:1])  # the caller decides how many are held at a time
-    with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+    with _claimed(checkpoint, lambda: _requests_of(scenes, afters)) as claim:
         kept = _numbered(claim, len(scenes), every)
-        for _, ended in _advanced(scenes, Wall(), on_progress, kept):
+        for _, ended in _advanced(scenes, Wall(), on_progress, kept, afters):
             yield from ended.items()
 
 
@@ -150,11 +156,10 @@ def run(
         UserError: as `init`, a checkpoint cannot be continued, or the run cannot follow `after`.
         RunError: as `simulate`; its `results` hold what came before.
     """
-    if after is not None and not isinstance(after, After):
-        after = After.of(scene, after)
-    with _claimed(checkpoint, lambda: request_of(scene, after and after.told)) as claim:
+    begun = _after(scene, after)
+    with _claimed(checkpoint, lambda: request_of(scene, begun and begun.told)) as claim:
         kept = None if claim is None else Checkpoints([claim.work], every)
-        return _run_one(scene, on_progress, kept, arch, threads, after)
+        return _run_one(scene, on_progress, kept, arch, threads, begun)
 
 
 def run_drops(
@@ -302,11 +307,18 @@ def _claimed(
         yield claim
 
 
-def _requests_of(scenes: Sequence[Scene]) -> dict[str, Any]:
+def _after(scene: Scene, before: Result | str | Path | After | None) -> After | None:
+    """A run of `scene` on the block that an earlier run left; None: on a fresh one."""
+    return before if before is None or isinstance(before, After) else After.of(scene, before)
+
+
+def _requests_of(scenes: Sequence[Scene], afters: Afters = ()) -> dict[str, Any]:
     """The request that identifies many scenes when a folder is claimed for their checkpoints."""
     digest = hashlib.sha256()
     for scene in scenes:
         digest.update(scene_to_toml(scene).encode())
+    for after in afters:
+        digest.update(repr(after and sorted(after.told.items())).encode())
     return {"scenes": len(scenes), "scenes_sha256": digest.hexdigest()}
 
 
@@ -327,7 +339,7 @@ def _run_one(
 ) -> Result:
     """The result of one scene; an interrupted one after Ctrl-C."""
     try:
-        return _run_all([scene], on_progress, checkpoints, arch, threads, after)[0]
+        return _run_all([scene], on_progress, checkpoints, arch, threads, [after])[0]
     except Interrupted as interrupted:
         return interrupted.results[0]
 
@@ -338,7 +350,7 @@ def _run_all(
     checkpoints: Checkpoints | None,
     arch: str | None,
     threads: int | None,
-    after: After | None = None,
+    after: Afters = (),
 ) -> list[Result]:
     """All results in order. On Ctrl-C raises Interrupted if there are any results."""
     init(arch, threads)
@@ -370,7 +382,7 @@ def _advanced(
     wall: Wall,
     on_progress: ProgressCallback | None,
     checkpoints: Checkpoints | None,
-    after: After | None = None,
+    after: Afters = (),
 ) -> Iterator[tuple[list[Run], dict[int, Result]]]:
     """Yield, after each call of the engine, the runs on the device and the results of ended runs.
 

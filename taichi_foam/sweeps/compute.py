@@ -22,7 +22,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from multiprocessing import resource_tracker
@@ -36,6 +36,8 @@ from taichi_foam.results.folders import UNFINISHED, is_disk_error
 from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.after import After
+from taichi_foam.simulation.simulate import drop_name
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.dealing import Dealer, Solve
 from taichi_foam.sweeps.sampling import Member
@@ -74,16 +76,17 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         except UserError as error:
             rows[number] = table.row_without_scene(sweep.design, number, str(error))
     kept = sweep.plan.keep
-    histories: dict[int, Record] = {}
+    histories: dict[int, list[Record]] = {}
     seconds = 0.0
-    for place, result in solve([member.scene for member in members]):
-        if result.ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
+    for place, drop, result in _drops(solve, members, sweep.plan.impacts, rows):
         begun = time.perf_counter()
         member = members[place]
-        rows[member.number] = table.row(member, result)
+        if drop == 1:
+            rows[member.number] = table.row(member, result)
+        else:
+            table.add_drop(rows[member.number], drop, result)
         if kept.histories != "none":
-            histories[member.number] = result
+            histories.setdefault(member.number, []).append(result)
         if kept.full == "all" or member.number in kept.full:
             _save(sweep, member.number, result)
         # without the time to compile its kernels
@@ -95,6 +98,33 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         table.write_histories(sweep.history_file(chunk), histories, kept.histories)
     table.write_rows(sweep.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
     sweep.lost_file(chunk).unlink(missing_ok=True)
+
+
+def _drops(
+    solve: Solve, members: Sequence[Member], impacts: int, rows: Mapping[int, dict[str, Any]]
+) -> Iterator[tuple[int, int, Result]]:
+    """Compute impact after impact on the blocks of members, each time all of them side by side.
+
+    Yields the place of the member, the number of the impact from 1, and its result. A member ends
+    early if an impact leaves no block for the next one; its row then says why.
+    """
+    going: dict[int, After | None] = dict.fromkeys(range(len(members)))
+    for drop in range(1, impacts + 1):
+        places, afters = list(going), list(going.values())
+        going = {}
+        more: dict[str, Any] = {} if drop == 1 else {"after": afters}
+        for n, result in solve([members[place].scene for place in places], **more):
+            if result.ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            member = members[places[n]]
+            yield places[n], drop, result
+            if drop == impacts:
+                continue
+            try:
+                going[places[n]] = After.of(member.scene, result)
+            except UserError as error:
+                row = rows[member.number]
+                row["failure"] = row["failure"] or f"drop {drop + 1}: {error}"
 
 
 @functools.lru_cache(maxsize=1)
@@ -110,6 +140,8 @@ def _opened(folder: str, plan_hash: str) -> Sweep:
 def _save(sweep: Sweep, number: int, result: Result) -> None:
     """Save a whole result, unless a killed chunk has already saved the same one."""
     folder = sweep.run_folder(number)
+    if sweep.plan.impacts > 1:
+        folder /= drop_name(result.drop)
     if not (folder / MANIFEST).is_file() or (folder / UNFINISHED).exists():
         result.save(folder, overwrite=True)
 
@@ -152,8 +184,8 @@ def _compute_here(
 ) -> None:
     """Compute chunk after chunk in this thread."""
 
-    def told(scenes: Sequence[Scene]) -> Iterator[tuple[int, Result]]:
-        for place, result in solve(scenes):
+    def told(scenes: Sequence[Scene], **more: Any) -> Iterator[tuple[int, Result]]:
+        for place, result in solve(scenes, **more):
             yield place, result
             on_drops(1)
 
@@ -277,7 +309,7 @@ class _Computing:
             self._await(chunk, future)
             return
         if there:
-            self._on_drops(len(chunk))
+            self._on_drops(len(chunk) * self._sweep.plan.impacts)
             self._course.take(chunk)
         else:
             self._check_scheduler()

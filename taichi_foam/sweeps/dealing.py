@@ -25,8 +25,12 @@ from taichi_foam.sweeps.plan import Plan, work
 from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.store import MARK
 
-Solve = Callable[[Sequence[Scene]], Iterable[tuple[int, Result]]]
-"""Computes scenes, yielding each one's index and result as it ends."""
+Solve = Callable[..., Iterable[tuple[int, Result]]]
+"""Computes a sequence of scenes, yielding each one's index and result as it ends.
+
+For impacts on blocks that have been hit before, it is also given `after`, as `simulate_many` takes
+it.
+"""
 
 LIMIT_S = 30.0
 """Longest time that a chunk of several drops should take [s]; a kill loses no more per worker."""
@@ -114,7 +118,7 @@ class Dealer:
         total = 0.0
         for number in numbers:
             with contextlib.suppress(UserError):
-                total += work(self._design.member(number).scene)
+                total += work(self._design.member(number).scene) * self._design.plan.impacts
         return max(1.0, total / len(numbers))
 
 
@@ -134,12 +138,12 @@ def room(design: Design) -> Estimate:
     if plan.keep.histories != "none":
         width = 4 if plan.keep.histories == "float32" else 8
         rows = np.mean([s.numerics.latest_end / s.output.history_interval + 2 for s in some])
-        size += len(design) * rows * (8 + width * len(HISTORY_COLUMNS))
+        size += len(design) * plan.impacts * rows * (8 + width * len(HISTORY_COLUMNS))
     full = len(design) if plan.keep.full == "all" else len(plan.keep.full)
-    size += full * float(np.mean([storage_bytes(scene) for scene in some]))
+    size += full * plan.impacts * float(np.mean([storage_bytes(scene) for scene in some]))
     # upper estimate of the number of chunks: that on one core, if they never grow
     first = Dealer(design, [range(len(design))]).next() or range(1)
-    size += _ROW * len(design) + _SHARD * math.ceil(len(design) / len(first))
+    size += _ROW * len(design) * plan.impacts + _SHARD * math.ceil(len(design) / len(first))
     return Estimate(len(design), int(size))
 
 
@@ -160,7 +164,7 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
             paces.append((time.perf_counter() - begun) / work(scene))
             on_drop()
     mean = float(np.mean([work(scene) for scene in _some(design, _LOOKED_AT)]))
-    seconds = len(design) * mean * float(np.mean(paces))
+    seconds = len(design) * design.plan.impacts * mean * float(np.mean(paces))
     return Estimate(found.drops, found.bytes, seconds)
 
 

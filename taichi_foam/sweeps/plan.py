@@ -75,9 +75,6 @@ class Axis(Part):
         if self.values is not None:
             if self.low is not None or self.high is not None or self.count is not None:
                 raise ValueError(f"{self.key}: has both values and a range; give one or the other")
-            few = self.values if len(self.values) <= 1000 else ()
-            if (twice := _twice([repr(value) for value in few])) is not None:
-                raise ValueError(f"{self.key}: values contains {twice} twice; leave one out")
             return self
         if self.low is None or self.high is None:
             raise ValueError(
@@ -144,7 +141,16 @@ class Plan(Part):
     )
     axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
     sample: Sample | None = None
+    # None, not false: the hash of a plan without it stays
+    paired: Literal[True] | None = Field(
+        None,
+        description="listed values go together, the first of each axis, the second of each, ..., "
+        "instead of in every combination",
+    )
     repeats: Repeats = Repeats()
+    drops: int | None = Field(
+        None, ge=1, le=100, description="impacts in a row on each block; none: one"
+    )
     keep: Keep = Keep()
     chunk: int | None = Field(
         None, ge=1, le=10_000, description="largest number of drops in one task"
@@ -157,11 +163,18 @@ class Plan(Part):
         keys = [axis.key for axis in self.axes]
         if (twice := _twice(keys)) is not None:
             raise ValueError(f"axes: {twice} has two axes; give each key only one")
+        if not self.paired:
+            for axis in self.axes:
+                few = [repr(value) for value in (axis.values or ())[:1001]]
+                if len(few) <= 1000 and (twice := _twice(few)) is not None:
+                    raise ValueError(f"{axis.key}: values contains {twice} twice; leave one out")
         ranges = [axis for axis in self.axes if axis.is_range]
         if self.sample is not None and not ranges:
             raise ValueError(
                 "sample: no axis has a range to draw from; give one of them from and to"
             )
+        if self.paired and (ranges or len({len(axis.values or ()) for axis in self.axes}) > 1):
+            raise ValueError("paired: needs axes that all list equally many values")
         for axis in ranges:
             if self.sample is None and axis.count is None:
                 raise ValueError(
@@ -191,7 +204,13 @@ class Plan(Part):
         sizes = [
             len(axis.values) if axis.values is not None else axis.count or 1 for axis in self.axes
         ]
+        sizes = sizes[:1] if self.paired else sizes
         return math.prod(sizes) * (self.sample.count if self.sample else 1) * self.repeats.count
+
+    @property
+    def impacts(self) -> int:
+        """Number of impacts on each block."""
+        return self.drops or 1
 
     @property
     def notes(self) -> list[str]:

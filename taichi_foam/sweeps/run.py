@@ -79,8 +79,9 @@ def sweep(
         pending = sum(map(len, found.missing()))
         try:
             if pending:
-                what = f"{pending:,} of {len(found.design):,} drops"
-                with bars.counting("computing", what, pending, "drops") as advance:
+                impacts = checked.impacts
+                what = f"{impacts * pending:,} of {impacts * len(found.design):,} drops"
+                with bars.counting("computing", what, impacts * pending, "drops") as advance:
                     compute(
                         found, solve, advance,
                         side_by_side=side_by_side, workers=workers, scheduler=scheduler,

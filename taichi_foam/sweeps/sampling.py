@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,9 @@ class Design:
             for axis in plan.axes
             if not axis.is_range
         ]
+        if plan.paired:
+            rows = zip(*(points for _, points in levels), strict=True)
+            levels = [([axis.key for axis in plan.axes], [[*chain(*row)] for row in rows])]
         if plan.sample is None:
             levels += [([a.key], _grid(a, a.key in whole)) for a in ranges]
         else:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 MACHINE = ("wall_s", "node_stages_per_s")
 """Columns on computing speed: all others are the same on any machine."""
 
+DROP = "drop"
+"""Column of histories: the number of the impact on the block, if there are several."""
+
 PARQUET, CSV = "results.parquet", "results.csv"
 """The whole table, in the folder of the sweep."""
 
@@ -60,6 +63,26 @@ def row(member: Member, result: Result) -> dict[str, Any]:
     }
 
 
+def add_drop(row: dict[str, Any], drop: int, result: Result) -> None:
+    """Add the measures of a later impact on the same block, as `drop_2_...`, to a member's row."""
+    ending = result.ending
+    if ending and ending.failed:
+        row["failure"] = row["failure"] or f"drop {drop}: {ending.meaning}; {ending.remedy}"
+    try:
+        measures = result.summary
+    except Exception as error:
+        row["failure"] = row["failure"] or f"drop {drop}: {type(error).__name__}: {error}"
+        return
+    left_out = (*_LEFT_OUT, *MACHINE, "drop", "assumed")
+    more = {key: _cell(value) for key, value in measures.items() if key not in left_out}
+    row.update({drop_column(key, drop): value for key, value in more.items()})
+
+
+def drop_column(measure: str, drop: int) -> str:
+    """The column of a measure in the impact of that number, from 1, on a block."""
+    return measure if drop == 1 else f"drop_{drop}_{measure}"
+
+
 def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any]:
     """The row of a drop whose values make an invalid scene, or that was lost."""
     return {
@@ -84,20 +107,27 @@ def seconds_of(path: Path) -> float:
     return float(pq.read_schema(path).metadata[_SECONDS])
 
 
-def write_histories(path: Path, records: Mapping[int, Record], kind: str) -> None:
-    """Write histories as one Parquet file: a column `member`, then those of history.csv.
+def write_histories(path: Path, records: Mapping[int, Sequence[Record]], kind: str) -> None:
+    """Write histories as one Parquet file: `member`, `drop` if there are several, then as in
+    history.csv.
 
-    `kind` is the type of all numbers except the member's: float32 or float64.
+    `records` are those of each member, one for each impact on its block. `kind` is the type of all
+    other numbers: float32 or float64.
     """
     import numpy as np
     import pyarrow as pa
 
     parts = []
-    for number in sorted(records):
-        history = records[number].history
-        columns = {name: np.asarray(history[name], dtype=kind) for name in history}
-        length = len(next(iter(columns.values())))
-        parts.append(pa.table({"member": np.full(length, number), **columns}))
+    several = any(len(each) > 1 for each in records.values())
+    for number, impacts in sorted(records.items()):
+        for drop, record in enumerate(impacts, 1):
+            history = record.history
+            columns = {name: np.asarray(history[name], dtype=kind) for name in history}
+            length = len(next(iter(columns.values())))
+            head = {MEMBER: np.full(length, number)}
+            if several:
+                head[DROP] = np.full(length, drop)
+            parts.append(pa.table({**head, **columns}))
     _write(path, pa.concat_tables(parts) if parts else pa.table({"member": pa.array([], "int64")}))
 
 

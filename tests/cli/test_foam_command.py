@@ -19,7 +19,8 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.fit import crushable_fit
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.picture.figures import compression_test
-from taichi_foam.scene.library import packaged, read_foam
+from taichi_foam.scene.foam_file import read_foam
+from taichi_foam.scene.library import listed
 from taichi_foam.scene.measured import read_curve
 
 STRAIN = np.round(np.arange(0.0, 0.881, 0.02), 3)
@@ -49,10 +50,11 @@ def test_file(tmp_path: Path) -> Path:
 def test_list_has_every_foam(invoke: Callable) -> None:
     done = invoke("foam", "list")
     assert (done.exit_code, done.stderr) == (0, "")
-    for name in packaged():
+    for name in listed():
         assert any(line.startswith(f"{name} ") for line in done.stdout.splitlines())
     assert "117 kPa" in done.stdout
     assert "rigid-pu-NN: rigid polyurethane of NN kg/m3, 20 to 100" in done.stdout
+    assert "eps-NN: expanded polystyrene of NN kg/m3, 14.4 to 38.4" in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
@@ -68,6 +70,17 @@ def test_show_says_all_that_the_file_says(invoke: Callable) -> None:
     ):  # fmt: skip
         assert fragment in words, fragment
     assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_show_tells_what_is_derived_from_what_is_assumed(invoke: Callable) -> None:
+    words = " ".join(invoke("foam", "show", "eps-20").stdout.split())
+    for fragment in (
+        "ASTM D6817", "least resistance, which most foam exceeds: 44.9 kPa at 1 %",
+        "youngs_modulus 4.4922e6 Pa derived", "curve 165 points assumed",
+        "foam.tensile_strain 0.02995 typical tension of its density, 135 kPa",
+        "foam.locking_strain -0.97333 1 - 1.4 times the relative density",
+    ):  # fmt: skip
+        assert fragment in words, fragment
 
 
 def test_show_of_a_scaled_foam_and_of_none(invoke: Callable) -> None:
@@ -91,7 +104,7 @@ def test_import_writes_a_foam_and_a_picture(
     file = read_foam(tmp_path / "pu.toml")
     assert (file.title, file.source, file.licence) == ("PU [30]", "A. Tester", "CC0")
     assert (file.density, file.rate, file.direction) == (30.0, 0.001, "rise")
-    assert file.measured == ("stress to 0.88 of strain, 45 points",)
+    assert file.measured == ("stress up to a strain of 0.88, 45 points",)
     assert {each.key: each.why for each in file.assumed} == {
         f"foam.{key}": why for key, why in TabulatedFoam.unless_given.items()
     }
@@ -137,7 +150,7 @@ def test_noise_is_smoothed_and_said(invoke: Callable, tmp_path: Path) -> None:
     assert "thinned to" in done.stdout
     assert "fewer --points" in done.stderr
     measured = read_foam(tmp_path / "noisy.toml").measured
-    assert measured[0] == "stress to 0.85 of strain, 600 points"
+    assert measured[0] == "stress up to a strain of 0.85, 600 points"
     assert "smoothed by at most" in measured[-1]
     again = invoke(
         "foam", "import", "noisy.csv", "--density", "30", "--points", "60", "--overwrite"

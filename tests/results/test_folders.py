@@ -110,7 +110,10 @@ def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
 
 
 def test_a_folder_with_content_is_refused(old: Path) -> None:
-    with pytest.raises(UserError, match=r"not empty.*overwrite=True"), output_folder(old):
+    with (
+        pytest.raises(UserError, match=r"already holds a result.*overwrite=True"),
+        output_folder(old),
+    ):
         pytest.fail("the block must not run")
     assert contents(old) == {"summary.json": "precious"}
 

@@ -1,15 +1,20 @@
 """Foams by name and in files: the library, its scaling, and what it refuses."""
 
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from taichi_foam.analysis.measures import assumed_of
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Foam, Numerics, Scene
 from taichi_foam.scene.assumed import PAPERS_FOAM
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
-from taichi_foam.scene.library import foam_of, names, read_foam
+from taichi_foam.scene.foam_file import FoamFile, checked, read_foam
+from taichi_foam.scene.library import foam_of, listed, names
+from taichi_foam.scene.toml import parsed
 
 AT_REST = {"numerics": {"end": 0.01}}
 
@@ -34,6 +39,85 @@ def test_the_scaled_plateau_is_the_measured_one_at_the_papers_density() -> None:
     assert plateaus["51.2"] == pytest.approx(2**1.5 * plateaus["25.6"])
 
 
+def test_polystyrene_has_the_minima_of_its_standard() -> None:
+    """ASTM D6817, Table 1: type, least density, kPa at 1, 5 and 10 % of strain."""
+    table = {
+        "EPS15": (14.4, 25, 55, 70),
+        "EPS19": (18.4, 40, 90, 110),
+        "EPS22": (21.6, 50, 115, 135),
+        "EPS29": (28.8, 75, 170, 200),
+        "EPS39": (38.4, 103, 241, 276),
+    }
+    for kind, (density, *stresses) in table.items():
+        file = foam_of(f"eps-{density}")
+        assert f"eps-{density}" in listed()
+        assert file.title.endswith(kind)
+        assert file.density == density
+        curve = file.foam.curve
+        assert curve.stress_at(np.array([0.01, 0.05, 0.1])) / 1e3 == pytest.approx(stresses)
+        assert curve.smoothing == 0.0
+
+
+def test_polystyrene_is_a_power_of_the_density_between_two_types() -> None:
+    """Halfway in logarithms each value is the geometric mean of its neighbours."""
+    middle = foam_of(f"eps-{math.sqrt(18.4 * 21.6):.12f}").foam
+    stresses = [math.sqrt(a * b) for a, b in ((40, 50), (90, 115), (110, 135))]
+    assert middle.curve.stress_at(np.array([0.01, 0.05, 0.1])) / 1e3 == pytest.approx(stresses)
+    tension = middle.tensile_strain * middle.youngs_modulus
+    assert tension == pytest.approx(math.sqrt(19 * 20) * 6894.757)
+
+
+def test_polystyrene_goes_on_by_gas_and_walls() -> None:
+    """Gibson & Ashby 1997 and Maiti, Gibson & Ashby 1984, as its file says."""
+    density = 0.05 / 1.4 * 1050.0  # locks at 95 %
+    curve = foam_of(f"eps-{density}").foam.curve
+    gas = {e: 101_325.0 * e / (1.0 - e - density / 1050.0) for e in (0.1, 0.5, 0.85)}
+    walls = float(curve.stress_at(np.array(0.1))) - gas[0.1]
+    on_plateau, dense = curve.stress_at(np.array([0.5, 0.85]))
+    assert on_plateau == pytest.approx(walls + gas[0.5], rel=1e-5)
+    assert dense == pytest.approx(walls * 0.95 / (2.3 * 0.1) + gas[0.85], rel=1e-5)
+
+
+def test_what_a_scene_of_polystyrene_assumes_is_said() -> None:
+    scene = Scene.checked({"foam": "eps-20", **AT_REST}, "scene")
+    assert scene.block.density == 20.0
+    why = {each.key: each.why for each in scene.assumed or ()}
+    assert "10 % of strain" in why["foam.curve"]
+    assert "second drop" in why["foam.law"]
+    assert "foam.tensile_strain" not in why  # of published values
+    assert "foam.curve = 165 points: up to 10 %" in "\n".join(assumed_of(scene))
+    assert "foam.tensile_strain" in {each.key for each in foam_of("eps-35").assumed}
+    assert scene_from_text(scene_to_toml(scene), "copy") == scene
+    other = scene.with_values({"foam.curve": {"strain": [0.0, 0.02, 0.8], "stress": [0, 2e5, 4e5]}})
+    half = scene.with_values({"foam.curve.stress": [0.5 * s for s in scene.foam.curve.stress]})
+    crushable = scene.with_values({"foam.law": "crushable"})
+    for changed in (other, half, crushable):
+        assert "foam.curve" not in {each.key for each in changed.assumed or ()}
+
+
+def test_a_foam_that_springs_back_is_known_for_its_first_drop() -> None:
+    file = foam_of("plastazote-ld33")
+    stresses = file.foam.curve.stress_at(np.array([0.25, 0.4, 0.5, 0.6])) / 1e3
+    assert stresses == pytest.approx([40, 75, 115, 175])
+    assert file.foam.tensile_strain * file.foam.youngs_modulus == pytest.approx(455e3, rel=1e-3)
+    assert "only its first drop" in next(a.why for a in file.assumed if a.key == "foam.law")
+    assert Scene.checked({"foam": "plastazote-ld33", **AT_REST}, "scene").block.density == 33.0
+
+
+@pytest.mark.parametrize("name", [*listed(), "eps-20", "rigid-pu-40"])
+def test_no_constant_of_the_library_is_without_an_origin(name: str) -> None:
+    file = foam_of(name)
+    assert file.measured
+    keys = [each.key for each in (*file.derived, *file.assumed)]
+    assert len(set(keys)) == len(keys)
+    assert {key.removeprefix("foam.") for key in keys} <= type(file.foam).model_fields.keys()
+    assert read_back(file) == file
+
+
+def read_back(file: FoamFile) -> FoamFile:
+    return checked(parsed(file.to_toml(), "copy"), "copy")
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [
@@ -41,6 +125,9 @@ def test_the_scaled_plateau_is_the_measured_one_at_the_papers_density() -> None:
         ("epe-30", "springs back by the gas"),
         ("EVA", "springs back by the gas"),
         ("rigid-pu-300", "densities from 20 to 100"),
+        ("eps-12", "densities from 14.4 to 38.4 kg/m3 only"),
+        ("eps-38.5", "densities from 14.4 to 38.4 kg/m3 only"),
+        ("EPS20", "not in the library; did you mean eps-14.4 to eps-38.4?"),
         ("../block", "not in the library"),
         ("none.toml", "cannot be read"),
     ],

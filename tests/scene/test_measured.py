@@ -215,8 +215,8 @@ def test_strain_beside_force(csv) -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({}, "strain also needs the specimen's height [m]: give --height, or foam.curve"),
-        ({"height": 0.05}, "stress needs the specimen's area [m2] too: give --area"),
+        ({}, "strain also needs the specimen's height [m]: give --height to `foam import`"),
+        ({"height": 0.05}, "stress also needs the specimen's area [m2]: give --area"),
         ({"height": 50.0, "area": 1e-3}, "height = 50.0: must be a number from 0.0001 to 5 m"),
         ({"height": 0.05, "area": 2500}, "area = 2500: must be a number from 1e-06 to 25 m2"),
         ({"height": "5 cm", "area": 1e-3}, "height = '5 cm': must be a number"),

@@ -241,7 +241,7 @@ RIB = [(-0.05, 0), (0.05, 0), (0.05, 0.02), (0.0005, 0.02), (0.0005, 0.05), (-0.
         ({"outline": 3}, "block.outline = 3: must be a list of 3 to 2,000 corners"),
         ({"outline": [[0, "a"]]}, "must be"),
         ({"outline": [[0, 0, 0]]}, "must be"),
-        ({"outline": PAD, "holes": [circle(0.05, 0.025, 0.01)]}, "holes[0]: not inside"),
+        ({"outline": PAD, "holes": [circle(0.05, 0.025, 0.01)]}, "holes[0]: is not inside"),
         ({"holes": [circle(0.0, 0.025, 0.025)]}, "block.holes[0]: is not inside the outline"),
         ({"holes": [HOLE, circle(0.01, 0.025, 0.008)]}, "block.holes[1]: crosses or touches"),
         ({"holes": [HOLE, circle(0.0, 0.025, 0.004)]}, "block.holes[1]: crosses or touches"),

@@ -31,9 +31,9 @@ def design_of(*axes: dict, **more: object) -> Design:
         ({"axes": []}, "none given"),
         ({"axes": [VELOCITY]}, "impactor.velocity: has no count"),
         ({"axes": [axis(low=4.0, high=2.0)]}, "from = 4 is not below to = 2"),
-        ({"axes": [{**axis(low=-1.0), "spacing": "log"}]}, "must be above 0"),
+        ({"axes": [{**axis(low=-1.0), "spacing": "log"}]}, "must start above 0"),
         ({"axes": [axis(count=1)]}, "must be at least 2, the ends of the range"),
-        ({"axes": [{"key": "impactor.mass", "values": [3, 3]}]}, "holds 3 twice"),
+        ({"axes": [{"key": "impactor.mass", "values": [3, 3]}]}, "contains 3 twice"),
         ({"axes": [{**MASS, "count": 3}]}, "has both values and a range"),
         ({"axes": [{**axis(), "spacing": "even"}]}, "axes[0].spacing = 'even': must be"),
         ({"axes": [axis(count=4000), axis("impactor.mass", 1, 9, 4000)]}, "at most 10,000,000"),
@@ -47,6 +47,7 @@ def design_of(*axes: dict, **more: object) -> Design:
             "no axis has a range to draw from",
         ),
         ({"axes": [axis(count=float("nan"))]}, "axes[0].count = nan"),
+        ({"paired": True}, "needs axes that all list equally many values"),
         ({"scene": 3}, "scene"),
     ],
 )
@@ -66,7 +67,7 @@ def test_what_makes_no_plan_is_refused_by_name(change: dict, says: str) -> None:
             [axis("model.damping", 1, 2)],
             "a range needs numbers, but the value in the scene is 'stiffness'",
         ),
-        ([axis("block.rows", 10, 12, 9)], "10 to 12 has not 9 of them"),
+        ([axis("block.rows", 10, 12, 9)], "fewer than 9 of them from 10 to 12"),
     ],
 )
 def test_values_that_make_no_scene_are_refused(axes: list, says: str) -> None:
@@ -213,3 +214,14 @@ def test_files_that_a_plans_own_scene_names_lie_beside_the_plan(
     (tmp_path / "plans" / "test.csv").unlink()
     with pytest.raises(UserError, match=r"foam.curve: plans/test.csv: cannot be read"):
         Plan.load("plans/plan.toml")
+
+
+def test_listed_values_can_go_together_instead_of_in_every_combination() -> None:
+    heights = {"key": "impactor.drop_height", "values": [0.3, 0.6, 0.9]}
+    masses = {"key": "impactor.mass", "values": [3, 6.0, 4.5]}
+    design = design_of(masses, heights, paired=True)
+    assert [tuple(design.axes(n)[0].values()) for n in range(len(design))] == [
+        (3.0, 0.3), (6.0, 0.6), (4.5, 0.9),
+    ]  # fmt: skip
+    with pytest.raises(UserError, match="equally many"):
+        design_of(MASS, heights, paired=True)

@@ -303,6 +303,6 @@ def test_seeds_that_will_change_nothing_are_said_before(tmp_path: Path) -> None:
         {"key": "foam.strength_scatter", "values": [0.0, 0.1]}, repeats={"count": 3, "vary": "seed"}
     )
     assert Plan.load(plan).notes == [
-        "repeats.vary = 'seed': where foam.strength_scatter = 0 all repeats are the same"
+        "repeats.vary = 'seed': where foam.strength_scatter = 0, all repeats are the same"
     ]
     assert Plan.load({**plan, "repeats": {"count": 3}}).notes == []

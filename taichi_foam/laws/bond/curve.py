@@ -186,6 +186,9 @@ class Curve(Part):
             )
         return None
 
+    def __str__(self) -> str:
+        return f"{len(self.strain):,} points"
+
     @property
     def points(self) -> tuple[Array, Array]:
         """Strains and stresses [Pa], compression positive."""

@@ -3,7 +3,7 @@ const $ = (id) => document.getElementById(id);
 export const dash = (value, digits, factor = 1) =>
   (value === null || value === undefined ? "–" : (factor * value).toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
 
-function row(head, ...cells) {
+export function row(head, ...cells) {
   const tr = document.createElement("tr"), th = document.createElement("th");
   th.scope = "row";
   th.textContent = head;

@@ -16,3 +16,26 @@ export function typed(text) {
   if (PLAIN.test(pointed)) return { value: Number(pointed) };
   return { problem: GROUPED.test(trimmed) ? "has thousands separators; leave them out" : "is not a number" };
 }
+
+export const DIGITS = 12; // of a number as it is shown and read: a factor's rounding is beyond them
+
+// What stands in a field: { value } in SI units, null for none, or { problem }, which says what may stand there.
+export function fitted(text, { open, min, max, optional, whole, factor, allowed }) {
+  const { value, problem } = typed(text);
+  const least = min ?? -Infinity, most = max ?? Infinity;
+  const fits = problem === undefined && (value === null ? optional
+    : Number.isFinite(value) && !(value < least || value > most || (open.includes("above") && value <= least) ||
+        (open.includes("below") && value >= most) || (whole && !Number.isInteger(value))));
+  if (!fits) {
+    const given = text.trim().slice(0, 30) || "nothing";
+    return { problem: `${given}${problem ? ` ${problem}` : ""}: must be ${allowed}${whole ? ", a whole number" : ""}` };
+  }
+  return { value: value === null || whole ? value : Number((value * factor).toPrecision(DIGITS)) };
+}
+
+// Say beside a field what is wrong with it; nothing if all is well.
+export function mark({ number, wrong }, words) {
+  number.setAttribute("aria-invalid", String(Boolean(words)));
+  wrong.textContent = words;
+  wrong.hidden = !words;
+}

@@ -1,0 +1,102 @@
+"""`taichi-foam efficiency`: how much energy foams absorb, and at what stress."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from taichi_foam.cli.foam import foams_begun
+from taichi_foam.cli.options import OverwriteFiles
+from taichi_foam.cli.outcome import command
+from taichi_foam.cli.replay import Job, deliver
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rich.table import Table
+
+    from taichi_foam.cushions.efficiency import Efficiency
+
+
+def efficiency_command(
+    foams: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOAM...",
+            help="Names in the library, foam files (.toml), compression tests (.csv).",
+            autocompletion=foams_begun,
+        ),
+    ],
+    units: Annotated[str, typer.Option(metavar="si|us", help="Units that are shown.")] = "si",
+    out: Annotated[
+        str | None,
+        typer.Option(
+            help="Folder for efficiency.csv, landmarks.csv, efficiency.html and the figure as PNG, "
+            "SVG and PDF; default: nothing is written."
+        ),
+    ] = None,
+    overwrite: OverwriteFiles = False,
+) -> None:
+    """Show where foams absorb energy best: efficiency, ideality, onset of densification."""
+    with command() as terminal:
+        from taichi_foam.cushions.display import units_of
+        from taichi_foam.cushions.efficiency import efficiency
+        from taichi_foam.cushions.efficiency_chart import EXPLAINED, choice, landmarks
+
+        system = units_of(units)
+        found = efficiency(*foams)
+        if out is not None:
+            deliver(_jobs(found, units), out, overwrite, terminal)
+        terminal.show(_table(*landmarks(found.foams, system)), EXPLAINED)
+        if len(foams) > 1:
+            terminal.show("", _table(*choice(found, system)))
+        terminal.warn(found.caveats, "note")
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """A table whose heads have their units on a second line."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for words in head:
+        above, _, unit = words.partition(" (")
+        justify = "left" if words == head[0] else "right"
+        table.add_column(f"{above}\n{unit.rstrip(')')}", justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _jobs(found: Efficiency, units: str) -> list[Job]:
+    """What is written: data, the figure, and the report."""
+
+    def data(folder: Path, on_piece: Callable[[], None]) -> None:
+        from taichi_foam.results.files import whole_file, write_csv
+
+        rows = found.table
+        landmarks = {key: [row[key] for row in rows] for key in rows[0]}
+        for name, columns in zip(_DATA, (found.curves, landmarks), strict=True):
+            with whole_file(folder / name) as partial:
+                write_csv(partial, columns)
+        on_piece()
+
+    def figure(folder: Path, on_piece: Callable[[], None]) -> None:
+        from taichi_foam.picture import style
+
+        drawn = found.plot(units)
+        for name in _FIGURES:
+            style.save(drawn, folder / name)
+        on_piece()
+
+    def report(folder: Path, on_piece: Callable[[], None]) -> None:
+        found.report(folder / _REPORT, units)
+        on_piece()
+
+    return [Job(_DATA, 1, data), Job(_FIGURES, 1, figure), Job((_REPORT,), 1, report)]
+
+
+_DATA = ("efficiency.csv", "landmarks.csv")
+_FIGURES = ("efficiency.png", "efficiency.svg", "efficiency.pdf")
+_REPORT = "efficiency.html"

@@ -1,0 +1,809 @@
+"""Cushion curves: peak deceleration over static stress, computed, beside the energy balance.
+
+    import taichi_foam as tf
+    found = tf.cushion_curve("scenes/own_foam.csv", thickness=[0.03, 0.05], drop_height=0.76)
+    found.report("own.html")
+
+A curve belongs to a shape, a thickness, a height of fall and a number of the drop on the same pad.
+It starts with a few static stresses; more are added where straight lines between its points, in the
+logarithms of both axes, would miss it. The drops are sweeps, wave after wave: what a killed or
+interrupted command has computed is used by the same command.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_foam.analysis.bands import band
+from taichi_foam.cushions.refine import next_points
+from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene
+from taichi_foam.cushions.shown import units as units_named
+from taichi_foam.errors import UserError
+from taichi_foam.formulas import energy
+from taichi_foam.formulas.traces import CHANNEL_CLASSES, channel, filtered
+from taichi_foam.interrupts import held_interrupts
+from taichi_foam.picture import style
+from taichi_foam.results.files import file_name, write_csv
+from taichi_foam.results.folders import claimed
+from taichi_foam.scene import Scene
+from taichi_foam.scene.paths import NOTHING, at
+from taichi_foam.simulation.progress import Bars
+from taichi_foam.sweeps import table as columns
+from taichi_foam.sweeps.run import sweep
+from taichi_foam.units import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from taichi_foam.sweeps.store import Sweep
+
+Array = NDArray[np.float64]
+
+MOST_DROPS, MOST_RUNS, MOST_POINTS = 5, 100, 100
+MOST_CURVES = 60
+
+THICKNESSES, HEIGHTS = (1e-3, 1.0), (1e-3, 20.0)
+"""Limits of thicknesses and of heights of fall [m]: beyond them a unit is probably mistaken."""
+
+_LIGHT = 1.0
+"""A static stress [Pa] that any foam carries, for scenes that are not computed."""
+
+FLAT = "flat"
+
+POINTS = 16
+"""Usual number of static stresses of a curve."""
+
+FIRST, LATER = 7, 3
+"""Static stresses of a curve in the first wave, and in each later one."""
+
+TOLERANCE = 0.01
+"""Part of the peak by which lines between points may miss the curve."""
+
+REFINED, HIGH = 2.0, 3.0
+"""A curve is refined up to the one, and its usual range ends at the other, times its least peak."""
+
+LOW = 6.0
+"""The usual range begins at the optimum of the energy balance over this."""
+
+WITHIN = 0.1
+"""The range around the minimum is where the peak is larger by at most this part."""
+
+_STRAINS = 4001
+
+# Keys of a scene in which the points of one shape may differ.
+_KEYS = (
+    "block.width", "block.height", "block.outline", "block.cell", "block.columns", "block.rows",
+    "impactor.width", "impactor.height", "impactor.x", "impactor.mass", "impactor.drop_height",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Pad:
+    """What a curve is of, apart from the number of the drop.
+
+    shape        "flat", "edge", "rib", or the name of an outline
+    thickness    m
+    drop_height  m
+    """
+
+    shape: str
+    thickness: float
+    drop_height: float
+
+
+@dataclass(frozen=True)
+class Drop:
+    """The figures of one computed drop.
+
+    static_stress  Pa, of the product
+    number         of the drop on the pad, from 1
+    velocity       of the impact [m/s]
+    peak           deceleration through the chart's filter [g]; None: no answer
+    strain         the largest of the pad; None: no answer
+    bottomed       whether the foam was used up; None: no answer
+    failure        why there is no answer, or what makes it doubtful
+    """
+
+    pad: Pad
+    static_stress: float
+    number: int
+    run: int
+    velocity: float
+    peak: float | None
+    strain: float | None
+    bottomed: bool | None
+    failure: str | None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Peaks over static stress of one pad, in the drop of one number.
+
+    Arrays are (n,), at rising static stresses.
+
+    static_stress      Pa
+    low, median, high  peak [g]: 5, 50 and 95 % of the runs; inf where they have no answer
+    strain             median of the largest strain; NaN: no answer
+    bottomed           the part of the runs in which the foam was used up
+    balance            peak by the energy balance [g], NaN where the foam cannot absorb the energy;
+                       None: it does not apply
+    """
+
+    pad: Pad
+    number: int
+    static_stress: Array
+    low: Array
+    median: Array
+    high: Array
+    strain: Array
+    bottomed: Array
+    balance: Array | None
+
+    @property
+    def least(self) -> int:
+        """Index of the point of the least median."""
+        return int(np.argmin(self.median))
+
+    @property
+    def is_bracketed(self) -> bool:
+        """Whether the minimum is between points, and not at an end of the range."""
+        return 0 < self.least < len(self.median) - 1
+
+    @cached_property
+    def good_range(self) -> tuple[float, float]:
+        """Static stresses [Pa] around the minimum in which the peak is larger by 10 % at most.
+
+        Lines between points in logarithms; the range ends where the points do.
+        """
+        x, y = np.log(self.static_stress), np.log(np.minimum(self.median, 1e300))
+        limit = y[self.least] + math.log(1.0 + WITHIN)
+
+        def end(order: range) -> float:
+            inside = self.least
+            for k in order:
+                if y[k] > limit:
+                    share = (limit - y[inside]) / (y[k] - y[inside])
+                    return float(np.exp(x[inside] + share * (x[k] - x[inside])))
+                inside = k
+            return float(self.static_stress[inside])
+
+        return end(range(self.least - 1, -1, -1)), end(range(self.least + 1, len(y)))
+
+    @property
+    def bottoms_from(self) -> float | None:
+        """The static stress [Pa] from which half of the runs use the foam up; None: nowhere."""
+        below = np.flatnonzero(self.bottomed < 0.5)
+        first = int(below[-1]) + 1 if below.size else 0
+        return float(self.static_stress[first]) if first < self.bottomed.size else None
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The energy balance of a pad.
+
+    static_stress  (n,) Pa, fine
+    g              (n,) peak [g]; NaN where the foam cannot absorb the energy
+    least          static stress [Pa] and peak [g] of its optimum
+    """
+
+    static_stress: Array
+    g: Array
+    least: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class CushionCurve:
+    """Cushion curves of a foam.
+
+    foam     what foam it is
+    filter   the filter of all peaks, "raw" or "CFC 180"
+    runs     drops that a point is the median of
+    drops    all computed drops
+    scene    that of the first drop: foam, and what is assumed of it
+    folder   where the drops and all files are; None: nothing was written
+    """
+
+    foam: str
+    filter: str
+    runs: int
+    drops: tuple[Drop, ...] = field(repr=False)
+    scene: Scene = field(repr=False)
+    folder: Path | None = None
+
+    @cached_property
+    def curves(self) -> list[Curve]:
+        """A curve for each pad and number of the drop."""
+        groups: dict[tuple[Pad, int], dict[float, list[Drop]]] = {}
+        for drop in self.drops:
+            points = groups.setdefault((drop.pad, drop.number), {})
+            points.setdefault(drop.static_stress, []).append(drop)
+        return [self._curve(pad, number, points) for (pad, number), points in groups.items()]
+
+    def _curve(self, pad: Pad, number: int, points: Mapping[float, list[Drop]]) -> Curve:
+        rising = sorted(points)
+        peaks = [band([drop.peak for drop in points[each]]) for each in rising]
+        low, median, high = np.array(peaks, dtype=np.float64).T
+        balance = None
+        if number == 1 and pad.shape == FLAT:
+            e, s = curve_of(self.scene)
+            balance = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, rising)
+        return Curve(
+            pad,
+            number,
+            np.array(rising),
+            low,
+            median,
+            high,
+            np.array([_median([drop.strain for drop in points[each]]) for each in rising]),
+            np.array([_share([drop.bottomed is not False for drop in points[s]]) for s in rising]),
+            balance,
+        )
+
+    def balance(self, pad: Pad) -> Balance | None:
+        """The energy balance of a flat pad's first drop, over the range of its curve; else None."""
+        if pad.shape != FLAT:
+            return None
+        statics = [drop.static_stress for drop in self.drops if drop.pad == pad]
+        e, s = curve_of(self.scene)
+        fine = np.geomspace(min(statics), max(statics), 400)
+        g = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, fine)
+        least, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
+        return Balance(fine, g, (least, stop.g))
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """A row for each point of each curve: SI units, unit in the name, None for no answer."""
+        return [
+            {
+                "shape": curve.pad.shape,
+                "thickness_m": curve.pad.thickness,
+                "drop_height_m": curve.pad.drop_height,
+                "drop": curve.number,
+                "static_stress_Pa": float(curve.static_stress[k]),
+                "runs": self.runs,
+                "filter": self.filter,
+                "peak_g": _finite(curve.median[k]),
+                "peak_low_g": _finite(curve.low[k]),
+                "peak_high_g": _finite(curve.high[k]),
+                "strain": _finite(curve.strain[k]),
+                "bottomed_share": float(curve.bottomed[k]),
+                "balance_g": None if curve.balance is None else _finite(curve.balance[k]),
+            }
+            for curve in self.curves
+            for k in range(len(curve.static_stress))
+        ]
+
+    @property
+    def minima(self) -> list[dict[str, Any]]:
+        """A row for each curve: its minimum, the range within 10 % of it, where it bottoms."""
+        found = []
+        for curve in self.curves:
+            low, high = curve.good_range
+            balance = self.balance(curve.pad) if curve.number == 1 else None
+            found.append(
+                {
+                    "shape": curve.pad.shape,
+                    "thickness_m": curve.pad.thickness,
+                    "drop_height_m": curve.pad.drop_height,
+                    "drop": curve.number,
+                    "least_peak_g": _finite(curve.median[curve.least]),
+                    "at_static_stress_Pa": float(curve.static_stress[curve.least]),
+                    "is_bracketed": curve.is_bracketed,
+                    "within_10_percent_from_Pa": low,
+                    "within_10_percent_to_Pa": high,
+                    "bottoms_from_Pa": curve.bottoms_from,
+                    "balance_least_peak_g": balance and balance.least[1],
+                    "balance_at_static_stress_Pa": balance and balance.least[0],
+                }
+            )
+        return found
+
+    @property
+    def conditions(self) -> list[str]:
+        """What the drops have in common, a sentence each."""
+        shapes = {drop.pad.shape for drop in self.drops}
+        count = max(drop.number for drop in self.drops)
+        found = [
+            "A rigid product falls straight down on rails and meets the pad with a level face; "
+            "nothing but the pad carries it. G is its deceleration; force over weight is G + 1.",
+            f"Peaks are {_through(self.filter)}.",
+        ]
+        if self.runs > 1:
+            found.append(
+                f"Each point is the median of {self.runs} runs with velocities of impact within "
+                "0.5 %; the band is from 5 to 95 % of them. It holds what the drop itself scatters "
+                "by, not the scatter of the foam."
+            )
+        if count > 1:
+            found.append(
+                f"Drops 1 to {count} are on the same pad, each from the full height above the foam "
+                "as the drop before has left it."
+            )
+        if FLAT in shapes:
+            found.append(
+                "Flat pads are crushed evenly, and are computed as a strip of their width. The "
+                "energy balance leaves out waves, the mass of the foam and its dashpots; it is for "
+                "the first drop."
+            )
+        if shapes != {FLAT}:
+            found.append(
+                "Other pads are computed in the plane, with cracks. Their static stress is the "
+                "weight over the area that the product rests on; the energy balance, which is for "
+                "even crushing, does not apply to them."
+            )
+        found.append("Bottoming is shaded: there half of the runs or more use the foam up.")
+        return found
+
+    def plot(self, units: str = "si") -> Figure:
+        """The chart. Raises UserError: `units` is not "si" or "us"."""
+        from taichi_foam.cushions.cushion_chart import chart
+
+        return chart(self, units)
+
+    def report(self, path: str | Path, units: str = "si") -> Path:
+        """Write a report as one HTML file, and return its path. Raises UserError."""
+        from taichi_foam.cushions.cushion_chart import report
+
+        return report(self, path, units)
+
+
+def cushion_curve(
+    foam: Any,
+    thickness: float | Sequence[float],
+    drop_height: float | Sequence[float],
+    static_stress: float | Sequence[float] | None = None,
+    *,
+    static_range: tuple[float, float] | None = None,
+    drops: int = 1,
+    shape: Any = "flat",
+    runs: int = 1,
+    channel_class: int | None = None,
+    points: int = POINTS,
+    width: float = SIDE,
+    depth: float = SIDE,
+    density: float | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    units: str = "si",
+    arch: str | None = None,
+    threads: int | None = None,
+    bars: Bars | None = None,
+) -> CushionCurve:
+    """Compute cushion curves: one for each shape, thickness, height of fall and number of the drop.
+
+    Args:
+        foam: as for `cushion_scene`: a name in the foam library, a foam file, a test (.csv), ...
+        thickness, drop_height: m; one or several.
+        static_stress: Pa; the curves have points there, and no others.
+        static_range: Pa; both ends of the curves, between which points are chosen. Without it and
+            without `static_stress`, the range follows from the energy balance: from a sixth of its
+            optimum, or less for shapes and later drops, to three times its least peak.
+        drops: number of drops on each pad, 1 to 5, one after the other.
+        shape: as for `cushion_scene`, or several names and files.
+        runs: number of runs of each point, 1 to 100, with velocities within 0.5 %.
+        channel_class: filter of the peaks, CFC 60, 180, 600 or 1000 (SAE J211); None: raw.
+        points: most static stresses of a curve, if they are chosen.
+        width, depth, density: as for `cushion_scene`.
+        out: folder for tables, figure and report; what is computed survives there if the process
+            is killed, and the same call goes on. None: nothing is kept.
+        overwrite: replace a folder that has content.
+        units: "si" or "us", of the figure and the report in that folder.
+        arch, threads: device and number of threads, as for `init`.
+        bars: progress display; None: none.
+
+    Raises:
+        UserError: the request cannot be met; nothing was computed or written.
+        RunError: drops could not be computed.
+        KeyboardInterrupt: Ctrl-C; what is computed is kept in `out`.
+    """
+    asked = _Asked.checked(
+        foam, thickness, drop_height, static_stress, static_range, drops, shape, runs,
+        channel_class, points, width, depth, density,
+    )  # fmt: skip
+    units_named(units)
+    how = {"arch": arch, "threads": threads, "bars": bars or Bars()}
+    if out is None:
+        with tempfile.TemporaryDirectory() as folder:
+            return _found(asked, Path(folder), how, None)
+    with claimed(out, {**asked.request, "units": units}, overwrite) as claim:
+        found = _found(asked, claim.work / "points", how, claim.folder)
+        with held_interrupts(), claim.publishing() as staging:
+            write(found, staging, units)
+        claim.finish()
+    return found
+
+
+def write(found: CushionCurve, folder: Path, units: str = "si") -> None:
+    """Write tables, the figure in three formats, and the report. Raises UserError, OSError."""
+    drops = [vars(drop) | vars(drop.pad) for drop in found.drops]
+    names = {
+        "shape": "shape", "thickness": "thickness_m", "drop_height": "drop_height_m",
+        "number": "drop", "static_stress": "static_stress_Pa", "run": "run",
+        "velocity": "velocity_m_s", "peak": "peak_g", "strain": "strain", "bottomed": "bottomed",
+        "failure": "failure",
+    }  # fmt: skip
+    rows = {
+        "cushion.csv": found.table,
+        "minima.csv": found.minima,
+        "drops.csv": [{names[key]: drop[key] for key in names} for drop in drops],
+    }
+    for name, table in rows.items():
+        write_csv(folder / name, {key: [row[key] for row in table] for key in table[0]})
+    drawn = found.plot(units)
+    for ending in ("png", "svg", "pdf"):
+        style.save(drawn, folder / f"cushion.{ending}")
+    found.report(folder / "report.html", units)
+
+
+def curve_of(scene: Scene) -> tuple[Array, Array]:
+    """(n,) strains and stresses [Pa] of a scene's foam, positive in compression, to its locking.
+
+    Raises UserError: its law states no stress.
+    """
+    strain = np.linspace(0.0, min(-scene.foam.landmarks.limit, 1.0), _STRAINS)
+    stress = scene.foam.loading(strain)
+    if stress is None:
+        raise UserError(
+            f"foam: its law, {scene.foam.law}, states no stress, so that there is no energy "
+            "balance. Fix: give a foam with a curve"
+        )
+    return strain, stress
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A request, checked: the pads, and how each is computed."""
+
+    foam: Any
+    name: str
+    shapes: Mapping[str, Any]
+    pads: tuple[Pad, ...]
+    first: Mapping[Pad, list[float]]  # static stresses of the first wave
+    is_refined: bool
+    drops: int
+    runs: int
+    channel_class: int | None
+    points: int
+    sizes: Mapping[str, Any]
+
+    @classmethod
+    def checked(
+        cls,
+        foam: Any,
+        thickness: Any,
+        drop_height: Any,
+        static_stress: Any,
+        static_range: Any,
+        drops: Any,
+        shape: Any,
+        runs: Any,
+        channel_class: Any,
+        points: Any,
+        width: float,
+        depth: float,
+        density: float | None,
+    ) -> _Asked:
+        """Raises UserError."""
+        _check_count("drops", drops, 1, MOST_DROPS)
+        _check_count("runs", runs, 1, MOST_RUNS)
+        _check_count("points", points, 3, MOST_POINTS)
+        if channel_class is not None and channel_class not in CHANNEL_CLASSES:
+            raise UserError(
+                f"filter = {channel_class!r}: must be raw or one of the classes "
+                f"{', '.join(map(str, CHANNEL_CLASSES))} (SAE J211)"
+            )
+        shapes = _shapes(shape)
+        thicknesses = _lengths("thickness", thickness, THICKNESSES, "50 mm is 0.05 m")
+        heights = _lengths("drop height", drop_height, HEIGHTS, "76 cm is 0.76 m")
+        pads = tuple(Pad(*each) for each in product(shapes, thicknesses, heights))
+        if len(pads) * drops > MOST_CURVES:
+            raise UserError(
+                f"{len(pads) * drops} curves: at most {MOST_CURVES} in one chart; leave out some "
+                "thicknesses, heights, shapes or drops"
+            )
+        if static_stress is not None and static_range is not None:
+            raise UserError("static_stress, static_range: give one of them")
+        sizes = {"width": width, "depth": depth, "density": density}
+        asked = cls(
+            foam, name_of(foam), shapes, pads, {}, static_stress is None, drops, runs,
+            channel_class, points, sizes,
+        )  # fmt: skip
+        if static_stress is not None:
+            given = sorted(_numbers("static_stress", static_stress, "4 kPa is 4000 Pa"))
+            first = dict.fromkeys(pads, given)
+        else:
+            ends = None if static_range is None else _range(static_range)
+            count = min(FIRST, points)
+            first = {pad: _spread(*(ends or asked.usual_range(pad)), count) for pad in pads}
+        for pad, statics in first.items():
+            plateau = asked.scene(pad, _LIGHT).foam.landmarks.plateau_stress
+            if statics[-1] > plateau:
+                raise UserError(
+                    f"static_stress = {statics[-1]:g} Pa: above the foam's plateau of "
+                    f"{plateau:.4g} Pa: the product would crush a pad that it only stands on. Fix: "
+                    "lower static stresses; 4 kPa is 4000 Pa"
+                )
+            asked.scene(pad, statics[-1])  # what else is wrong is told by its scene
+        return replace(asked, first=first)
+
+    def scene(self, pad: Pad, static_stress: float) -> Scene:
+        """The scene of a point."""
+        return cushion_scene(
+            self.foam, pad.thickness, pad.drop_height, static_stress,
+            shape=self.shapes[pad.shape], **self.sizes,
+        )  # fmt: skip
+
+    def usual_range(self, pad: Pad) -> tuple[float, float]:
+        """Static stresses [Pa] between which the curve of a pad is of interest.
+
+        Ribs and later drops have their optimum at a lower static stress than a flat pad's first.
+        """
+        flat = Pad(FLAT, pad.thickness, pad.drop_height)
+        scene = replace(self, shapes={FLAT: FLAT}).scene(flat, _LIGHT)
+        e, s = curve_of(scene)
+        best, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
+        most = 0.95 * scene.foam.landmarks.plateau_stress
+        fine = np.geomspace(best, max(most, 1.01 * best), 400)
+        g = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, fine)
+        inside = np.flatnonzero(g <= HIGH * stop.g)
+        high = min(float(fine[inside[-1]]) if inside.size else best, most)
+        low = best / LOW
+        if pad.shape != FLAT or self.drops > 1:
+            low /= 2.0
+        return low, max(high, 2.0 * low)
+
+    @property
+    def request(self) -> dict[str, Any]:
+        """Everything that determines the result, for the claim on its folder."""
+        scenes = [self.scene(pad, self.first[pad][0]) for pad in self.pads]
+        text = "".join(scene.model_dump_json() for scene in scenes)
+        return {
+            "command": "cushion",
+            "foam": self.name,
+            "shape": [*self.shapes],
+            "thickness": sorted({pad.thickness for pad in self.pads}),
+            "drop": sorted({pad.drop_height for pad in self.pads}),
+            "static_stress": {
+                f"{pad.shape}, {pad.thickness:g} m, {pad.drop_height:g} m": statics
+                for pad, statics in self.first.items()
+            },
+            "is_refined": self.is_refined,
+            "drops": self.drops,
+            "runs": self.runs,
+            "filter": channel(self.channel_class),
+            "points": self.points,
+            "scenes_sha256": hashlib.sha256(text.encode()).hexdigest(),
+        }
+
+
+def _found(
+    asked: _Asked, folder: Path, how: Mapping[str, Any], target: Path | None
+) -> CushionCurve:
+    """All curves, computed wave after wave; the sweeps are in `folder`."""
+    wave: Mapping[Pad, list[float]] = asked.first
+    drops: list[Drop] = []
+    for number in range(1, MOST_POINTS):
+        for shape in asked.shapes:
+            points = [
+                (pad, each)
+                for pad in asked.pads
+                if pad.shape == shape
+                for each in wave.get(pad, ())
+            ]
+            if points:
+                done = _swept(asked, points, folder / f"{file_name(shape)}-{number}", how)
+                drops += _drops(asked, points, done)
+        found = CushionCurve(
+            asked.name, channel(asked.channel_class), asked.runs, tuple(_in_order(asked, drops)),
+            asked.scene(asked.pads[0], asked.first[asked.pads[0]][0]), target,
+        )  # fmt: skip
+        wave = _next(asked, found) if asked.is_refined else {}
+        if not any(wave.values()):
+            break
+    return found
+
+
+def _next(asked: _Asked, found: CushionCurve) -> dict[Pad, list[float]]:
+    """The static stresses of the next wave: where the curves of a pad bend, up to REFINED."""
+    wave = {}
+    for pad in asked.pads:
+        curves = [curve for curve in found.curves if curve.pad == pad]
+        x = np.log(curves[0].static_stress)
+        medians = [curve.median for curve in curves if np.isfinite(curve.median).any()]
+        if not medians:
+            continue
+        y = np.log([np.minimum(median, REFINED * median.min()) for median in medians]).T
+        most = min(LATER, asked.points - len(x))
+        wave[pad] = [_rounded(math.exp(each)) for each in next_points(x, y, most, TOLERANCE)]
+    return wave
+
+
+def _swept(
+    asked: _Asked, points: Sequence[tuple[Pad, float]], folder: Path, how: Mapping[str, Any]
+) -> Sweep:
+    """The drops of points of one shape, as a sweep in a folder, continued if it is there."""
+    scenes = [asked.scene(pad, static).given_data() for pad, static in points]
+    values = {key: [at(scene, key) for scene in scenes] for key in _KEYS}
+    axes = [
+        {"key": key, "values": each}
+        for key, each in values.items()
+        if NOTHING not in each and (key == "impactor.mass" or each.count(each[0]) < len(each))
+    ]
+    kept = {} if _is_measured(asked) else {"keep": {"histories": "float64"}}
+    plan = {
+        "name": f"{points[0][0].shape} pads of {asked.name}"[:100],
+        "scene": scenes[0],
+        "axes": axes,
+        "paired": True,
+        "repeats": {"count": asked.runs},
+        "drops": asked.drops,
+        **kept,
+    }
+    return sweep(plan, folder, **how)
+
+
+def _is_measured(asked: _Asked) -> bool:
+    """Whether the rows of a sweep hold peaks through the filter."""
+    return asked.channel_class in _MEASURES
+
+
+_MEASURES = {None: "peak_deceleration_g", 180: "peak_deceleration_cfc180_g"}
+
+
+def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> list[Drop]:
+    """The figures of all drops of a sweep."""
+    peak = _MEASURES.get(asked.channel_class)
+    filtered_peaks = {} if peak else _filtered_peaks(done, asked.channel_class)
+    measures = [key for key in (peak, "max_strain", "bottomed_out") if key]
+    numbers = range(1, asked.drops + 1)
+    wanted = [columns.drop_column(key, number) for number in numbers for key in measures]
+    rows = columns.read(done.shards(), [columns.MEMBER, "varied", "failure", *wanted]).to_pylist()
+    found = []
+    for row in rows:
+        place, run = divmod(row[columns.MEMBER], asked.runs)
+        pad, static = points[place]
+        fall = math.sqrt(2.0 * STANDARD_GRAVITY * pad.drop_height)
+        for number in numbers:
+
+            def figure(key: str, row: Any = row, number: int = number) -> Any:
+                return row.get(columns.drop_column(key, number))
+
+            found.append(
+                Drop(
+                    pad,
+                    static,
+                    number,
+                    run,
+                    row["varied"] or fall,
+                    figure(peak) if peak else filtered_peaks.get((row[columns.MEMBER], number)),
+                    figure("max_strain"),
+                    figure("bottomed_out"),
+                    row["failure"],
+                )
+            )
+    return found
+
+
+def _filtered_peaks(done: Sweep, channel_class: int | None) -> dict[tuple[int, int], float]:
+    """Peaks [g] through a filter, of the histories of a sweep, by member and number of the drop."""
+    assert channel_class is not None
+    names = (columns.MEMBER, columns.DROP, "time_s", "deceleration_m_s2")
+    found = {}
+    for chunk in done.finished():
+        histories = columns.read([columns.Shard(done.history_file(chunk))], names)
+        member = histories[columns.MEMBER].to_numpy()
+        drop = np.ones(len(member), int)
+        if columns.DROP in histories.column_names:
+            drop = histories[columns.DROP].to_numpy()
+        time, values = (histories[name].to_numpy() for name in names[2:])
+        starts = np.flatnonzero(np.diff(member, prepend=-1) | np.diff(drop, prepend=-1))
+        for start, stop in pairwise([*starts.tolist(), len(member)]):
+            part = slice(start, stop)
+            smooth = filtered(time[part], values[part], channel_class, means=True)
+            if np.isfinite(smooth).all():
+                found[int(member[start]), int(drop[start])] = float(smooth.max()) / STANDARD_GRAVITY
+    return found
+
+
+def _in_order(asked: _Asked, drops: Sequence[Drop]) -> list[Drop]:
+    """Drops by pad, number, static stress and run."""
+    places = {pad: place for place, pad in enumerate(asked.pads)}
+    return sorted(drops, key=lambda d: (places[d.pad], d.number, d.static_stress, d.run))
+
+
+def _shapes(shape: Any) -> dict[str, Any]:
+    """Shapes by name."""
+    if isinstance(shape, str | Path):
+        shape = [shape]
+    elif not isinstance(shape, list | tuple) or not shape or not isinstance(shape[0], str | Path):
+        return {"outline": shape}
+    found = {each if isinstance(each, str) else str(each): each for each in shape}
+    if len(found) < len(shape):
+        raise UserError(f"shape = {', '.join(map(str, shape))}: one is there twice; leave it out")
+    return found
+
+
+def _numbers(name: str, values: Any, example: str) -> list[float]:
+    """One or several positive numbers, each once."""
+    listed = [values] if isinstance(values, int | float | str) else list(values)
+    if not listed:
+        raise UserError(f"{name}: none given. Fix: give at least one; {example}")
+    for each in listed:
+        check_positive(name, each, example)
+    if len(set(listed)) < len(listed):
+        raise UserError(f"{name}: {max(listed, key=listed.count):g} is there twice; leave it out")
+    return [float(each) for each in listed]
+
+
+def _lengths(name: str, values: Any, limits: tuple[float, float], example: str) -> list[float]:
+    """Lengths within limits [m]."""
+    found = _numbers(name, values, example)
+    for each in found:
+        if not limits[0] <= each <= limits[1]:
+            raise UserError(
+                f"{name} = {each:g} m: must be {limits[0]:g} to {limits[1]:g} m; {example}"
+            )
+    return found
+
+
+def _range(ends: Any) -> tuple[float, float]:
+    found = _numbers("static stress", ends, "4 kPa is 4000 Pa")
+    if len(found) != 2 or found[0] >= found[1]:
+        shown = " to ".join(f"{each:g}" for each in found)
+        raise UserError(
+            f"static stress from {shown} Pa: a range has two ends, the lower one first. Fix: such "
+            "as 2 kPa to 10 kPa"
+        )
+    return found[0], found[1]
+
+
+def _spread(low: float, high: float, count: int) -> list[float]:
+    """Evenly spread in the logarithm, both ends included, with four digits."""
+    return [_rounded(each) for each in np.geomspace(low, high, count)]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _check_count(name: str, value: Any, least: int, most: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise UserError(f"{name} = {value!r}: must be a whole number from {least} to {most}")
+
+
+def name_of(foam: Any) -> str:
+    """What a foam is called in titles: as it was asked for."""
+    if isinstance(foam, str | Path):
+        return Path(foam).stem if str(foam).lower().endswith((".csv", ".toml")) else str(foam)
+    return "foam of one's own"
+
+
+def _median(values: Sequence[float | None]) -> float:
+    found = band(values).median
+    return found if math.isfinite(found) else math.nan
+
+
+def _share(values: Sequence[bool]) -> float:
+    return sum(values) / len(values)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _through(name: str) -> str:
+    """How a filter is named in a sentence."""
+    if name == "raw":
+        return "raw: means over 0.1 ms, through no filter"
+    return f"through the filter {name} (SAE J211)"

@@ -1,0 +1,62 @@
+"""The units in which values of cushions are given and shown: metric, or US customary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from taichi_foam.errors import UserError
+from taichi_foam.units import LENGTH_UNITS, STRESS_UNITS
+
+_INCH, _POUND = LENGTH_UNITS["in"], 0.45359237
+
+
+@dataclass(frozen=True)
+class Units:
+    """A system of units: name and size in SI units of each kind of value."""
+
+    name: str
+    kinds: Mapping[str, tuple[str, float]]
+
+    def unit(self, kind: str) -> str:
+        """The unit of a kind of value."""
+        return self.kinds[kind][0]
+
+    def of(self, kind: str, value: float) -> float:
+        """A number in this unit, of a value in its SI unit."""
+        return value / self.kinds[kind][1]
+
+    def si(self, kind: str, number: float) -> float:
+        """The value in its SI unit of a number in this unit."""
+        return number * self.kinds[kind][1]
+
+    def text(self, kind: str, value: float, digits: int = 3) -> str:
+        """A value in its SI unit, in words: 50 mm."""
+        return f"{self.number(kind, value, digits)} {self.unit(kind)}"
+
+    def number(self, kind: str, value: float, digits: int = 3) -> str:
+        """The number of `text`, without an exponent."""
+        found = float(f"{self.of(kind, value):.{digits}g}")
+        return f"{found:.{max(digits, 8)}g}"
+
+
+UNITS = {
+    "si": Units("si", {
+        "length": ("mm", 1e-3), "height": ("m", 1.0), "area": ("cm²", 1e-4), "mass": ("kg", 1.0),
+        "stress": ("kPa", 1e3), "volume": ("cm³", 1e-6), "density": ("kg/m³", 1.0),
+        "velocity": ("m/s", 1.0),
+    }),
+    "us": Units("us", {
+        "length": ("in", _INCH), "height": ("in", _INCH), "area": ("in²", _INCH**2),
+        "mass": ("lb", _POUND), "stress": ("psi", STRESS_UNITS["psi"]),
+        "volume": ("in³", _INCH**3), "density": ("lb/ft³", _POUND / (12.0 * _INCH) ** 3),
+        "velocity": ("in/s", _INCH),
+    }),
+}  # fmt: skip
+
+
+def units(name: str) -> Units:
+    """A system by name. Raises UserError: there is none of this name."""
+    if name not in UNITS:
+        raise UserError(f"units = {name!r}: must be {' or '.join(UNITS)}")
+    return UNITS[name]

@@ -1,0 +1,106 @@
+"""Foam files: a foam's constants, and where each of them comes from.
+
+A foam file is TOML: a description of the foam, and its constants in a table `[foam]` with the same
+keys as a scene's. `taichi-foam foam import` writes one from a test.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, ValidationError, field_validator
+
+from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import FOAMS, BondFoam
+from taichi_foam.parts import Part, quantity
+from taichi_foam.scene.assumed import Assumed, Origin
+from taichi_foam.scene.measured import curve_of
+from taichi_foam.scene.messages import explain
+from taichi_foam.scene.toml import read_toml
+
+
+def _words(default: Any, meaning: str, most: int) -> Any:
+    """A field for text of 1 to `most` characters."""
+    return Field(
+        default=default,
+        description=meaning,
+        min_length=1,
+        max_length=most,
+        json_schema_extra={"allowed": f"1 to {most:,} characters"},
+    )
+
+
+class FoamFile(Part):
+    """The contents of a foam file.
+
+    A constant in its table [foam] is as its source states it, unless it is listed as derived or
+    assumed.
+    """
+
+    title: str = _words(..., "description of the foam", 200)
+    source: str = _words(..., "who measured it, and where", 1000)
+    licence: str = _words("not stated", "licence of the data", 200)
+    density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
+    rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+        None, "1/s", "strain rate of the test", allowed="none, or above 0 and at most 1e6 1/s"
+    )
+    direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
+    measured: tuple[str, ...] = Field(
+        default=(), description="what was measured, in words", max_length=50
+    )
+    known_to: Annotated[float, Field(gt=0, lt=1)] | None = quantity(
+        None,
+        "-",
+        "strain in compression up to which its curve is from the source, if it is assumed beyond",
+        allowed="none, or above 0 and below 1",
+    )
+    derived: tuple[Origin, ...] = Field(
+        default=(), description="values that follow from these, by key of a scene", max_length=100
+    )
+    assumed: tuple[Assumed, ...] = Field(
+        default=(), description="assumed values, by key of a scene", max_length=100
+    )
+    foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
+
+    @field_validator("measured", "derived", "assumed", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
+
+    @property
+    def foam_given(self) -> dict[str, Any]:
+        """The constants that the file gives, as raw data."""
+        given = self.foam.model_dump(exclude_unset=True, exclude_none=True)
+        return {FOAMS.tag: self.foam.law, **given}
+
+    def to_toml(self) -> str:
+        """The file's text; `read_foam` gives an equal one back."""
+        data = self.model_dump(exclude_none=True, exclude={"foam"}, exclude_defaults=True)
+        return tomli_w.dumps({**data, "foam": self.foam_given})
+
+
+def read_foam(path: Path) -> FoamFile:
+    """The foam of a file; the path of a curve's file is relative to it.
+
+    Raises UserError: unreadable, not TOML, or an invalid foam.
+    """
+    data = read_toml(path)
+    foam = data.get("foam")
+    if isinstance(foam, dict) and isinstance(foam.get("curve"), str | dict):
+        try:
+            curve = curve_of(foam["curve"], "foam.curve", path.parent)
+        except ValueError as error:
+            raise UserError(f"{path}: {error}") from None
+        data = {**data, "foam": {**foam, "curve": curve}}
+    return checked(data, str(path))
+
+
+def checked(data: dict[str, Any], source: str) -> FoamFile:
+    """The foam of raw data from a `source`, which begins messages. Raises UserError: invalid."""
+    try:
+        return FoamFile.model_validate(data)
+    except ValidationError as error:
+        listed = "\n".join(f"  {line}" for line in explain(error, FoamFile).splitlines())
+        raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
