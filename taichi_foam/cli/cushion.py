@@ -139,7 +139,9 @@ def _show(terminal: Any, found: CushionCurve, used: Units) -> None:
     terminal.warn(failures)
 
 
-def _numbers(option: str, text: str, kind: str, used: Units, between: str = ",") -> list[float]:
+def _numbers(
+    option: str, text: str, kind: str, used: Units, between: str | None = ","
+) -> list[float]:
     """The numbers of an option in SI units: bare ones are in the unit of the kind."""
     known = _KINDS[kind]
     found = []

@@ -41,11 +41,11 @@ def efficiency_command(
 ) -> None:
     """Show where foams absorb energy best: efficiency, ideality, onset of densification."""
     with command() as terminal:
-        from taichi_foam.cushions.display import units_of
         from taichi_foam.cushions.efficiency import efficiency
         from taichi_foam.cushions.efficiency_chart import EXPLAINED, choice, landmarks
+        from taichi_foam.cushions.shown import units as units_named
 
-        system = units_of(units)
+        system = units_named(units)
         found = efficiency(*foams)
         if out is not None:
             deliver(_jobs(found, units), out, overwrite, terminal)

@@ -1,7 +1,7 @@
 """What a peak does not show of a pad: creep, buckling, temperature. Each with its limit and source.
 
 D. Negussey, M. Jahanandish: Comparison of some engineering properties of expanded polystyrene with
-    those of soils. Transp. Res. Rec. 1418 (1993) 43-48
+    those of soils. Transp. Res. Rec. 1418 (1993)
 ETHAFOAM package design guide (Dow; Sealed Air), step four: recognizing design constraints
 ASTM C578, rigid cellular polystyrene thermal insulation: for temperatures of -54 to 74 C
 """

@@ -56,6 +56,9 @@ MOST_CURVES = 60
 THICKNESSES, HEIGHTS = (1e-3, 1.0), (1e-3, 20.0)
 """Limits of thicknesses and of heights of fall [m]: beyond them a unit is probably mistaken."""
 
+_ENDLESS = 1e6
+"""A peak [g] in place of none, where lines between points need a number."""
+
 _LIGHT = 1.0
 """A static stress [Pa] that any foam carries, for scenes that are not computed."""
 
@@ -166,7 +169,7 @@ class Curve:
 
         Lines between points in logarithms; the range ends where the points do.
         """
-        x, y = np.log(self.static_stress), np.log(np.minimum(self.median, 1e300))
+        x, y = np.log(self.static_stress), np.log(np.minimum(self.median, _ENDLESS))
         limit = y[self.least] + math.log(1.0 + WITHIN)
 
         def end(order: range) -> float:
@@ -620,12 +623,15 @@ def _next(asked: _Asked, found: CushionCurve) -> dict[Pad, list[float]]:
     for pad in asked.pads:
         curves = [curve for curve in found.curves if curve.pad == pad]
         x = np.log(curves[0].static_stress)
-        medians = [curve.median for curve in curves if np.isfinite(curve.median).any()]
-        if not medians:
+        medians = np.array([each.median for each in curves if np.isfinite(each.median).any()])
+        if not medians.size:
             continue
-        y = np.log([np.minimum(median, REFINED * median.min()) for median in medians]).T
+        y = np.log(np.minimum(medians, _ENDLESS)).T
+        low = y <= y.min(axis=0) + math.log(REFINED)
+        counts = (low[1:] | low[:-1]).any(axis=1)
         most = min(LATER, asked.points - len(x))
-        wave[pad] = [_rounded(math.exp(each)) for each in next_points(x, y, most, TOLERANCE)]
+        places = next_points(x, y, most, TOLERANCE, counts)
+        wave[pad] = [_rounded(math.exp(place)) for place in places]
     return wave
 
 

@@ -15,6 +15,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,7 +98,7 @@ class Design:
             return self.chosen.pad
         return self.candidates[0] if self.candidates else None
 
-    @property
+    @cached_property
     def misses(self) -> list[Relaxed]:
         """What to relax, the smallest change first, if nothing fits by the formulas."""
         return [] if self.candidates or self.harmless else sizing.relaxed(self.foams, self.wish)
@@ -190,6 +191,8 @@ def design(
             goes on from there.
     """
     shown_in = units_of(units)
+    if temperature is not None and not -100.0 <= temperature <= 200.0:
+        raise UserError(f"temperature = {temperature:g} C: must be from -100 to 200 C")
     found = Design(
         wish=_wish(mass, fragility, drop, drops, stock or handling.stock(units),
                    max_thickness, max_area, braced),

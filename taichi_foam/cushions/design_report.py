@@ -16,7 +16,7 @@ from taichi_foam.picture.document import Section, Table
 if TYPE_CHECKING:
     from taichi_foam.cushions.design import Design
 
-_VERDICT = {True: "holds", False: "FAILS", None: "not shown"}
+_VERDICT = {True: "holds", False: "FAILS", None: "open"}
 
 _METHOD = (
     "Energy balance: T W(e) = sigma_st (h + e T), with the thickness T, the drop height h, the "

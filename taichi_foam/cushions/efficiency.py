@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.cushions.display import units_of
+from taichi_foam.cushions.shown import units as units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy as formulas
 from taichi_foam.formulas.envelope import Envelope, shoulder_envelope
@@ -212,13 +212,13 @@ class Efficiency:
         """
         from taichi_foam.cushions.efficiency_chart import chart
 
-        return chart(self, units_of(units))
+        return chart(self, units_named(units))
 
     def report(self, path: str | Path, units: str = "si") -> Path:
         """Write a report as one HTML file, and return its path. Raises UserError."""
         from taichi_foam.cushions.efficiency_chart import report
 
-        return report(self, Path(path), units_of(units))
+        return report(self, Path(path), units_named(units))
 
 
 def efficiency(*foams: str | Path | FoamFile | BondFoam | Curve) -> Efficiency:

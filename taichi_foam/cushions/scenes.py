@@ -84,14 +84,15 @@ def cushion_scene(
     if isinstance(shape, str) and shape == "flat":
         cell = thickness / ROWS if cell is None else cell
         width = COLUMNS * cell
+        width = _rounded(width)
         block |= {"width": width, "columns": COLUMNS, "rows": max(1, round(thickness / cell)) + 1}
         plate = 2.0 * width
     else:
         corners, width, plate, middle = _pad(shape, thickness, width)
         block["outline"] = corners
         left, right = min(x for x, _ in corners), max(x for x, _ in corners)
-        block |= {"width": right - left, "height": max(y for _, y in corners)}
-        block["cell"] = thickness / CELLS if cell is None else cell
+        block |= {"width": _rounded(right - left), "height": max(y for _, y in corners)}
+        block["cell"] = _rounded(thickness / CELLS) if cell is None else cell
     if density is not None:
         block["density"] = density
     data = {
@@ -100,10 +101,10 @@ def cushion_scene(
         "foam": foam_data(foam),
         "impactor": {
             "shape": "flat",
-            "width": plate,
+            "width": _rounded(plate),
             "height": max(0.02, thickness),
-            "x": middle,
-            "mass": static_stress * width * depth / STANDARD_GRAVITY,
+            "x": _rounded(middle),
+            "mass": _rounded(static_stress * width * depth / STANDARD_GRAVITY),
             "drop_height": drop_height,
         },
         "numerics": {"time_limit": LONGEST},
@@ -126,6 +127,11 @@ def check_positive(name: str, value: Any, example: str) -> None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value) or value <= 0.0:
         raise UserError(f"{name} = {value!r}: must be a number above 0. Fix: SI units; {example}")
+
+
+def _rounded(value: float) -> float:
+    """A computed value without the last digits, as sweeps store it."""
+    return float(f"{value:.12g}")
 
 
 def _pad(

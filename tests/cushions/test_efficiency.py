@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.cushions.display import SYSTEMS
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.crushable import Foam
@@ -63,14 +62,6 @@ def test_of_a_family_the_shoulders_share_the_energies() -> None:
     assert found.caveats == []
     [caveat] = tf.efficiency("eps-20", "eps-30").caveats
     assert caveat.startswith("eps-20, eps-30: the curve is assumed beyond 10 % of strain")
-
-
-def test_units_of_the_united_states() -> None:
-    us = SYSTEMS["us"]
-    assert us["density"].size == pytest.approx(16.018463)
-    assert us["stress"].text(6894.757293 * 20) == "20.0"
-    assert us["length"].text(0.0508) == "2.00"
-    assert SYSTEMS["si"]["stress"].text(1234567.0) == "1,230"
 
 
 def test_what_python_refuses() -> None:

@@ -23,3 +23,9 @@ def test_of_a_parabola_halves_are_missed_by_a_quarter() -> None:
     y = (x**2)[:, None]
     assert next_points(x, y, 9, 0.99 / 16) == [0.25, 0.75]
     assert next_points(x, y, 9, 1.01 / 16) == []
+
+
+def test_what_does_not_count_gets_none() -> None:
+    x = np.array([0.0, 0.5, 1.0])
+    counts = np.array([False, True])
+    assert next_points(x, (x**2)[:, None], 3, 1e-6, counts) == [0.625, 0.75, 0.875]

@@ -131,7 +131,7 @@ def test_an_existing_result_is_kept_unless_overwritten(
     first = noisy_result(make_result, make_snapshot)
     second = make_result()
     first.save(tmp_path / "run")
-    with pytest.raises(UserError, match="not empty"):
+    with pytest.raises(UserError, match="already holds a result"):
         second.save(tmp_path / "run")
     assert_same(Result.load(tmp_path / "run"), first)
     second.save(tmp_path / "run", overwrite=True)
