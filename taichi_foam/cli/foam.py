@@ -137,6 +137,13 @@ def import_command(
             "remove noise. Default: the largest allowed number.",
         ),
     ] = None,
+    recovering: Annotated[
+        bool,
+        typer.Option(
+            "--recovering",
+            help="Foam that springs back: fit hysteresis and set to the test's unloading.",
+        ),
+    ] = False,
     out: Annotated[
         str | None,
         typer.Option(metavar="FILE.toml", help="Default: the test's name, in this folder."),
@@ -166,11 +173,13 @@ def import_command(
             "direction": direction,
             "licence": licence,
         }
-        file = foam_files.file_of(known, read)
+        returned = foam_files.returned(path, read) if recovering else None
+        file = foam_files.file_of(known, read, returned)
         fit = crushable_fit(read.curve)
         foam_files.write(file, read, fit, *targets)
         terminal.show(
             *foam_files.what_was_read(path, read),
+            *([] if returned is None else [foam_files.in_words(returned, read.curve.tested)]),
             *foam_files.from_the_curve(file.foam, fit),
             *foam_files.assumed(file, file.assumed),
         )

@@ -15,7 +15,9 @@ from rich.text import Text
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
-from taichi_foam.laws.bond.fit import CrushableFit
+from taichi_foam.laws.bond.by_curve import CurveFoam
+from taichi_foam.laws.bond.fit import CrushableFit, ReturnFit, return_fit
+from taichi_foam.laws.bond.recovering import RecoveringFoam
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
@@ -244,8 +246,35 @@ def column(given: str | None) -> str | int | None:
     return int(given) if given is not None and re.fullmatch(r"[0-9]{1,6}", given) else given
 
 
-def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
-    """The foam file of a test. Raises UserError: invalid options, or an invalid curve."""
+def returned(path: Path, read: CompressionTest) -> ReturnFit:
+    """Hysteresis and set by the test's unloading. Raises UserError: it has none."""
+    way_back = read.way_back
+    if way_back is None:
+        raise UserError(
+            f"{path}: --recovering: the test does not unload from its largest strain to a tenth of "
+            "its stress; take one with the whole way back, or leave --recovering out, and give "
+            "foam.law = 'recovering' and foam.hysteresis_factor in the foam file"
+        )
+    return return_fit(read.curve, *way_back)
+
+
+def in_words(returned: ReturnFit, start: float) -> str:
+    """The fit of a way back from the strain `start`."""
+    return (
+        f"fitted to the unloading from {start:.3g}: hysteresis_factor {returned.factor:g}, "
+        f"hysteresis_shape {returned.shape:g}, permanent_set {returned.left:g}; the test gives "
+        f"{100 * returned.given_back:.3g} % of its energy back, and the fit's stress misses it by "
+        f"{100 * returned.error:.2g} % of the largest (root mean square)"
+    )
+
+
+def file_of(
+    known: dict[str, Any], read: CompressionTest, returned: ReturnFit | None = None
+) -> FoamFile:
+    """The foam file of a test; of foam that springs back if the fit of its way back is given.
+
+    Raises UserError: invalid options, or an invalid curve.
+    """
     curve = read.curve
     measured = [f"stress up to a strain of {curve.tested:.3g}, {read.strain.size:,} points"]
     measured += [
@@ -264,14 +293,27 @@ def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
             f"smoothed by at most {_pressure(curve.smoothing)} ({part:.2g} % of the plateau), so "
             "that the stress never falls"
         )
+    kind = TabulatedFoam
+    foam: dict[str, Any] = {"law": "tabulated", "curve": curve}
+    if returned is not None:
+        kind = RecoveringFoam
+        foam |= {
+            "law": "recovering",
+            "hysteresis_factor": returned.factor,
+            "hysteresis_shape": returned.shape,
+            "permanent_set": returned.left,
+        }
+        measured.append(in_words(returned, curve.tested))
     assumed = [
-        {"key": f"foam.{key}", "why": why} for key, why in TabulatedFoam.unless_given.items()
+        {"key": f"foam.{key}", "why": why}
+        for key, why in kind.unless_given.items()
+        if key not in foam
     ]
     data = {
         **{key: value for key, value in known.items() if value is not None},
         "measured": measured,
         "assumed": assumed,
-        "foam": {"law": "tabulated", "curve": curve},
+        "foam": foam,
     }
     try:
         return FoamFile.model_validate(data)
@@ -292,7 +334,7 @@ def write(
     from taichi_foam.picture import style
     from taichi_foam.picture.figures import compression_test
 
-    assert isinstance(file.foam, TabulatedFoam)
+    assert isinstance(file.foam, CurveFoam)
     text = _HEADER.format(name=_one_line(target.name)) + file.to_toml()
     figure = compression_test(read.strain, read.stress, read.loading, file.foam, fit, file.title)
     with whole_file(target) as foam_file, whole_file(picture) as drawing:
@@ -355,7 +397,7 @@ def _left_out(read: CompressionTest) -> Iterator[str]:
 
 def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
     """Values that follow from the curve, beside those of Eq. 26 fitted to it."""
-    assert isinstance(foam, TabulatedFoam)
+    assert isinstance(foam, CurveFoam)
     fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks
     table = _table("", ">from the curve", ">Eq. 26 fitted")
     beyond = "not tested"

@@ -18,7 +18,7 @@ from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.grading import A, B, Grading, grading, limits, rate_shares, strengths
 from taichi_foam.engine.layout import Layout
 from taichi_foam.laws.bond import BondFoam, BondLaw
-from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.laws.bond.curve import SHEAR
 from taichi_foam.laws.shape.base import MOST_CORNERS, SURFACE_ROWS, Impactor
 from taichi_foam.laws.shape.edges import edges_of, surface_of
@@ -136,7 +136,7 @@ class Model:
 
     numbers    (n,) every member of `parameters_type`, in its order
     lists      by the names of `ModelFields.lists`, (n, m) each; mobilities (J,)
-    tables     (TABLE_ROWS, TABLE_COLUMNS) for each foam, if its law is tabulated
+    tables     (TABLE_ROWS, columns) for each foam, if its law is tabulated
     of_nodes   by the names of fields, (I, J), or (1, J) where columns are identical: those of
                `ModelFields.filling`, `mobility` and `reach` (I, J), unless the block is plain;
                strengths of the bonds over their mean, (I, J), if they are scattered
@@ -262,7 +262,7 @@ class ModelFields:
     foam_of_row (batch, 2 * rows) index in `foams` for bonds A, then bonds B of each row
     strength_a, strength_b, strengths   (batch, I, packs) of bonds over their mean, if they are
                 scattered
-    table       (batch * foams, TABLE_ROWS) TABLE_COLUMNS numbers each, if the law is tabulated
+    table       (batch * foams, TABLE_ROWS) numbers of a row each, if the law is tabulated
     law         the bond law, with that table
     lists       names and fields of the constants that come as lists
     """
@@ -299,7 +299,7 @@ class ModelFields:
             layout.of_nodes(*self.strengths)
         self.law = features.law
         if features.law.tabulated:
-            self.table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
+            self.table = ti.Vector.field(features.law.table_columns, ti.f64)
             layout.of_foams(features.foams, TABLE_ROWS, self.table)
             self.law = features.law.with_table(self.table)
         self.members = list(_members(self.parameters))

@@ -15,7 +15,7 @@ from taichi_foam.engine.lattice import borrowed
 from taichi_foam.engine.state import NEVER, initial_state
 from taichi_foam.engine.transfer import load, unload
 from taichi_foam.laws.bond import BondLaw
-from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
@@ -31,7 +31,7 @@ def with_own_table(law: BondLaw, forget: Callable[[], None]) -> tuple[BondLaw, A
     """
     if not law.tabulated:
         return law, None
-    table = ti.Vector.field(TABLE_COLUMNS, ti.f64)
+    table = ti.Vector.field(law.table_columns, ti.f64)
     runtime.set_aside((1, TABLE_ROWS), table, forget)
     return law.with_table(table), table
 

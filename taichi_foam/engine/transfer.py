@@ -26,7 +26,7 @@ from taichi_foam.engine.state import (
     snapshot_of,
 )
 from taichi_foam.laws import elementary
-from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
+from taichi_foam.laws.bond.base import TABLE_ROWS
 from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
@@ -151,7 +151,7 @@ def _put_table(lattice: ti.template(), b: ti.i32, foam: ti.i32, table: Table):
     if foam == 0:
         lattice.model.parameters[b].bond.place = place
     for row in range(TABLE_ROWS):
-        for column in ti.static(range(TABLE_COLUMNS)):
+        for column in ti.static(range(lattice.law.table_columns)):
             lattice.model.table[place, row][column] = table[row, column]
 
 

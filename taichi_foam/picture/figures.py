@@ -39,8 +39,8 @@ from taichi_foam.units import STANDARD_GRAVITY, si_scale
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from taichi_foam.laws.bond.by_curve import CurveFoam
     from taichi_foam.laws.bond.fit import CrushableFit
-    from taichi_foam.laws.bond.tabulated import TabulatedFoam
     from taichi_foam.records.record import Record
     from taichi_foam.results.result import Result
 
@@ -321,7 +321,7 @@ def compression_test(
     strain: Array,
     stress: Array,
     loading: NDArray[np.bool_],
-    foam: TabulatedFoam,
+    foam: CurveFoam,
     fit: CrushableFit,
     title: str,
 ) -> Figure:
@@ -375,7 +375,7 @@ def _stresses(
     strain: Array,
     stress: Array,
     loading: NDArray[np.bool_],
-    foam: TabulatedFoam,
+    foam: CurveFoam,
     fit: CrushableFit,
     scale: float,
 ) -> None:
@@ -409,7 +409,7 @@ def _stresses(
         axis.axvline(-100 * at, color=INK, linewidth=1.0, linestyle=(0, (1, 2)))
 
 
-def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> None:
+def _names(axis: Axes, foam: CurveFoam, fit: CrushableFit, scale: float) -> None:
     """Write the names of the landmarks, and the plateau stress."""
     marks = foam.landmarks
     start, end, limit = (-100 * s for s in (marks.crush_start, marks.crush_end, marks.limit))
@@ -420,7 +420,7 @@ def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> 
     _plateau(axis, foam, fit, scale)
 
 
-def _plateau(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> None:
+def _plateau(axis: Axes, foam: CurveFoam, fit: CrushableFit, scale: float) -> None:
     """Write the plateau stress above the middle of the plateau, or below it if there is no room."""
     plateau = foam.landmarks.plateau_stress
     middle = 0.5 * (-foam.landmarks.crush_start + foam.curve.densification)
@@ -433,7 +433,7 @@ def _plateau(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -
 
 
 def _landmark(
-    axis: Axes, foam: TabulatedFoam, scale: float, at: float, text: str, *, to_the_right: bool
+    axis: Axes, foam: CurveFoam, scale: float, at: float, text: str, *, to_the_right: bool
 ) -> None:
     """Write a landmark's name along its line at a strain [%], away from the curve."""
     side = np.linspace(0.0, _BESIDE if to_the_right else -_BESIDE, 20) + at / 100
@@ -454,7 +454,7 @@ def _pressure(stress: float) -> str:
     return f"{stress / scale:.3g} {prefix}Pa"
 
 
-def _efficiency(axis: Axes, foam: TabulatedFoam) -> None:
+def _efficiency(axis: Axes, foam: CurveFoam) -> None:
     """Draw energy absorbed over stress, with its maximum, where densification begins."""
     curve = foam.curve
     strain, values = curve.points[0], curve.efficiency

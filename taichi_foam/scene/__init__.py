@@ -8,6 +8,7 @@ readable text.
 from taichi_foam.choices import CHOICE_SETS
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import Curve
+from taichi_foam.laws.bond.recovering import RecoveringFoam
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.laws.shape.base import Impactor
 from taichi_foam.laws.shape.bodies import Cylinder, Ellipse, FlatBlock, IShape, Wedge
@@ -36,6 +37,7 @@ __all__ = [
     "Output",
     "Polygon",
     "Pulse",
+    "RecoveringFoam",
     "Scene",
     "Start",
     "Support",

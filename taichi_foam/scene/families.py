@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.laws.bond import Curve
+from taichi_foam.laws.bond.by_curve import SHEAR_OVER_YOUNG
 from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.laws.bond.tabulated import SHEAR_OVER_YOUNG, TabulatedFoam
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.scene.assumed import Assumed, Origin
 from taichi_foam.scene.foam_file import FoamFile
 from taichi_foam.units import STRESS_UNITS

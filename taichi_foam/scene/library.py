@@ -54,7 +54,7 @@ def names() -> list[str]:
 def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFile:
     """The foam with a name, or of a file whose name ends with .toml; `asked` begins messages.
 
-    Raises UserError: no such name or file, an invalid foam file, resilient foam.
+    Raises UserError: no such name or file, or an invalid foam file.
     """
     if name.endswith(".toml"):
         return read_foam(folder / name)
@@ -72,9 +72,8 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
         return checked(parsed(packaged.read_text(encoding="utf-8"), name), name)
     if any(word in name.lower() for word in _RESILIENT):
         raise UserError(
-            f"{asked}{shown(name)}: not in the library; resilient foam springs back by the gas in "
-            "its cells, which the model leaves out (docs/limits.md): by its compression test "
-            "(foam.curve) only a first drop can be computed, as of plastazote-ld33"
+            f"{asked}{shown(name)}: not in the library; give the test of a foam that springs back "
+            "as foam.curve, with foam.law = 'recovering'"
         )
     near = [each.span() for each in FAMILIES if name.lower().startswith(each.head.rstrip("-"))]
     near = near or difflib.get_close_matches(name, names(), n=1, cutoff=0.6)

@@ -40,6 +40,12 @@ FINEST = 500
 UNLOADING = 0.005
 """Smallest decrease of strain that counts as an unloading branch; smaller ones are noise."""
 
+UNLOADED_WHOLLY = 0.1
+"""A way back, which gives a foam's hysteresis, comes down to this part of its first stress."""
+
+FEWEST = 5
+"""Fewest points of a way back."""
+
 UNLOADED = 0.75
 """On an unloading branch the stress falls at least to this fraction."""
 
@@ -136,6 +142,19 @@ class CompressionTest:
     encoding: str
     skipped: int
     curve: Curve
+
+    @property
+    def way_back(self) -> tuple[Array, Array] | None:
+        """Strain and stress of the unloading from the largest strain, down to its smallest strain.
+
+        None if the test does not unload from there to a tenth of its stress.
+        """
+        at = int(np.flatnonzero(self.loading)[-1])
+        strain, stress = self.strain[at:], self.stress[at:]
+        end = int(np.argmin(strain)) + 1
+        if end < FEWEST or stress[:end].min() > UNLOADED_WHOLLY * stress[0]:
+            return None
+        return strain[:end], stress[:end]
 
 
 def curve_of(curve: Any, key: str, folder: Path) -> Any:

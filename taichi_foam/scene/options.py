@@ -321,6 +321,15 @@ class Start(Part):
         allowed="up to 1000 lines of four numbers from -10 to 10 m",
     )
 
+    wait: float = quantity(
+        0.0,
+        "s",
+        "time for which the block has rested since the drop before: foam that recovers does so, "
+        "and comes to rest; 0: a drop follows at once",
+        at_least=0,
+        at_most=1e9,
+    )
+
     @field_validator("deformation_gradient")
     @classmethod
     def _check_orientation(cls, F: tuple) -> tuple:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.errors import UserError
@@ -13,14 +16,22 @@ from taichi_foam.records.cushion import Cushion
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import filling
+from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.values import by_key
 
 SAME = ("block", "foam", "across", "model", "base", "support", "start")
 """Parts of a scene that must be the same in a run and in the one that left its block.
 
-The pulse of the base may differ.
+The pulse of the base and `start.wait` may differ.
 """
+
+
+HOLDS_APART, STAYS, LOOSE = 1e-3, 1e9, 1e-12
+"""Weights, in least squares over whole bonds: of broken ones, of points that do not move, and of
+the present place of others, which matters for pieces that hang on nothing."""
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,13 +64,13 @@ class After:
             raise UserError(
                 f"after = {shown(name)}: its block differs from that of this scene: "
                 f"{'; '.join(problems)}. Fix: give both runs the same {', '.join(SAME)}; only "
-                "impactor, numerics, output and the pulse of the base may differ"
+                "impactor, numerics, output, the pulse of the base and start.wait may differ"
             )
-        height = None
+        cushion, height = rested(scene, result.cushion), None
         if scene.impactor is not None:
             try:
                 height = height_beneath(
-                    result.cushion.position, scene.impactor, filling(scene.block).there
+                    cushion.position, scene.impactor, filling(scene.block).there
                 )
             except ValueError as error:
                 raise UserError(
@@ -68,11 +79,91 @@ class After:
                 ) from None
         told = {
             "scene": result.scene.name,
-            "state_sha256": result.cushion.sha256,
+            "state_sha256": cushion.sha256,
             "drop": result.drop + (result.scene.impactor is not None),
             "contact_height_m": height,
         }
-        return cls(told, result.cushion)
+        return cls(told, cushion)
+
+
+def rested(scene: Scene, cushion: Cushion) -> Cushion:
+    """The block after `start.wait`; unchanged where that is 0, or where no foam recovers.
+
+    What its bonds remember recovers as their law says, and the block lies still. Each bond then
+    wants to be as long as its set leaves it, in its direction: positions are the least squares of
+    that over all bonds, on a base that stays where it is. A level cushion meets it exactly, so that
+    its bonds store no energy.
+    """
+    foams, along, upright = foams_of_bonds(scene)
+    if scene.start.wait == 0.0 or not any(foam.recovers for foam in foams):
+        return cushion
+    found: dict[str, Array] = {"a": cushion.worst_a, "b": cushion.worst_b}
+    found = {end: worst.copy() for end, worst in found.items()}
+    own = {name: each.copy() for name, each in cushion.own.items()}
+    left = {end: np.zeros_like(worst) for end, worst in found.items()}
+    for end, rows in (("a", along), ("b", upright)):
+        names = [name for name in own if name.endswith(f"_{end}")]
+        for n, foam in enumerate(foams):
+            here = rows == n
+            remembered = {name[:-2]: own[name][:, here] for name in names}
+            after = foam.rested(found[end][:, here], remembered, scene.start.wait)
+            found[end][:, here] = after.pop("worst")
+            left[end][:, here] = foam.permanent_strain(found[end][:, here])
+            for name, values in after.items():
+                own[f"{name}_{end}"][:, here] = values
+    return replace(
+        cushion,
+        position=_settled(scene, cushion, left),
+        velocity=np.zeros_like(cushion.velocity),
+        increment=np.zeros_like(cushion.increment),
+        worst_a=found["a"],
+        worst_b=found["b"],
+        own=own,
+        stiffest=-1.0,  # to be found
+        crush=max(0.0, *(-worst.min(initial=0.0) for worst in found.values())),
+        speed=0.0,
+    )
+
+
+def _settled(scene: Scene, cushion: Cushion, left: Mapping[str, Array]) -> Array:
+    """Positions at which bonds have the strains `left`, by least squares (I, J, 2).
+
+    A broken bond keeps its length, and counts little: it only keeps pieces where they are.
+    """
+    from scipy.sparse import csr_matrix, diags  # slow to import
+    from scipy.sparse.linalg import splu
+
+    block, filled = scene.block, filling(scene.block)
+    number = np.arange(block.columns * block.rows).reshape(block.columns, block.rows)
+    first, second, wanted, counts = [], [], [], []
+    ends = (
+        (number[:-1], number[1:], block.dx, left["a"], cushion.broken_a, filled.face_a),
+        (number[:, :-1], number[:, 1:], block.dy, left["b"], cushion.broken_b, filled.face_b),
+    )
+    position = cushion.position.reshape(-1, 2)
+    for near, far, length, strain, broken, face in ends:
+        reach = position[far] - position[near]
+        now = np.hypot(reach[..., 0], reach[..., 1])
+        whole = (broken == 0.0) & (face > 0.0)
+        times = np.where(whole, length * (1.0 + strain) / np.maximum(now, 1e-12), 1.0)
+        first.append(near.ravel())
+        second.append(far.ravel())
+        wanted.append((times[..., None] * reach).reshape(-1, 2))
+        counts.append(np.where(whole, 1.0, np.where(face > 0.0, HOLDS_APART, 0.0)).ravel())
+    near, far, count = (np.concatenate(each) for each in (first, second, counts))
+    bonds = np.arange(near.size)
+    signs = np.append(-np.ones(near.size), np.ones(near.size))
+    shape = near.size, position.shape[0]
+    differences = csr_matrix((signs, (np.append(bonds, bonds), np.append(near, far))), shape)
+    # mass points on the base, and those without a bond, stay where they are
+    stays = filled.on_base.ravel() | (np.bincount(near, count, shape[1]) == 0.0) & (
+        np.bincount(far, count, shape[1]) == 0.0
+    )
+    weighted = differences.T.multiply(count).tocsr()
+    held = np.where(stays, STAYS, LOOSE)
+    system = (weighted @ differences + diags(held)).tocsc()
+    right = weighted @ np.concatenate(wanted) + held[:, None] * position
+    return np.asarray(splu(system).solve(right)).reshape(cushion.position.shape)
 
 
 def _differences(before: Scene, scene: Scene) -> list[str]:
@@ -82,7 +173,7 @@ def _differences(before: Scene, scene: Scene) -> list[str]:
         key
         for key in {**there, **here}
         if there.get(key) != here.get(key)
-        and not key.startswith(("base.acceleration", "base.pulse"))
+        and not key.startswith(("base.acceleration", "base.pulse", "start.wait"))
     ]
     found = [f"{key} = {_word(there.get(key))} instead of {_word(here.get(key))}" for key in keys]
     return found if len(found) < 4 else [*found[:3], f"and {len(found) - 3} more"]

@@ -12,8 +12,8 @@ import pytest
 
 from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.laws.bond import FOAMS
+from taichi_foam.laws.bond.by_curve import FROM_CURVE
 from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.laws.bond.tabulated import FROM_CURVE
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene
@@ -113,14 +113,14 @@ def stubborn() -> Iterator[None]:
 @pytest.mark.usefixtures("stubborn")
 def test_a_law_that_comes_later_is_in_it() -> None:
     (law,), (will,) = keys_of("foam.law"), keys_of("foam.will")
-    assert law.allowed == "crushable, tabulated, stubborn"
+    assert law.allowed == "crushable, tabulated, recovering, stubborn"
     assert (will.unit, will.default, will.allowed) == ("Pa", "3e7", "above 0 and at most 1e6 Pa")
     assert will.about == "how much it resists (law stubborn only)"
     assert [key.only for key in keys_of("foam.yield_strain")] == [("crushable", "stubborn")]
 
 
 def test_numbers_are_as_one_would_write_them() -> None:
-    told = {key.key: key.default for key in KEYS if key.only != ("tabulated",)}
+    told = {key.key: key.default for key in KEYS if not {"tabulated", "recovering"} & {*key.only}}
     assert told["foam.youngs_modulus"] == "2.78e6"
     assert told["output.snapshot_interval"] == "0.001"
     assert told["foam.rate"] == "none"

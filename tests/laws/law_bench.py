@@ -64,6 +64,14 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
             out[k] = law.flowed(c, e[k], law.History(worst=e_min), time, 1.0).worst
 
     @ti.kernel
+    def leaked(c: law.Constants, e: ti.f64, lost: ti.f64, time: ti.f64) -> ti.f64:
+        return law.flowed(c, e, law.History(0.0, lost), time, 1.0).lost
+
+    @ti.kernel
+    def gas_energy(c: law.Constants, e: ti.f64, lost: ti.f64) -> ti.f64:
+        return law._gas_energy(c, e, law.History(0.0, lost))
+
+    @ti.kernel
     def densified(c: law.Constants, e: Array, out: Array):
         for k in range(e.shape[0]):
             out[k] = law.stiffening(c, e[k], law.History(), 0)[1]
@@ -118,6 +126,16 @@ def flowed(foam: Bound, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
     e, out = _arrays(e)
     foam.kernels.flowed(foam.constants, e, e_min, time, out)
     return out
+
+
+def leaked(foam: Bound, e: float, lost: float, time: float) -> float:
+    """What the lost part of the gas becomes at a strain in a time [s]."""
+    return foam.kernels.leaked(foam.constants, e, lost, time)
+
+
+def gas_energy(foam: Bound, e: float, lost: float) -> float:
+    """Energy [J/m3] that the gas stores at a strain."""
+    return foam.kernels.gas_energy(foam.constants, e, lost)
 
 
 def densified(foam: Bound, e: np.ndarray) -> np.ndarray:

@@ -148,7 +148,7 @@ def test_scene_files_and_messages_know_the_law(law: ModuleType) -> None:
     assert scene_from_text(scene_to_toml(scene), "here") == scene
     with pytest.raises(tf.UserError, match=r"foam\.fracture_strain = 3: must be .*at most 0\.5"):
         scene.with_values(foam__fracture_strain=3)
-    with pytest.raises(tf.UserError, match="must be one of crushable, tabulated, brittle"):
+    with pytest.raises(tf.UserError, match=r"must be one of crushable, .*, brittle"):
         scene.with_values(foam__law="britle")
 
 

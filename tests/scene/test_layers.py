@@ -237,7 +237,7 @@ TABLE = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
         ([{"bottom": 0.0201, "top": 0.0224}], "set block.rows = 22 or more"),
         ([{"bottom": 0.0}], "block.layers[0].top: missing"),
         ([{**BAND, "foam": "nothing"}], "block.layers[0].foam = 'nothing': not in the library"),
-        ([{**BAND, "foam": "epe-30"}], "resilient foam springs back"),
+        ([{**BAND, "foam": "epe-30"}], "a foam that springs back"),
         ([{**BAND, "foam": {"curve": "no.csv"}}], "block.layers[0].foam.curve: no.csv: cannot be"),
         ([{**BAND, "foam": {"shear_strain": -1}}], "block.layers[0].foam.shear_strain = -1: must"),
         ([{**BAND, "foam": {"plateau_stress": 0.1}}], "block.layers[0].foam.plateau_stress = 0.1"),

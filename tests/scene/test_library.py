@@ -122,8 +122,8 @@ def read_back(file: FoamFile) -> FoamFile:
     ("name", "told"),
     [
         ("shim2000", "did you mean shim2000-pu?"),
-        ("epe-30", "springs back by the gas"),
-        ("EVA", "springs back by the gas"),
+        ("epe-30", "a foam that springs back"),
+        ("EVA", "a foam that springs back"),
         ("rigid-pu-300", "densities from 20 to 100"),
         ("eps-12", "densities from 14.4 to 38.4 kg/m3 only"),
         ("eps-38.5", "densities from 14.4 to 38.4 kg/m3 only"),

@@ -21,7 +21,10 @@ from taichi_foam.laws import elementary
 from taichi_foam.parts import Part, quantity
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5
-"""Size of the table that a law may have: one row each for strains of 0, -0.001 and so on to -1."""
+"""Size of the table that a law may have: one row each for strains of 0, -0.001 and so on to -1.
+
+A law may have more columns, see `BondLaw.table_columns`.
+"""
 
 OPENING, SLIDING = 4.0, 2.0
 """Energy of a crack through brittle bonds over the energy stored in them: in opening, in sliding.
@@ -157,8 +160,22 @@ class BondFoam(Part):
         return None
 
     @property
+    def recovers(self) -> bool:
+        """Whether its bonds change while they rest between drops, see `rested`."""
+        return False
+
+    def rested(
+        self, worst: NDArray[np.float64], own: Mapping[str, NDArray[np.float64]], time: float
+    ) -> dict[str, NDArray[np.float64]]:
+        """The histories of unloaded bonds after `time` [s], by the names of `BondLaw.History`.
+
+        `worst` is their most compressive strain so far, `own` what else they remember.
+        """
+        return {"worst": worst, **own}
+
+    @property
     def table(self) -> NDArray[np.float64] | None:
-        """(TABLE_ROWS, TABLE_COLUMNS) the table of a `tabulated` law; None: the law has none."""
+        """(TABLE_ROWS, `BondLaw.table_columns`) table of a `tabulated` law; None: it has none."""
         return None
 
     @property
@@ -221,7 +238,8 @@ class BondLaw:
     tabulated: bool = False
     """Whether its functions read `table`, at [c.place, row]."""
     table: Any = None
-    """Field (foams, TABLE_ROWS) of TABLE_COLUMNS numbers, set by `with_table`."""
+    """Field (foams, TABLE_ROWS) of `table_columns` numbers, set by `with_table`."""
+    table_columns: int = TABLE_COLUMNS
     heeds_rate: bool = False
     """Whether a history also changes in time: `flowed` updates it before each step."""
     shears_stiffer: bool = False

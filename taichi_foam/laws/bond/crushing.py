@@ -217,7 +217,7 @@ class Crushing(BondLaw):
         return PACKED * c.youngs_modulus
 
     @ti.func
-    def stress_fraction(self, c: ti.template(), e, history: ti.template(), broken):
+    def skeleton_stress(self, c: ti.template(), e, history: ti.template(), broken):
         """The stress as if the plateau had no end, as (numerator, divisor > 0)."""
         turn = self.turn_at(e, history)
         permanent, slope = self.unloading(c, turn)
@@ -233,8 +233,10 @@ class Crushing(BondLaw):
             kept = ti.select(e > history.worst, 0.0, kept)
         return ti.select(broken, kept, numerator), divisor
 
+    stress_fraction = skeleton_stress
+
     @ti.func
-    def stored_energy(
+    def skeleton_energy(
         self, c: ti.template(), e: ti.f64, history: ti.template(), broken: ti.i32
     ) -> ti.f64:
         """Energy per reference volume [J/m3] released on unloading from `e` to zero stress.
@@ -246,12 +248,14 @@ class Crushing(BondLaw):
         energy = 0.0
         if e > permanent:
             if not broken:
-                numerator, divisor = self.stress_fraction(c, e, history, broken)
+                numerator, divisor = self.skeleton_stress(c, e, history, broken)
                 energy = 0.5 * (e - permanent) * numerator / divisor
         elif not (broken and ti.static(self.broken_contact == "jump")):
             energy = self.elastic_energy(c, e, turn, permanent, slope)
             energy += self.stiffening_energy(c, e, history.worst)
         return energy
+
+    stored_energy = skeleton_energy
 
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:

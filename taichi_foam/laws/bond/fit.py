@@ -1,4 +1,4 @@
-"""The paper's law (Eq. 26) fitted to a measured curve: an elastic line, a plateau, densification.
+"""Laws fitted to tests: Eq. 26 to a measured curve, and the way back of foam that springs back.
 
 The error of the fit tells how well the paper's law can describe a foam. Its level plateau cannot
 follow one that hardens; the tabulated law, which uses the curve itself, can.
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.laws.bond import crushable
+from taichi_foam.laws.bond.by_curve import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import LOCKS, Curve
-from taichi_foam.laws.bond.tabulated import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
 
 Array = NDArray[np.float64]
 
@@ -153,3 +153,62 @@ def _median_error(foam: Foam, curve: Curve) -> float:
     # a test may begin with zero stress
     test = np.maximum(curve.stress_at(strain), 1e-3 * curve.plateau_stress)
     return float(np.median(np.abs(foam.loading(strain) / test - 1.0)))
+
+
+@dataclass(frozen=True)
+class ReturnFit:
+    """The way back of `recovering` foam, fitted to an unloading branch.
+
+    factor, shape, left  HU, SHAPE and the set, see `laws.bond.recovering`
+    given_back           energy returned over energy taken in the test
+    error                root mean square of fit less test, over the stress at the start
+    """
+
+    factor: float
+    shape: float
+    left: float
+    given_back: float
+    error: float
+
+
+def return_fit(curve: Curve, strain: Array, stress: Array) -> ReturnFit:
+    """The way back that fits an unloading branch best, by least squares of its stress.
+
+    Args:
+        curve: the loading curve.
+        strain: strains of the branch (n,), from the largest one down; compression positive.
+        stress: stresses [Pa] there.
+    """
+    from scipy.optimize import least_squares  # slow to import
+
+    worst = float(strain[0])
+    fine = np.linspace(0.0, worst, 2001)
+    loading = curve.stress_at(fine)
+    taken = np.append(0.0, np.cumsum(0.5 * (loading[1:] + loading[:-1]) * np.diff(fine)))
+    top = max(float(loading[-1]), 1e-9)
+
+    def stress_of(values: Array) -> Array:
+        factor, shape, left = values
+        x = np.clip((strain - left * worst) / (1.0 - left), 0.0, worst)
+        share = np.interp(x, fine, taken) / taken[-1]
+        return np.interp(x, fine, loading) * (factor + (1.0 - factor) * share**shape)
+
+    reaches = strain[stress <= 0.02 * stress[0]]
+    left = float(np.clip(reaches[0] / worst, 0.0, 0.85)) if reaches.size else 0.0
+    best = min(
+        (
+            least_squares(
+                lambda values: (stress_of(values) - stress) / top,
+                (0.2, shape, left),
+                bounds=((0.001, 0.1, 0.0), (1.0, 50.0, 0.9)),
+            )
+            for shape in (1.0, 5.0)
+        ),
+        key=lambda found: float(found.cost),
+    )
+    back = float(np.sum(0.5 * (stress[1:] + stress[:-1]) * -np.diff(strain)))
+    return ReturnFit(
+        *(float(f"{value:.4g}") for value in best.x),
+        given_back=back / float(taken[-1]),
+        error=float(np.sqrt(np.mean(best.fun**2))),
+    )
