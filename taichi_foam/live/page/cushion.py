@@ -285,9 +285,7 @@ class Charts:
         return Drops(foam, foam, None, thickness, drop_height), foam_of(foam).title
 
 
-def _chart(
-    number: int, asked: Drops, about: str, least: float | None, most: float | None
-) -> Chart:
+def _chart(number: int, asked: Drops, about: str, least: float | None, most: float | None) -> Chart:
     """A chart with nothing simulated yet. Raises UserError."""
     thickness, height = asked.thickness, asked.drop_height
     strain, stress = _curve(asked.scene(1e3))
