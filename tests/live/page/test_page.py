@@ -398,7 +398,8 @@ def test_picture_and_curve_share_the_first_screen(page: Page) -> None:
 
 # where a point of the cushion chart is, in CSS pixels from the corner of the window
 _PLACE = """((gd, n) => {
-  const { xaxis, yaxis } = gd._fullLayout, { left, top } = gd.getBoundingClientRect(), { x, y } = gd.data[1];
+  const { xaxis, yaxis } = gd._fullLayout, { x, y } = gd.data[1];
+  const { left, top } = gd.getBoundingClientRect();
   return [left + xaxis._offset + xaxis.d2p(x[n]), top + yaxis._offset + yaxis.d2p(y[n])];
 })(document.getElementById("chart-plot"), 0)"""
 
