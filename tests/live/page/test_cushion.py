@@ -130,6 +130,21 @@ def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPa
     assert point["g"] == pytest.approx(chart.by_hand[0], rel=0.05)
 
 
+def test_a_process_that_is_ended_is_told_with_what_there_is() -> None:
+    charts = Charts(WEDGE)
+    charts.ask(OWN, 0.04, 0.3, None, None)
+    chart, until = charts.chart, time.monotonic() + PATIENCE
+    assert chart is not None
+    assert charts._process is not None
+    charts._process._process.kill()
+    while not charts.take():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    assert chart.problem == "the process that simulates was ended with exit code -9"
+    assert chart.told(WEDGE)["waits"] == 0
+    assert not charts.take()
+
+
 def test_controls_describe_what_they_have_made_and_no_cushion(charts: Charts) -> None:
     controls = Controls(WEDGE)
     charts.ask(OWN, 0.05, 0.76, None, None)
