@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs Debian's chromium and chromium-driver"
 )
 if CHROMIUM and DRIVER:
-    from selenium.webdriver import Chrome, ChromeOptions, Keys
+    from selenium.webdriver import ActionChains, Chrome, ChromeOptions, Keys
     from selenium.webdriver.chrome.service import Service
     from selenium.webdriver.common.by import By
 
@@ -394,6 +394,76 @@ def test_picture_and_curve_share_the_first_screen(page: Page) -> None:
         assert bottom - top == pytest.approx(min(0.45 * height, width / shape), abs=2)
         _, curve_top, curve_bottom = page.ask(places, "#curve")
         assert (curve_top if height == 740 else curve_bottom) < height
+
+
+# where a point of the cushion chart is, in CSS pixels from the corner of the window
+_PLACE = """((gd, n) => {
+  const { xaxis, yaxis } = gd._fullLayout, { x, y } = gd.data[1];
+  const { left, top } = gd.getBoundingClientRect();
+  return [left + xaxis._offset + xaxis.d2p(x[n]), top + yaxis._offset + yaxis.d2p(y[n])];
+})(document.getElementById("chart-plot"), 0)"""
+
+
+def test_a_point_of_the_cushion_chart_is_watched(browser: Chrome, tmp_path: Path) -> None:
+    # the served drop has the kernels that drops on cushions need
+    flat = ("impactor.shape=flat", *SMALL)
+    with Served(tmp_path, *flat) as server:
+        page = Page(browser, server.address)
+        page.width(1280, 900)
+        page.until(lambda: page.text("#state") not in ("connecting", "preparing"))
+        served = page.text("#name")
+        page["#pace"].send_keys("fastest")
+        page["#run-tab"].send_keys(Keys.ARROW_RIGHT)
+        assert page.ask("document.activeElement.id") == "cushion-tab"
+        assert not page["#picture"].is_displayed()
+
+        for key, wrong, words in (
+            ("thickness", "0", "0: must be 5 to 300 mm"),
+            ("foam", "granite", "'granite': must be of this scene, or in the library"),
+        ):
+            field = page[f"#cushion-{key}"]
+            before = field.get_property("value")
+            field.send_keys(Keys.CONTROL, "a", Keys.NULL, wrong, Keys.ENTER)
+            beside = f"#cushion-{key}-wrong"
+            page.until(lambda beside=beside, words=words: words in page.text(beside))
+            assert not page["#points"].is_displayed()
+            field.send_keys(Keys.CONTROL, "a", Keys.NULL, before)
+        page["#ask-chart"].click()
+        page.until(
+            lambda: page.ask("document.getElementById('chart-plot').data?.[0].y.length > 50")
+        )
+        page.until(lambda: page.ask("document.getElementById('chart-plot').data[1].x.length > 0"))
+        peak = page.ask("document.getElementById('chart-plot').data[1].y[0]")
+        assert page.text("#points-table tbody td:nth-child(3)") == f"{peak:.1f}"
+        assert page.errors() == []
+
+        x, y = page.ask(_PLACE)
+        pointer = ActionChains(browser)
+        pointer.w3c_actions.pointer_action.move_to_location(round(x), round(y))
+        pointer.click().perform()
+        page.until(lambda: page["#picture"].is_displayed())
+        page.until(
+            lambda: page.text("#name").startswith("cushion, foam of paper/wedge-2.86, 50 mm")
+        )
+        assert page["#apart"].is_displayed()
+        page.until(lambda: page.text("#state") == "at its end")
+        raw = page.ask(
+            "[...document.querySelectorAll('#figures tr')].find((tr) =>"
+            " tr.textContent.startsWith('raw peak in g')).children[1].textContent"
+        )
+        assert raw == f"{peak:.1f}"
+        page.until(lambda: "cushion" in page.text("#list tbody tr:first-child td:nth-child(2)"))
+
+        page["#reset"].click()
+        page.until(lambda: page.text("#name") == served)
+        assert not page["#apart"].is_displayed()
+        page["#cushion-tab"].click()
+        watch = page["#points-table [data-point='0']"]
+        assert watch.get_attribute("aria-label").startswith("Watch the drop at ")
+        watch.send_keys(Keys.ENTER)
+        page.until(lambda: page.text("#name").startswith("cushion"))
+        assert page["#picture"].is_displayed()
+        assert page.errors() == []
 
 
 def test_what_is_dropped_without_a_connection_is_told_and_stays_in_its_field(

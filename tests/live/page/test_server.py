@@ -39,6 +39,7 @@ def test_everything_that_the_page_is_made_of_is_served(served: Served) -> None:
         "controls.js",
         "typed.js",
         "curve.js",
+        "cushion.js",
         "tables.js",
         "icon.svg",
     ):

@@ -198,6 +198,14 @@ def test_little_of_each_viewer_waits() -> None:
     assert [whose for _, whose in inbox.take()] == [other.append]
 
 
+def test_of_the_charts_that_one_asks_for_only_the_last_is_drawn() -> None:
+    inbox, one, other = Inbox(), [], []
+    charts = [commands.Cushion("eps-20", 1e-3 * mm, 0.76, None, None) for mm in range(20, 60)]
+    assert all(inbox.put(chart, one.append) for chart in charts)
+    assert inbox.put(charts[0], other.append)
+    assert [command for command, _ in inbox.take()] == [charts[-1], charts[0]]
+
+
 def test_measured_figures_go_with_the_test_not_with_the_name(tmp_path: Path) -> None:
     view = PageView(paper_scene("paper/wedge-2.86"), tmp_path)  # never started
 

@@ -4,7 +4,7 @@ import { dash, row } from "./tables.js";
 import { DIGITS, fitted, mark } from "./typed.js";
 
 const $ = (id) => document.getElementById(id);
-const CAP = 3.5; // the highest point of the chart, over the least peak: those that bottom out may be far above
+const CAP = 3.5; // beyond the optimum, the highest of the chart over the least peak: bottomed out may be far above
 const X = "static stress (kPa)", Y = "peak deceleration (g, raw)";
 
 export class Cushion {
@@ -120,10 +120,7 @@ export class Cushion {
       const tr = row(shown(point.static, 1e-3), point.by_hand === null ? "used up" : dash(point.by_hand, 1),
         figure("g", 1), figure("g_cfc180", 1), figure("strain", 1, 1e2), button);
       if (point.bottomed) tr.children[4].append(small("bottomed out"));
-      if (n === watched) {
-        tr.setAttribute("aria-current", "true");
-        button.textContent = "Watched";
-      }
+      if (n === watched) tr.setAttribute("aria-current", "true");
       return tr;
     }));
     if (active !== undefined) document.querySelector(`[data-point="${active}"]`)?.focus();
@@ -146,9 +143,10 @@ export class Cushion {
     const ink = css("--ink"), soft = css("--soft"), line = css("--line"), blue = css("--curve"), accent = css("--accent"), bad = css("--bad");
     const { formula, points, least } = this.chart, kPa = (value) => 1e-3 * value;
     const simulated = points.map((point, n) => ({ ...point, n })).filter(({ state }) => state === "simulated");
-    const known = [least[1], ...simulated.map(({ g }) => g)];
-    const wanted = [...formula.g.filter((g) => g !== null), ...simulated.map(({ g }) => g)];
-    const top = roundUp(1.05 * Math.min(Math.max(...wanted), CAP * Math.min(...known)));
+    const before = formula.g.filter((g, k) => g !== null && formula.static[k] <= least[0]);
+    const beyond = [...formula.g, ...simulated.map(({ g }) => g)].filter((g) => g !== null);
+    const sound = simulated.filter(({ bottomed }) => !bottomed).map(({ g }) => g);
+    const top = roundUp(1.05 * Math.max(...before, ...sound, Math.min(CAP * least[1], Math.max(...beyond))));
     const place = (g) => Math.min(g, top); // what is higher stands at the edge, with its number
     const marks = (bottomed_out, name, marker) => {
       const these = simulated.filter(({ bottomed }) => bottomed === bottomed_out);
