@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
+from store import SMOKE_HELP
 
 from taichi_foam.calibration.calibrate import FIGURE_NOISE, target_of
 from taichi_foam.calibration.emulator import emulator_of, spreads
@@ -67,8 +69,12 @@ def main(
     paper: Annotated[bool, typer.Option("--paper", help="The paper's nine tests instead.")] = False,
     out: Annotated[str | None, typer.Option(help="Folder that keeps the runs.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads.")] = None,
+    short: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
 ) -> None:
     """Print what came out, and keep it in results/."""
+    if short:
+        smoke()
+        return
     bars = Bars(Console(stderr=True))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(out or temporary)
@@ -79,11 +85,26 @@ def main(
     print(json.dumps(found["summary"], indent=2))
 
 
+def smoke() -> None:
+    """Two traces and a coarse wave, with kernels that come with the package."""
+    with tempfile.TemporaryDirectory() as temporary:
+        how = {"threads": 1, "bars": Bars()}
+        coverage(Path(temporary), 2, 16, how, Bars(), {"foam.strength_scatter": 0.0})
+
+
 def coverage(
-    folder: Path, traces: int, runs: int, how: dict[str, Any], bars: Bars
+    folder: Path,
+    traces: int,
+    runs: int,
+    how: dict[str, Any],
+    bars: Bars,
+    more: Mapping[str, Any] = {},
 ) -> dict[str, Any]:
-    """How often intervals hold the truth, and which parameters are flagged."""
-    scene = load_scene("paper/rectangular-3.03", None, CUSHION)
+    """How often intervals hold the truth, and which parameters are flagged.
+
+    `more` are further values of the scene.
+    """
+    scene = load_scene("paper/rectangular-3.03", None, {**CUSHION, **more})
     space = space_of(scene, FIT)
     wave = computed(first_plan(scene, space, runs, 0), folder / "wave", **how)
     random = np.random.default_rng(2026)
