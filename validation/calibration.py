@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
+from store import SMOKE_HELP
 
 from taichi_foam.calibration.calibrate import FIGURE_NOISE, target_of
 from taichi_foam.calibration.emulator import emulator_of, spreads
@@ -51,9 +53,10 @@ FIT = {
 }
 WITHOUT_INFLUENCE = "impactor.friction"  # the impactor is as wide as the block, and sticks to it
 
-STEPS = 600  # of each chain
+STEPS = 300  # of each chain
 NOISE, CHANNEL_CLASS = 0.05, 180
-BEFORE = 0.02  # s of the trace before the impact
+BEFORE, AFTER = 0.02, 0.02  # s of the trace before the impact, and after its end
+LENGTH = 0.06  # s that are compared: for all traces the same, so that they share an emulator
 
 PAPER_FIT = {"impactor.friction": (0.0, 0.4), "model.shear_pressure_coefficient": (0.2, 1.2)}
 PAPER_FIGURES = ("impact_duration_s", "max_displacement_m", "plateau_deceleration_m_s2")
@@ -66,8 +69,12 @@ def main(
     paper: Annotated[bool, typer.Option("--paper", help="The paper's nine tests instead.")] = False,
     out: Annotated[str | None, typer.Option(help="Folder that keeps the runs.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads.")] = None,
+    short: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
 ) -> None:
     """Print what came out, and keep it in results/."""
+    if short:
+        smoke()
+        return
     bars = Bars(Console(stderr=True))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(out or temporary)
@@ -78,25 +85,44 @@ def main(
     print(json.dumps(found["summary"], indent=2))
 
 
+def smoke() -> None:
+    """Two traces and a coarse wave, with kernels that come with the package."""
+    with tempfile.TemporaryDirectory() as temporary:
+        how = {"threads": 1, "bars": Bars()}
+        coverage(Path(temporary), 2, 16, how, Bars(), {"foam.strength_scatter": 0.0})
+
+
 def coverage(
-    folder: Path, traces: int, runs: int, how: dict[str, Any], bars: Bars
+    folder: Path,
+    traces: int,
+    runs: int,
+    how: dict[str, Any],
+    bars: Bars,
+    more: Mapping[str, Any] = {},
 ) -> dict[str, Any]:
-    """How often intervals hold the truth, and which parameters are flagged."""
-    scene = load_scene("paper/rectangular-3.03", None, CUSHION)
+    """How often intervals hold the truth, and which parameters are flagged.
+
+    `more` are further values of the scene.
+    """
+    scene = load_scene("paper/rectangular-3.03", None, {**CUSHION, **more})
     space = space_of(scene, FIT)
     wave = computed(first_plan(scene, space, runs, 0), folder / "wave", **how)
     random = np.random.default_rng(2026)
     truths = space.values(random.random((traces, len(space))))
     made = computed(plan_at(scene, space, truths, 1), folder / "truths", **how)
-    rows = []
+    rows, emulators = [], {}
     with bars.counting("posteriors", "posteriors", traces, "traces") as advance:
         for number, (time, deceleration) in traces_of(made).items():
             trace = noisy(time, deceleration, number)
-            reading = reading_of(trace, CHANNEL_CLASS, NOISE, seed=number)
-            seen = runs_of(wave, space, reading.reader, ())
-            figures = seen.figures(reading.reader)
-            kept = spreads(figures)
-            emulator = emulator_of(space.unit(seen.values), figures[:, kept])
+            reading = reading_of(trace, CHANNEL_CLASS, NOISE, seed=number, length=LENGTH)
+            if reading.reader not in emulators:
+                seen = runs_of(wave, space, reading.reader, ())
+                figures = seen.figures(reading.reader)
+                kept = spreads(figures)
+                emulators[reading.reader] = (
+                    emulator_of(space.unit(seen.values), figures[:, kept]), kept,
+                )  # fmt: skip
+            emulator, kept = emulators[reading.reader]
             target = target_of(emulator, reading, {}, kept)
             posterior = sample([target], len(space), 0.0, seed=number, most=STEPS)
             rows += [
@@ -124,10 +150,11 @@ def noisy(time: np.ndarray, deceleration: np.ndarray, seed: int) -> Measured:
     step = float(np.median(np.diff(time)))
     middle = 0.5 * (time[1:] + time[:-1])
     before = np.arange(middle[0] - BEFORE, middle[0] - 0.5 * step, step)
-    values = np.concatenate([np.zeros(len(before)), deceleration[1:]])
+    after = middle[-1] + step * np.arange(1, round(AFTER / step))
+    values = np.concatenate([np.zeros(len(before)), deceleration[1:], np.zeros(len(after))])
     random = np.random.default_rng([seed, 1])
     values = values + random.normal(scale=NOISE * values.max(), size=len(values))
-    return Measured(np.concatenate([before, middle]), values)
+    return Measured(np.concatenate([before, middle, after]), values)
 
 
 def summed(rows: list[dict[str, Any]], space: Space) -> dict[str, Any]:

@@ -31,8 +31,8 @@ most 5 % of any unimodal distribution lies beyond)."""
 DISCREPANCY = 0.05
 """Scale of the prior of a model discrepancy that is estimated, as a part of the figures' size."""
 
-_BURNT = 5  # autocorrelation times at the start that are not used
-_ENOUGH = 25  # autocorrelation times of a chain that is long enough: it begins where it is likely
+_BURNT = 3  # autocorrelation times at the start that are not used
+_ENOUGH = 20  # autocorrelation times of a chain that is long enough: it begins where it is likely
 _BLOCK = 200  # steps between checks of that
 
 

@@ -184,6 +184,7 @@ def reading_of(
     noise: float | None = None,
     offset: float | None = None,
     seed: int = 0,
+    length: float | None = None,
 ) -> Reading:
     """Read a measured trace.
 
@@ -198,6 +199,7 @@ def reading_of(
         noise: standard deviation of the samples, as a part of the peak; None: from their second
             differences, at least `LEAST_NOISE`.
         seed: of the noise.
+        length: compared time from the onset [s]; None: 1.25 times the duration of the pulse.
 
     Raises:
         UserError: times that do not increase, too few samples for the filter, or no peak.
@@ -239,11 +241,12 @@ def reading_of(
         )
     above = np.flatnonzero(smooth >= onset * peak)
     begin, end = at[above[0]], at[above[-1]]
-    length = min(_BEYOND * (end - begin), t[-1] - begin)
-    if length < 3 * 1.2 / channel_class:
-        length = 3 * 1.2 / channel_class
+    wanted = _BEYOND * (end - begin) if length is None else length
+    compared = float(min(wanted, t[-1] - begin))
+    if compared < 3 * 1.2 / channel_class:
+        compared = 3 * 1.2 / channel_class
         notes.append("the pulse is shorter than three cycles of its filter")
-    reader = Reader(channel_class, onset, float(length))
+    reader = Reader(channel_class, onset, compared)
     series = reader.series(t, a)
     figures = reader.figures(series)
     noisy = np.stack([reader.series(t, a + copy) for copy in copies])

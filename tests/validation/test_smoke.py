@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import calibration
 import cells
 import fidelity
 import model_tables
@@ -18,7 +19,10 @@ import verify
 VALIDATION = Path(verify.__file__).parent
 
 
-@pytest.mark.parametrize("script", [cells, fidelity, step_size, model_tables, odd_scenes, verify])
+SCRIPTS = [calibration, cells, fidelity, step_size, model_tables, odd_scenes, verify]
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
 def test_the_short_form_works_and_leaves_nothing(script: ModuleType) -> None:
     before = {path: path.stat().st_mtime_ns for path in VALIDATION.rglob("*.[mj][ds]*")}
     script.smoke()
