@@ -325,4 +325,4 @@ def _number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "–"
     rounded = float(f"{value:.3g}")
-    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:.3g}"
+    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:#.3g}"
