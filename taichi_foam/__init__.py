@@ -19,8 +19,10 @@ from taichi_foam.version import __version__
 
 if TYPE_CHECKING:
     from taichi_foam.analysis.measures import summary
+    from taichi_foam.calibration.calibrate import calibrate
     from taichi_foam.catalogue import load_scene
     from taichi_foam.cushions.cushion import cushion_curve
+    from taichi_foam.cushions.design import design
     from taichi_foam.cushions.efficiency import efficiency
     from taichi_foam.errors import Interrupted, RunError, RunWarning, UserError
     from taichi_foam.live.watch import watch
@@ -57,7 +59,9 @@ __all__ = [
     "Snapshot",
     "UserError",
     "__version__",
+    "calibrate",
     "cushion_curve",
+    "design",
     "efficiency",
     "init",
     "load",
@@ -85,7 +89,9 @@ _HOMES = {
     "Scene": "scene",
     "Snapshot": "records.snapshot",
     "UserError": "errors",
+    "calibrate": "calibration.calibrate",
     "cushion_curve": "cushions.cushion",
+    "design": "cushions.design",
     "efficiency": "cushions.efficiency",
     "init": "simulation.simulate",
     "load": "results.result",

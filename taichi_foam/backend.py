@@ -30,7 +30,7 @@ NAME = os.environ.get("TAICHI_FOAM_BACKEND") or "taichi"
 
 if NAME not in ("taichi", "quadrants"):
     raise ImportError(
-        f"TAICHI_FOAM_BACKEND = {NAME!r}: choose taichi, which is the default, or quadrants",
+        f"TAICHI_FOAM_BACKEND = {NAME!r}: choose taichi (the default) or quadrants",
         name=__name__,
     )
 

@@ -197,10 +197,12 @@ def _check_figures(data: Mapping[str, Any], source: str) -> None:
         if key not in MEASURES:
             near = difflib.get_close_matches(key, MEASURES, n=1, cutoff=0.5)
             guess = (
-                f"did you mean {near[0]}?" if near else "docs/results.md has those of summary.json"
+                f"did you mean {near[0]}?"
+                if near
+                else "docs/results.md lists those of summary.json"
             )
             raise UserError(
-                f"{source}: reference.figures.{shown(key)}: no figure of a run; {guess}"
+                f"{source}: reference.figures.{shown(key)}: not a figure of a run; {guess}"
             )
 
 

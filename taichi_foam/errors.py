@@ -68,7 +68,7 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, results: Mapping[int, Any]) -> None:
-        super().__init__(f"{len(results)} scenes had begun or ended")
+        super().__init__(f"{len(results)} scenes had started or finished")
         self.results = dict(results)
 
 

@@ -80,10 +80,12 @@ class Part(BaseModel):
         keys = [f"{place}.{name}".lstrip(".") for place in self.places]
         key, given = keys[0].replace("[]", "[0]"), reprlib.repr(value)
         changed = f"{{{key!r}: {given}}}" if "[" in key else f"{key.replace('.', '__')}={given}"
-        text = f"{key}: scenes do not change; scene.with_values({changed}) gives a changed one"
+        text = (
+            f"{key}: scenes cannot be changed; scene.with_values({changed}) returns a changed copy"
+        )
         if len(keys) > 1 or "[" in key:
             others = " or ".join(keys).replace("[]", "[N]")
-            text += f"; the key is that of the part that is meant, {others}"
+            text += f"; use the key of the part that you mean, {others}"
         problem = PydanticCustomError("value_error", "{error}", {"error": text})
         details = InitErrorDetails(type=problem, loc=(name,), input=value)
         raise ValidationError.from_exception_data(type(self).__name__, [details], hide_input=True)

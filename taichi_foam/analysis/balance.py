@@ -84,9 +84,9 @@ def doubt(scene: Scene) -> str | None:
     if found.strain is not None and found.strain <= -scene.foam.used_up_strain:
         return None
     return (
-        f"by energy balance {impactor.mass:g} kg at {impactor.velocity:.3g} m/s use up this foam: "
-        "it will bottom out; masses are in kilograms (5,000 g is 5), lengths in metres (76 cm is "
-        "0.76), velocities in m/s"
+        f"by energy balance, {impactor.mass:g} kg at {impactor.velocity:.3g} m/s is more than this "
+        "foam can absorb: it will bottom out; check the units: masses are in kilograms (5,000 g "
+        "is 5), lengths in metres (76 cm is 0.76), velocities in m/s"
     )
 
 
@@ -99,7 +99,7 @@ def words(scene: Scene, found: Balance, peak: float | None, strain: float | None
     size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))
     static = f"static stress {1e-3 * found.static_stress:.3g} kPa"
     load = f"cushion {size} mm (height, width, depth), {static}"
-    by_hand = "by energy balance the foam cannot stop it"
+    by_hand = "by energy balance the foam cannot stop the impactor"
     if found.peak is not None:
         by_hand = f"by energy balance {_peak(found.peak, found.strain)}"
     return f"{load}; {by_hand}, computed {_peak(peak, strain, 'raw ')}"

@@ -157,7 +157,7 @@ def _plateau(record: Record) -> float | str | None:
         depth = found.depth_0 + min(found.impactor.nose_depth, NOSE_RISE_LIMIT_M)
         sinking = slice(0, found.stop_row)  # d increases up to the last row before the stop
         if d[sinking][-1] < depth:
-            return "the nose did not sink in"
+            return "the nose did not sink in deep enough"
         start = float(np.interp(depth, d[sinking], t[sinking]))
     if start >= end:
         return "the impact was over before its initial rise"
@@ -165,7 +165,10 @@ def _plateau(record: Record) -> float | str | None:
     overlap = np.clip(np.minimum(t[1:], end) - np.maximum(t[:-1], start), 0, None)
     mean = float(overlap @ h["deceleration_m_s2"][1:] / overlap.sum())
     if mean < PLATEAU_SHARE * found.velocity_0 / found.duration:
-        return "most of the stopping came in a peak, outside the time in which a plateau is sought"
+        return (
+            "most of the velocity was lost in a peak outside the window in which a plateau is "
+            "sought"
+        )
     return mean
 
 

@@ -212,15 +212,16 @@ measure(
     "peak of the base, in g", "base", "g", 1, _ALL, 10, "base_peak", _G)
 measure(
     "base_velocity_change_m_s", loads.shaking,
-    "velocity change of the base", "base's change", "m/s", 2, "run page", 26, "base_change")
+    "velocity change of the base", "base velocity change", "m/s", 2, "run page", 26, "base_change")
 measure(
     "peak_stress_Pa", loads.largest_stress,
     "largest stress", "stress", "kPa", 1, _ALL, 1, "stress")
 measure(
-    "peak_stress_force_N", loads.largest_stress, "its force", "force", "N", 1, "run", 2, "force")
+    "peak_stress_force_N", loads.largest_stress,
+    "force at the largest stress", "force", "N", 1, "run", 2, "force")
 measure(
     "peak_stress_strain", loads.largest_stress,
-    "its strain", "at strain", "%", 1, _ALL, 3, "strain")
+    "strain at the largest stress", "at strain", "%", 1, _ALL, 3, "strain")
 measure(
     "equivalent_drop_height_m", loads.equivalent_drop_height,
     "equivalent drop height", "drop height", "cm", 1, "run page", 28)
@@ -236,7 +237,7 @@ measure("balance_peak_m_s2", balance.of_run, part="peak")
 measure("balance_peak_g", balance.of_run, part="peak", per=_G)
 measure(
     "final_angle_rad", _final("angle_rad"),
-    "turned at the end by", "angle", "°", 1, "run page", 19)
+    "rotation at the end", "angle", "°", 1, "run page", 19)
 measure(
     "final_spin_rad_s", _final("spin_rad_s"),
     "spin at the end", "spin", "rad/s", 2, "run page", 20)
@@ -323,7 +324,9 @@ def _statement(figures: Mapping[str, Any], record: Record) -> str | None:
     elif figures["came_to_rest"]:
         parts.append(f"the impactor came to rest {depth} deep")
     else:
-        parts.append(f"the impactor was still moving when the run ended, {depth} deep at most")
+        parts.append(
+            f"the impactor was still moving when the run ended, {depth} deep at its deepest"
+        )
     if figures["bottomed_out"] is False:
         parts.append("the foam did not bottom out")
     if no_plateau:
@@ -346,13 +349,13 @@ def _of_shaken_base(figures: Mapping[str, Any]) -> list[str]:
     raw, filtered = figures["peak_deceleration_g"], figures["peak_deceleration_cfc180_g"]
     base, strain = figures["base_peak_g"], figures["max_strain"]
     parts = [
-        f"the base was shaken with {base:.1f} g, its velocity changed by "
+        f"the base was shaken with a peak of {base:.1f} g and a velocity change of "
         f"{figures['base_velocity_change_m_s']:.2f} m/s"
     ]
     if raw is not None and filtered is not None:
         parts.append(
-            f"the impactor met {filtered:.1f} g (CFC 180; raw {raw:.1f} g), its velocity changed "
-            f"by {figures['velocity_change_m_s']:.2f} m/s"
+            f"the impactor experienced {filtered:.1f} g (CFC 180; raw {raw:.1f} g) and a velocity "
+            f"change of {figures['velocity_change_m_s']:.2f} m/s"
         )
     if strain is not None:
         parts.append(f"the foam was compressed by {100 * strain:.1f} % at most")

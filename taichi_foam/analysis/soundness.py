@@ -113,8 +113,9 @@ def _of_step(record: Record) -> str | None:
     if given == "auto" or stable is None or given <= stable:
         return None
     return (
-        f"numerics.dt = {given:g} s is {given / stable:.2g} times the stable step, which came down "
-        f"to {stable:.3g} s: vibrations that do not exist may have grown; set numerics.dt = 'auto'"
+        f"numerics.dt = {given:g} s is {given / stable:.2g} times the stable step, which fell to "
+        f"{stable:.3g} s during the run: spurious vibrations may have grown; set numerics.dt = "
+        "'auto'"
     )
 
 
@@ -123,8 +124,8 @@ def _of_residual(record: Record) -> str | None:
     if residual is None or not abs(residual) > RESIDUAL_LIMIT:
         return None
     return (
-        f"{abs(residual):.1%} of the impact energy is unaccounted for, where 1 % is the most to be "
-        f"trusted; {_cure(record)}"
+        f"{abs(residual):.1%} of the impact energy is unaccounted for (at most 1 % is acceptable); "
+        f"{_cure(record)}"
     )
 
 
@@ -135,10 +136,11 @@ def _of_falls(record: Record) -> str | None:
     column, fall = found
     cure = _cure(record)
     if record.scene.model.shear == "face":
-        cure = "shear by faces makes energy: set model.shear = 'cell'"
+        cure = "shear by faces creates energy: set model.shear = 'cell'"
     return (
-        f"{column.label} ({column.name}) fell by {100 * fall:.2g} % of the impact energy, where "
-        f"what is lost can only grow and {100 * FALL_LIMIT:g} % is the most to be trusted; {cure}"
+        f"{column.label} ({column.name}) fell by {100 * fall:.2g} % of the impact energy, but "
+        f"dissipated energy can only grow (a fall of at most {100 * FALL_LIMIT:g} % is "
+        f"acceptable); {cure}"
     )
 
 
@@ -170,10 +172,10 @@ def _of_overlap(record: Record) -> str | None:
     if stiffer <= _STIFFEST_CONTACT:
         cure = f"set numerics.contact_stiffness = {stiffer:g}"
     else:
-        cure = "such an impact is too hard for a contact by penalty; take a slower or lighter one"
+        cure = "this impact is too hard for penalty contact; use a slower or lighter impactor"
     return (
-        f"mass points sank into the impactor by up to {cells:.2g} of a cell, where "
-        f"{OVERLAP_LIMIT:g} is the most to be trusted; {cure}"
+        f"mass points penetrated the impactor by up to {cells:.2g} of a cell (at most "
+        f"{OVERLAP_LIMIT:g} is acceptable); {cure}"
     )
 
 
@@ -182,14 +184,15 @@ def _of_leaving(record: Record) -> str | None:
         return None
     if fell_beside(record):
         return (
-            "the impactor fell past the block, down to what the block stands on: the figures are "
-            "those of that fall; bring impactor.x nearer to 0, or end the run before (numerics.end)"
+            "the impactor fell past the block to the surface that the block stands on: the "
+            "figures describe that fall; bring impactor.x nearer to 0, or end the run earlier "
+            "(numerics.end)"
         )
     velocity = record.history["velocity_m_s"]
     return (
-        f"the impactor left the foam at {velocity[-1]:.3g} m/s, of {velocity.max():.3g} m/s: "
-        "max_displacement_m is how far it had come when the run ended, no stopping distance; take "
-        "a thicker block (block.height), or less of an impact"
+        f"the impactor left the foam at {velocity[-1]:.3g} m/s, after {velocity.max():.3g} m/s at "
+        "its fastest: max_displacement_m is how far it had moved when the run ended, not a "
+        "stopping distance; use a thicker block (block.height), or a milder impact"
     )
 
 
@@ -198,9 +201,9 @@ def _of_lifting(record: Record) -> str | None:
     if record.scene.impactor is None or lifted <= LIFTED * record.scene.block.dy:
         return None
     return (
-        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that a drop before "
-        "has thrown up: displacements count from there; let the foam settle by a run without an "
-        "impactor in between, with numerics.gravity"
+        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that an earlier drop "
+        "threw up: displacements are measured from there; let the foam settle first, in a run "
+        "without an impactor but with numerics.gravity"
     )
 
 
@@ -211,9 +214,9 @@ def _of_loose_points(record: Record) -> str | None:
     if share <= LOOSE_LIMIT:
         return None
     return (
-        f"{share:.0%} of the mass points hang on no whole bond: the lattice fell apart into flying "
-        "points, which stand for no foam; take smaller cells (block.columns, block.rows), or end "
-        "the run before (numerics.end)"
+        f"{share:.0%} of the mass points have no unbroken bond left: the lattice fell apart into "
+        "loose points, which do not represent foam; use smaller cells (more block.columns and "
+        "block.rows), or end the run earlier (numerics.end)"
     )
 
 
@@ -232,9 +235,9 @@ def _of_tested_range(record: Record) -> Iterator[str]:
             continue
         whose = "" if len(foams) == 1 else f" of {_called(record.scene, foam)}"
         yield (
-            f"{np.mean(strain < tested):.0%} of the bonds{whose} were crushed beyond "
-            f"{-tested:.3g}, where the test of the foam's curve ends: their stress is a "
-            "continuation of it; test the foam further, or take a thicker block"
+            f"{np.mean(strain < tested):.0%} of the bonds{whose} were crushed beyond a strain of "
+            f"{-tested:.3g}, where the foam's test curve ends: their stress is extrapolated; test "
+            "the foam to a larger strain, or use a thicker block"
         )
 
 
@@ -252,7 +255,7 @@ def _of_thin_foam(record: Record) -> str | None:
         return None
     x, y = found
     return (
-        f"the foam near x = {x:.3g} m, y = {y:.3g} m is thinner than two cells of "
-        f"{block.dx:.3g} x {block.dy:.3g} m: the lattice bends and breaks it as one row of mass "
-        "points; take more block.columns and block.rows"
+        f"the foam near x = {x:.3g} m, y = {y:.3g} m is thinner than two cells of {block.dx:.3g} x "
+        f"{block.dy:.3g} m: the lattice represents it by a single row of mass points, and bends "
+        "and breaks it as such; use more block.columns and block.rows"
     )

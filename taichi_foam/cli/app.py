@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam import version as package
-from taichi_foam.cli import cushion, efficiency, foam, replay, sweep
+from taichi_foam.cli import calibrate, cushion, design, efficiency, foam, replay, sweep
 from taichi_foam.cli.options import (
     Arch,
     Checkpoint,
@@ -66,7 +66,7 @@ def _root(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Show the version and leave."
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
         ),
     ] = False,
 ) -> None:
@@ -121,12 +121,12 @@ def keys_command(
         bool, typer.Option("--markdown", help="Print the page docs/scene.md instead.")
     ] = False,
 ) -> None:
-    """List the keys of a scene: unit (- is a plain number), default, what is allowed, meaning."""
+    """List the keys of a scene: unit (-: dimensionless), default, allowed values, meaning."""
     with command() as terminal:
         from taichi_foam.cli import reference
 
         if markdown and part is not None:
-            raise UserError("--markdown: the page is of all keys; leave out PART")
+            raise UserError("--markdown: writes the page of all keys; leave PART out")
         if markdown:
             typer.echo(reference.page(), nl=False)
         else:
@@ -141,16 +141,18 @@ _app.command("compare")(replay.compare_command)
 def serve_command(
     scene: SceneName,
     host: Annotated[
-        str, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines in, too.")
+        str, typer.Option(help="Address to serve on; 0.0.0.0 also admits other machines.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; 0 takes any that is free.")] = 8000,
-    out: Annotated[str, typer.Option(help="Folder for the folders of drops.")] = "runs/served",
+    port: Annotated[int, typer.Option(help="Port; 0: any free one.")] = 8000,
+    out: Annotated[
+        str, typer.Option(help="Folder in which each drop gets its own folder.")
+    ] = "runs/served",
     set_: Set = None,
     choices: Choices = None,
     dt: Dt = None,
     arch: Arch = "cpu",
     threads: Threads = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
 ) -> None:
     """Show a scene in the browser while it computes: picture, curve, controls, downloads."""
     with command() as terminal:
@@ -164,7 +166,7 @@ def serve_command(
         server = Server(checked, out, host, port, arch, threads)
 
         def ready() -> None:
-            terminal.line(f"{server.address} (Ctrl-C ends it)")
+            terminal.line(f"{server.address} (Ctrl-C to stop)")
             if not no_open:
                 # it may be slow, or never return
                 threading.Thread(target=open_browser, args=[server.address], daemon=True).start()
@@ -172,27 +174,30 @@ def serve_command(
         if server.is_open:
             terminal.warn(
                 [
-                    f"whoever reaches {host} and has the token in the address can drop things, "
+                    f"anyone who can reach {host} and has the token in the address can run drops "
                     "and fill the disk; the connection is not encrypted"
                 ]
             )
         if server.run(ready):
             with contextlib.suppress(OSError):  # the terminal itself may be gone
-                terminal.warn([f"what there was is in {out}"], "interrupted")
+                terminal.warn([f"what was computed is in {out}"], "interrupted")
             raise typer.Exit(INTERRUPTED)
 
 
 _app.add_typer(sweep.app, name="sweep")
 _app.add_typer(foam.app, name="foam")
-_app.command("cushion")(cushion.cushion_command)
 _app.command("efficiency")(efficiency.efficiency_command)
+_app.command("cushion")(cushion.cushion_command)
+_app.command("design")(design.design_command)
+_app.command("calibrate")(calibrate.calibrate_command)
 
 
 @_app.command("reproduce")
 def reproduce_command(
     out: Annotated[str, typer.Option(help="Folder for report, tables and runs.")] = "reproduction",
     cases: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Some of the nine tests; default: all.")
+        str | None,
+        typer.Option(metavar="NAME,...", help="One or more of the nine tests; default: all."),
     ] = None,
     ensemble: Annotated[
         int | None,
@@ -206,7 +211,7 @@ def reproduce_command(
     arch: Arch = "cpu",
     threads: Threads = None,
     overwrite: Overwrite = False,
-    no_films: Annotated[bool, typer.Option("--no-films", help="Write no GIFs and MP4s.")] = False,
+    no_films: Annotated[bool, typer.Option("--no-films", help="Write no GIFs or MP4s.")] = False,
 ) -> None:
     """Run the paper's nine impacts and write a report: tables, curves, pictures."""
     with command() as terminal:
@@ -233,7 +238,11 @@ def reproduce_command(
         terminal.warn(content["warnings"])
         if content["interrupted"]:
             missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
-            left = f"not finished and left out: {missing}" if missing else "films may be missing"
+            left = (
+                f"left out because they had not finished: {missing}"
+                if missing
+                else "films may be missing"
+            )
             raise KeyboardInterrupt(
-                f"what has finished is kept; {left}; the same command goes on from there"
+                f"what has finished is kept; {left}; the same command continues from there"
             )

@@ -13,7 +13,9 @@ from taichi_foam.cli.outcome import command
 from taichi_foam.cli.replay import Job, deliver
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+
+    from rich.table import Table
 
     from taichi_foam.cushions.efficiency import Efficiency
 
@@ -39,27 +41,32 @@ def efficiency_command(
 ) -> None:
     """Show where foams absorb energy best: efficiency, ideality, onset of densification."""
     with command() as terminal:
-        from rich.table import Table
-
-        from taichi_foam.cushions.display import units_of
         from taichi_foam.cushions.efficiency import efficiency
-        from taichi_foam.cushions.efficiency_chart import EXPLAINED, landmarks
+        from taichi_foam.cushions.efficiency_chart import EXPLAINED, choice, landmarks
+        from taichi_foam.cushions.shown import units as units_named
 
-        system = units_of(units)
+        system = units_named(units)
         found = efficiency(*foams)
         if out is not None:
             deliver(_jobs(found, units), out, overwrite, terminal)
-        head, rows = landmarks(found.foams, system)
-        table = Table(box=None, pad_edge=False, header_style="dim")
-        for words in head:
-            justify = "left" if words == head[0] else "right"
-            table.add_column(
-                words.replace(" (", "\n").rstrip(")"), justify=justify, overflow="fold"
-            )
-        for row in rows:
-            table.add_row(*row)
-        terminal.show(table, EXPLAINED)
+        terminal.show(_table(*landmarks(found.foams, system)), EXPLAINED)
+        if len(foams) > 1:
+            terminal.show("", _table(*choice(found, system)))
         terminal.warn(found.caveats, "note")
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """A table whose heads have their units on a second line."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for words in head:
+        above, _, unit = words.partition(" (")
+        justify = "left" if words == head[0] else "right"
+        table.add_column(f"{above}\n{unit.rstrip(')')}", justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def _jobs(found: Efficiency, units: str) -> list[Job]:

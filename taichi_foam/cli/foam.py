@@ -24,7 +24,7 @@ def foams_begun(word: str) -> list[str]:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Foams: the library's, those in files, and how to make one of a compression test.",
+    help="Foams: those of the library, those in files, and making one from a compression test.",
 )
 
 
@@ -49,7 +49,7 @@ def show_command(
         ),
     ],
 ) -> None:
-    """Say all that is known of a foam: source, constants, landmarks, and what is assumed."""
+    """Describe a foam: source, constants, landmarks, and what is assumed."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.scene.library import foam_of
@@ -66,17 +66,17 @@ def show_command(
 
 @app.command("import")
 def import_command(
-    test: Annotated[
-        str, typer.Argument(metavar="TEST.csv", help="Compression test: columns of a CSV file.")
-    ],
+    test: Annotated[str, typer.Argument(metavar="TEST.csv", help="Compression test: a CSV file.")],
     density: Annotated[
-        str | None, typer.Option(metavar="KG_M3", help="Density of the foam; must be given.")
+        str | None, typer.Option(metavar="KG_M3", help="Density of the foam; required.")
     ] = None,
     name: Annotated[
-        str | None, typer.Option(metavar="TITLE", help="What foam it is; default: the file's name.")
+        str | None,
+        typer.Option(metavar="TITLE", help="Description of the foam; default: the file's name."),
     ] = None,
     source: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Who measured it, where; default: the file.")
+        str | None,
+        typer.Option(metavar="TEXT", help="Who measured it, and where; default: the file."),
     ] = None,
     licence: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Licence of the data; default: not stated.")
@@ -90,13 +90,14 @@ def import_command(
     area: Annotated[
         str | None,
         typer.Option(
-            metavar="M2", help="Area of the specimen: stress is a column of force over it."
+            metavar="M2", help="Area of the specimen, by which a column of force is divided."
         ),
     ] = None,
     height: Annotated[
         str | None,
         typer.Option(
-            metavar="M", help="Height of the specimen: strain is a column of displacement over it."
+            metavar="M",
+            help="Height of the specimen, by which a column of displacement is divided.",
         ),
     ] = None,
     strain: Annotated[
@@ -132,8 +133,8 @@ def import_command(
         int | None,
         typer.Option(
             metavar="N",
-            help="A test of more points is read as means over N equal parts of its strain: fewer "
-            "take noise out; default: as many as there may be.",
+            help="Average a test with more points over N equal intervals of strain; fewer points "
+            "remove noise. Default: the largest allowed number.",
         ),
     ] = None,
     out: Annotated[
@@ -142,7 +143,7 @@ def import_command(
     ] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Make a foam file of a compression test, and a picture of both beside it."""
+    """Make a foam file from a compression test, with a picture of both beside it."""
     with command() as terminal:
         from taichi_foam.cli import foam_files
         from taichi_foam.laws.bond.fit import crushable_fit
@@ -187,7 +188,7 @@ def assumed_command(
         ),
     ],
 ) -> None:
-    """List what a scene assumes of its foam: each value that nobody gave, and where it is from."""
+    """List the values that a scene assumes of its foam, with the origin of each."""
     with command() as terminal:
         from taichi_foam.catalogue import load_scene
         from taichi_foam.cli import foam_files
@@ -195,10 +196,10 @@ def assumed_command(
         folder = Path(source)
         if os.path.isdir(folder) and not (folder / "scene.toml").is_file():
             raise UserError(
-                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give a run's, "
-                "or a scene"
+                f"{source}: not the folder of a run, as it has no scene.toml. Fix: give the folder "
+                "of a run, or a scene"
             )
         scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
         if not scene.assumed:
-            terminal.show("nothing is assumed of the foam")
+            terminal.show("no value of the foam is assumed")
         terminal.show(*foam_files.assumed(scene, scene.assumed or ()))

@@ -30,8 +30,8 @@ from taichi_foam.scene.paths import NOTHING, at
 from taichi_foam.units import plain, si_scale
 
 _HEADER = """\
-# A constant that you know better goes into the table [foam]; then take its [[assumed]] table out.
-# A scene that says foam = "{name}" has this foam and its density.
+# If you know a constant better, give it in the table [foam] and remove its [[assumed]] table.
+# A scene with foam = "{name}" uses this foam and its density.
 
 """
 
@@ -51,7 +51,7 @@ _NOISY = 1.3
 def library() -> Table:
     """The foams of which the library has values, by name."""
     table = _table("name", ">kg/m3", ">plateau")
-    table.add_column("what it is")
+    table.add_column("description")
     for name in listed():
         file = foam_of(name)
         plateau = f"{file.foam.landmarks.plateau_stress / 1e3:.3g} kPa"
@@ -97,7 +97,9 @@ def constants(file: FoamFile) -> Iterator[RenderableType]:
         value = getattr(foam, key)
         about = (field.description or "").partition(";")[0]
         if isinstance(value, Curve):
-            about = f"stress over strain of its compression test, to {value.tested:.3g} of strain"
+            about = (
+                f"stress over strain in its compression test, up to a strain of {value.tested:.3g}"
+            )
         if f"foam.{key}" in assumed:
             origin = "assumed"
         elif f"foam.{key}" in derived:
@@ -116,7 +118,7 @@ def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
     marks = foam.landmarks
     rows = {
         "plateau": _pressure(marks.plateau_stress),
-        "crush starts": _percent(marks.crush_start),
+        "crushing starts": _percent(marks.crush_start),
         "densification": _percent(marks.crush_end),
         "locking": _percent(marks.limit),
         "breaks in tension": _percent(marks.tensile),
@@ -193,13 +195,13 @@ def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
         raise UserError(f"--out {shown(str(target))}: the name of a foam file must end in .toml")
     for path in (target, picture := target.with_suffix(".png")):
         if path.is_dir():
-            raise UserError(f"{path}: that is a folder. Fix: choose another name with --out")
+            raise UserError(f"{path}: is a folder. Fix: choose another name with --out")
         if path.exists() and test.exists() and path.samefile(test):
-            raise UserError(f"{path}: that is the test itself. Fix: choose another name with --out")
+            raise UserError(f"{path}: is the test itself. Fix: choose another name with --out")
         if os.path.lexists(path) and not overwrite:
             raise UserError(
-                f"{path}: it is there already. Fix: pass --overwrite to replace it, or choose "
-                "another name with --out"
+                f"{path}: already exists. Fix: pass --overwrite to replace it, or choose another "
+                "name with --out"
             )
     try:
         # permission bits do not tell everything (root, /proc, read-only disks): try it
@@ -208,15 +210,15 @@ def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
         probe.unlink()
     except OSError as error:
         raise UserError(
-            f"{target}: cannot be written ({error.strerror}). Fix: choose a folder that is there "
-            "and that you may write to, with --out"
+            f"{target}: cannot be written ({error.strerror}). Fix: choose an existing folder that "
+            "you may write to, with --out"
         ) from None
     return target, picture
 
 
 def path_of(name: str) -> Path:
     if not name.strip() or "\0" in name:
-        raise UserError(f"{shown(name)}: not the name of a file")
+        raise UserError(f"{shown(name)}: not a possible file name")
     return Path(name)
 
 
@@ -245,7 +247,7 @@ def column(given: str | None) -> str | int | None:
 def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
     """The foam file of a test. Raises UserError: invalid options, or an invalid curve."""
     curve = read.curve
-    measured = [f"stress to {curve.tested:.3g} of strain, {read.strain.size:,} points"]
+    measured = [f"stress up to a strain of {curve.tested:.3g}, {read.strain.size:,} points"]
     measured += [
         _column_in_words(key, column)
         for key, column in zip(("strain", "stress"), read.columns, strict=True)
@@ -253,12 +255,14 @@ def file_of(known: dict[str, Any], read: CompressionTest) -> FoamFile:
     ]
     measured += _left_out(read)
     if len(curve.strain) < read.loading.sum():
-        measured.append(f"thinned to {len(curve.strain):,} points, means of those around them")
+        measured.append(
+            f"thinned to {len(curve.strain):,} points, each the mean of those around it"
+        )
     if curve.smoothing > 0.0:
         part = 100.0 * curve.smoothing / curve.plateau_stress
         measured.append(
-            f"smoothed by at most {_pressure(curve.smoothing)}, {part:.2g} % of the plateau, so "
-            "that no stress falls"
+            f"smoothed by at most {_pressure(curve.smoothing)} ({part:.2g} % of the plateau), so "
+            "that the stress never falls"
         )
     assumed = [
         {"key": f"foam.{key}", "why": why} for key, why in TabulatedFoam.unless_given.items()
@@ -303,7 +307,9 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
     """Points, encoding, columns with their units, and the points that the curve leaves out."""
     curve = read.curve
     encoding = "" if read.encoding == "UTF-8" else f", read as {read.encoding}"
-    yield Text(f"{path}{encoding}: {read.strain.size:,} points, to a strain of {curve.tested:.3g}")
+    yield Text(
+        f"{path}{encoding}: {read.strain.size:,} points, up to a strain of {curve.tested:.3g}"
+    )
     if read.skipped:
         lines = "1 line" if read.skipped == 1 else f"{read.skipped:,} lines"
         yield Text(f"{lines} of text above the header skipped")
@@ -315,7 +321,9 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
     if len(curve.strain) < read.loading.sum():
         yield Text(f"thinned to {len(curve.strain):,} points")
     if curve.smoothing > 0.0:
-        yield Text(f"smoothed by at most {_pressure(curve.smoothing)}, so that no stress falls")
+        yield Text(
+            f"smoothed by at most {_pressure(curve.smoothing)}, so that the stress never falls"
+        )
     yield Text()
 
 
@@ -342,7 +350,7 @@ def _left_out(read: CompressionTest) -> Iterator[str]:
         )
     rest = int((~read.loading).sum()) - sum(each.points for each in read.branches)
     if rest:
-        yield f"left out of the curve: {rest:,} points whose strain was reached before"
+        yield f"left out of the curve: {rest:,} points whose strain had been reached before"
 
 
 def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:
@@ -355,7 +363,7 @@ def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType
         ("Young's modulus K", _pressure(foam.youngs_modulus), _pressure(fitted.youngs_modulus)),
         ("shear modulus", _pressure(foam.shear_modulus), _pressure(fitted.shear_modulus)),
         ("plateau", _pressure(marks.plateau_stress), _pressure(fitted.plateau_stress)),
-        ("crush starts", _percent(marks.crush_start), _percent(theirs.crush_start)),
+        ("crushing starts", _percent(marks.crush_start), _percent(theirs.crush_start)),
         (
             "densification" if fit.densifies else "densification, where the test ends",
             _percent(marks.crush_end),
@@ -380,7 +388,7 @@ def doubts(foam: BondFoam, fit: CrushableFit) -> Iterator[str]:
     if times > _NOISY:
         yield (
             f"Young's modulus is the steepest slope of the curve, {times:.2g} times that of the "
-            "fit; if that is noise, fewer --points take it out"
+            "fit; if that is noise, fewer --points remove it"
         )
 
 

@@ -29,7 +29,7 @@ SceneName = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="Built-in name or file.", autocompletion=_scenes_begun),
 ]
-Out = Annotated[str | None, typer.Option(help="Folder for the result; default runs/NAME.")]
+Out = Annotated[str | None, typer.Option(help="Folder for the result; default: runs/NAME.")]
 Set = Annotated[
     list[str] | None,
     typer.Option(
@@ -44,36 +44,39 @@ Choices = Annotated[
     ),
 ]
 Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
-Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="What to compute on.")]
+Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="Device to compute on.")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
 Checkpoint = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
-        help="Wall time between checkpoints, from which `resume` continues; default 60; inf: only "
-        "when it is interrupted.",
+        help="Wall time between checkpoints, from which `resume` continues; default: 60; inf: "
+        "only when the run is interrupted.",
     ),
 ]
 After = Annotated[
     str | None,
     typer.Option(
         metavar="RUN_DIR",
-        help="Start on the block as that run has left it; the impactor is lifted above it.",
+        help="Start on the block as that run left it; the impactor is raised above it.",
     ),
 ]
 Drops = Annotated[
     int | None,
     typer.Option(
         metavar="N",
-        help="Drop the impactor N times on the same block; a folder for each, and a table.",
+        help="Drop the impactor N times on the same block; writes a folder for each drop, and a "
+        "table.",
     ),
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a folder that has content.")]
-NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF and no MP4.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the result that the folder holds.")
+]
+NoFilm = Annotated[bool, typer.Option("--no-film", help="Write no GIF or MP4.")]
 Frames = Annotated[bool, typer.Option("--frames", help="Write every frame as a PNG.")]
 Live = Annotated[
     bool,
-    typer.Option("--live", help="Watch it in a window while it is computed; H shows its keys."),
+    typer.Option("--live", help="Watch the run in a window while it computes; H lists the keys."),
 ]
 
 # for commands that draw stored runs
@@ -81,27 +84,27 @@ Mode = Annotated[
     str | None,
     typer.Option(
         metavar="|".join(get_args(choices.Mode)),
-        help="What the colours show; default as the run says.",
+        help="What the colours show; default: as set in the run.",
     ),
 ]
 Theme = Annotated[
     str | None,
-    typer.Option(metavar="|".join(get_args(choices.Theme)), help="Tones; default as the run says."),
+    typer.Option(
+        metavar="|".join(get_args(choices.Theme)), help="Colour theme; default: as set in the run."
+    ),
 ]
 Size = Annotated[
     str | None,
     typer.Option(
         metavar="WIDTHxHEIGHT",
-        help="Size of frames [pixels], even; of a PNG the width. Frames below 512x288, of runs "
-        "side by side below 640x360, have no words.",
+        help="Size of frames in pixels, both even; for a PNG only the width counts. Frames below "
+        "512x288 (runs side by side: 640x360) have no text.",
     ),
 ]
-Fps = Annotated[int | None, typer.Option(help="Frames of a film per second of watching.")]
+Fps = Annotated[int | None, typer.Option(help="Frames per second of a film.")]
 Gif = Annotated[bool, typer.Option("--gif", help="Write a GIF.")]
 Mp4 = Annotated[bool, typer.Option("--mp4", help="Write an MP4.")]
-OverwriteFiles = Annotated[
-    bool, typer.Option("--overwrite", help="Replace files that are there already.")
-]
+OverwriteFiles = Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")]
 
 
 @dataclass(frozen=True)

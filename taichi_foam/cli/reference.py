@@ -23,18 +23,18 @@ _INTRODUCTION = f"""\
 
 Written by `{COMMAND}`; `taichi-foam keys` prints the same tables on the terminal.
 
-A **scene** is one impact on one block of foam: everything that decides its result. Every key has a
-default, and a scene says only what differs. It needs an impactor, or a time at which the run ends
-(`numerics.end`). An unknown key and a value that cannot be are refused, with what is allowed and
-what to do. What no scene can say is in [limits.md](limits.md).
+A **scene** is one impact on one block of foam: everything that determines its result. Every key
+has a default, and a scene states only what differs. It needs an impactor, or a time at which the
+run ends (`numerics.end`). Unknown keys and invalid values are refused with a message that names the
+allowed range and a fix. What a scene cannot describe is listed in [limits.md](limits.md).
 
-**Units are SI**: metres, seconds, kilograms, pascals; angles in degrees. Strains are fractions,
-positive in tension. The impactor's velocity is positive downwards. The frame: x to the right from
-the block's mid-width, y up from its bottom.
+**Units are SI**: metres, seconds, kilograms, pascals; angles are in degrees. Strains are fractions,
+positive in tension. The impactor's velocity is positive downwards. The origin is at the middle of
+the block's bottom, with x to the right and y up.
 
 ## How it is written
 
-In TOML, a table for each part:
+In TOML, each part is a table:
 
 ```toml
 name = "Cylinder on a wide block"
@@ -49,8 +49,8 @@ radius = 0.03
 velocity = 2.5
 ```
 
-`taichi-foam run FILE` runs it, with `--set impactor.velocity=3` for single values. In Python, where
-a script that defines `scene` is as good as a TOML file:
+`taichi-foam run FILE` runs it; `--set impactor.velocity=3` changes a single value. The same in
+Python (a script that defines `scene` can be run like a TOML file):
 
 ```python
 import taichi_foam as tf
@@ -64,14 +64,14 @@ scene = tf.Scene(
 faster = scene.with_values({{"impactor.velocity": 3.0}})  # or with_values(impactor__velocity=3.0)
 ```
 
-A default of `none` means that nothing is given. `--set foam.rate=none`, and `None` in
-`with_values`, go back to that; in TOML one leaves the key out. A new `impactor.shape` drops the
-keys that it lacks.
+A default of `none` means that no value is given. `--set foam.rate=none`, and `None` in
+`with_values`, return to it; in TOML, leave the key out. A new `impactor.shape` drops the keys that
+the new shape does not have.
 
-## Foams by name, in files, by their test
+## Foams by name, from a file, or from a test
 
-`foam = "NAME"` stands for a foam of the library, `foam = "FILE.toml"` for a foam file beside the
-scene; both bring their density. Values of one's own go before theirs:
+`foam = "NAME"` selects a foam from the library, `foam = "FILE.toml"` a foam file in the scene's
+folder; both include the density. Your own values take precedence over theirs:
 
 ```toml
 [foam]
@@ -79,26 +79,27 @@ like = "shim2000-pu"
 shear_modulus = 1.0e6
 ```
 
-`curve = "test.csv"` is a compression test beside the scene, with the law `tabulated`. Units stand
-in the header (`strain [%],stress [MPa]`) or in keys,
+`curve = "test.csv"` is a compression test in the scene's folder, for the law `tabulated`. Units are
+given in the header (`strain [%],stress [MPa]`) or by keys,
 `curve = {{ file = "test.csv", strain_unit = "%", stress_unit = "MPa" }}`. Displacement and force
-become strain and stress by the specimen's area [m2] and height [m]:
-`curve = {{ file = "test.csv", area = 2.5e-3, height = 0.05 }}`. Text above the header is skipped,
-UTF-8 and Latin-1 are read. The curve is the loading envelope: unloading is left out.
-`taichi-foam foam import` says all that it reads. In Python it is
-`TabulatedFoam(curve=Curve(strain=..., stress=...))`, both from `taichi_foam.scene`. Of a foam of
-which some constants were given, the others are derived or assumed, and a run says so (`assumed`;
-`taichi-foam foam assumed RUN_DIR` lists them).
+are converted to strain and stress with the specimen's area [m2] and height [m]:
+`curve = {{ file = "test.csv", area = 2.5e-3, height = 0.05 }}`. Text above the header is skipped;
+the file may be in UTF-8 or Latin-1. The curve is the loading envelope: unloading is left out.
+`taichi-foam foam import` reports everything that it reads. In Python, write
+`TabulatedFoam(curve=Curve(strain=..., stress=...))`, with both names from `taichi_foam.scene`. If
+only some constants of a foam are given, the others are derived or assumed, and a run reports them
+(`assumed`; `taichi-foam foam assumed RUN_DIR` lists them).
 
 ## Pads
 
-`block.outline` and `block.holes` are lists of corners, `block.layers` a list of tables
-(`[[block.layers]]`) with the keys below; [pads.md](pads.md) tells how pads are drawn. A value
-within a list is reached by its place, from 0: `--set block.layers[0].density=40`.
+`block.outline` and `block.holes` are lists of corners, `block.layers` is a list of tables
+(`[[block.layers]]`) with the keys below; [pads.md](pads.md) explains how pads are drawn. An entry
+of a list is addressed by its index, from 0: `--set block.layers[0].density=40`.
 
 ## Reference
 
-What was measured in an impact stands in its scene, and is then shown beside what is computed:
+What was measured in an impact can be written into its scene, and is then shown beside what is
+computed:
 
 ```toml
 [reference]
@@ -109,25 +110,28 @@ max_displacement_m = 0.031
 impact_duration_s = 0.024
 ```
 
-It belongs to the impact, not to the name: where the scene is changed into another one (impactor,
-block, foam, what holds it, start; velocity by more than 0.5 %) nothing is compared. Mesh, steps,
-outputs and model choices do not count, nor what a test of a foam does not give. In a resolved scene
-`velocity` and a digest, `impact`, tell which impact it was. `title` is what a scene of this name is
-called in pictures; `readings` are values that a set of choices takes, under which the figures still
-hold. The nine scenes in `scenes/paper` show both. A scene without a reference is compared with that
-one of them which has its impact, if any.
+A reference belongs to the impact, not to the name of the scene: if the impact is changed (impactor,
+block, foam, base or start; the velocity by more than 0.5 %), nothing is compared. Changes of mesh,
+time step, output and model choices do not matter, nor do foam values that a test does not provide.
+In a resolved scene, `velocity` and `impact`, a digest, identify the impact. `title` is the name of
+the scene in pictures; `readings` are values, by choice set, with which the measured figures still
+apply. The nine scenes in `scenes/paper` show both. A scene without a reference is compared with the
+one of these nine that has the same impact, if any.
 
 ## Choice sets
 
 The paper leaves some things open. Two named sets of model choices settle them: `--choices NAME`, or
-`tf.load_scene(source, choices=NAME)`. A set replaces what the scene says of these keys; `--set`
-comes after it and has the last word. Without a set a scene keeps its own values and the defaults.
-The paper's nine tests are `calibrated` unless another set is asked for; with `paper-literal` their
-cylinder has a radius of 5 cm, too. [model.md](model.md#model-choices) has the reasons. An empty
-cell: the set leaves the key as it is.
+`tf.load_scene(source, choices=NAME)`. A set overrides the scene's values of the keys below; `--set`
+overrides both. Without a set, a scene keeps its own values and the defaults. The paper's nine tests
+use `calibrated` unless another set is requested; with `paper-literal`, their cylinder also has a
+radius of 5 cm. [model.md](model.md#model-choices) gives the reasons. In an empty cell, the set
+leaves the key as it is.
 """
 
-_UNITS = "In the column *unit* - stands for a plain number; what has an empty cell is no number."
+_UNITS = (
+    "In the column *unit*, - marks a dimensionless number; an empty cell marks a value that is "
+    "not a number."
+)
 
 
 def described(part: str) -> str:
@@ -135,7 +139,7 @@ def described(part: str) -> str:
     if part in listed(Scene):
         return f"each entry of the list {part[:-2]}"
     field = Scene.model_fields.get(part)
-    return "what is in no part" if field is None else field.description or ""
+    return "keys outside the parts" if field is None else field.description or ""
 
 
 def keys_of(name: str | None = None) -> list[Key]:
@@ -154,7 +158,8 @@ def keys_of(name: str | None = None) -> list[Key]:
     near = nearest(name, beside or parts, Scene)
     guess = f"did you mean {near}? " if near else ""
     raise UserError(
-        f"{shown(name)}: no part and no key of a scene; {guess}the parts are {', '.join(parts)}"
+        f"{shown(name)}: neither a part nor a key of a scene; {guess}the parts are "
+        f"{', '.join(parts)}"
     )
 
 

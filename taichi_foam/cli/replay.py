@@ -50,7 +50,9 @@ def render_command(
     fps: Fps = None,
     curve: Annotated[
         bool | None,
-        typer.Option("--curve/--no-curve", help="Draw the deceleration so far into each frame."),
+        typer.Option(
+            "--curve/--no-curve", help="Draw the deceleration up to that time into each frame."
+        ),
     ] = None,
     gif: Gif = False,
     mp4: Mp4 = False,
@@ -59,19 +61,19 @@ def render_command(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="Write eight instants and the curves as PDFs for print.")
     ] = False,
-    svg: Annotated[bool, typer.Option("--svg", help="Write the same two as SVGs.")] = False,
+    svg: Annotated[bool, typer.Option("--svg", help="Write the same as SVGs.")] = False,
     column: Annotated[
         str | None,
         typer.Option(
             metavar="single|double",
-            help="Width of --pdf and --svg: a column of 84 mm or of 174 mm; default double for "
-            "the instants, single for the curves.",
+            help="Width of --pdf and --svg: single (84 mm) or double column (174 mm); default: "
+            "double for the instants, single for the curves.",
         ),
     ] = None,
-    out: Annotated[str | None, typer.Option(help="Folder for the files; default RUN_DIR.")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder for the files; default: RUN_DIR.")] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Draw a stored run again: films, frames, figures for print; without a kind, GIF and MP4."""
+    """Draw a stored run again: films, frames, figures for print; by default GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png or frames or pdf or svg):
             gif = mp4 = True
@@ -129,7 +131,7 @@ def compare_command(
     out: Annotated[str, typer.Option(help="Folder for the files.")] = "comparison",
     overwrite: OverwriteFiles = False,
 ) -> None:
-    """Show two to four stored runs side by side in time; without a kind, as GIF and MP4."""
+    """Show two to four stored runs side by side over time; by default as GIF and MP4."""
     with command() as terminal:
         if not (gif or mp4 or png):
             gif = mp4 = True
@@ -156,7 +158,7 @@ def _check_effect(option: str, given: object, wanted: bool, kinds: str) -> None:
     """Raise UserError for an option without effect on the requested output."""
     if given is not None and not wanted:
         raise UserError(
-            f"{option}: it has no effect on what is asked for. Fix: add {kinds}, or leave it out."
+            f"{option}: has no effect on what is to be written. Fix: add {kinds}, or leave it out."
         )
 
 
@@ -262,7 +264,7 @@ def deliver(jobs: Sequence[Job], folder: str, overwrite: bool, terminal: Termina
                     manifest.add(place, [name.rstrip("/") for name in job.names])
                     done += job.names
         except KeyboardInterrupt:
-            kept = f"what was complete is in {folder}: {', '.join(done)}"
+            kept = f"what was finished is in {folder}: {', '.join(done)}"
             raise KeyboardInterrupt(kept if done else "nothing was written") from None
     terminal.line(f"in {folder}: {', '.join(done)}")
 
@@ -277,11 +279,11 @@ def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
             continue
         if path.is_dir() != name.endswith("/"):
             kind = "a folder" if path.is_dir() else "a file"
-            raise UserError(f"{path}: that is {kind}. Fix: move it, or choose another --out.")
+            raise UserError(f"{path}: is {kind}. Fix: move it, or choose another --out.")
         if not overwrite:
             raise UserError(
-                f"{path}: it is there already. "
-                "Fix: pass --overwrite to replace it, or choose another folder with --out."
+                f"{path}: already exists. Fix: pass --overwrite to replace it, or choose another "
+                "folder with --out."
             )
         if path.is_dir():
             check_output_folder(path, overwrite)

@@ -67,7 +67,7 @@ def run(source: str | Scene, asked: RunRequest, terminal: Terminal) -> None:
     needed = (asked.drops or 1) * _needed(scene)
     with claimed(folder, work.request, asked.overwrite, needed) as claim:
         if needed > _WORTH_SAYING:
-            terminal.bars.say(f"{folder} may take up to {size_text(needed)} on the disk")
+            terminal.bars.say(f"{folder} may take up to {size_text(needed)} of disk space")
         _compute(work, claim, folder, asked, terminal)
 
 
@@ -212,14 +212,14 @@ def _compute(work: _Work, claim: Claim, folder: str, asked: RunRequest, terminal
     also = "" if work.is_series else f", and so does `taichi-foam resume {folder}`"
     end = None
     if failure is not None:
-        end = RunError(f"{failure}; what was computed until then is in {folder}")
+        end = RunError(f"{failure}; what was computed up to then is in {folder}")
     elif cut:
         end = KeyboardInterrupt(
-            f"what there was is in {folder}; the same command goes on from there{also}"
+            f"what was computed is in {folder}; the same command continues from there{also}"
         )
     elif isinstance(no_film, KeyboardInterrupt):
         end = KeyboardInterrupt(
-            f"the {it_is} in {folder}, films may be missing; the same command draws them{also}"
+            f"the {it_is} in {folder}, but films may be missing; the same command draws them{also}"
         )
     elif no_film is not None:
         end = RunError(f"{no_film}; the {itself_is} complete in {folder}")
@@ -292,7 +292,7 @@ def _finish(
     except Exception as error:
         told = f"{type(error).__name__}: {error}"
         raise RunError(
-            f"the run could not be measured ({told}); its data are in {folder}"
+            f"the measures of the run could not be computed ({told}); its data are in {folder}"
         ) from error
     if count := len(result.summary["assumed"]):
         one = count == 1
@@ -396,8 +396,10 @@ def _watch(scene: Scene, folder: str, asked: RunRequest, terminal: Terminal) -> 
         end = KeyboardInterrupt("the window was closed before there was anything to save")
     elif session.was_cut:
         is_given = len(kept) == 1 and session.scene == scene
-        goes_on = "; the same command goes on from there" if is_given else ""
-        end = KeyboardInterrupt(f"closed before its end: what there was is in {kept[-1]}{goes_on}")
+        goes_on = "; the same command continues from there" if is_given else ""
+        end = KeyboardInterrupt(
+            f"closed before the end of the drop: what was computed is in {kept[-1]}{goes_on}"
+        )
     elif isinstance(no_film, KeyboardInterrupt):
         end = KeyboardInterrupt("films may be missing")
     elif no_film is not None:

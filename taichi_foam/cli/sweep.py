@@ -40,28 +40,34 @@ app = typer.Typer(
 @app.command("run")
 def run_command(
     source: Annotated[
-        str, typer.Argument(metavar="PLAN|SCENE", help="A plan; with --vary or --repeat a scene.")
+        str,
+        typer.Argument(metavar="PLAN|SCENE", help="A plan; or, with --vary or --repeat, a scene."),
     ],
     vary: Annotated[
         list[str] | None,
         typer.Option(
             metavar="KEY=A:B:N|KEY=a,b,c",
-            help="An axis: N values from A to B (A:B:N:log: equal ratios), or these; repeatable.",
+            help="An axis: N values from A to B (A:B:N:log for equal ratios), or those listed; "
+            "repeatable.",
         ),
     ] = None,
     repeat: Annotated[
-        int, typer.Option(metavar="N", help="Each drop N times, with other velocities or seeds.")
+        int,
+        typer.Option(
+            metavar="N",
+            help="Compute each drop N times, with slightly different velocities or other seeds.",
+        ),
     ] = 1,
     within: Annotated[
-        float, typer.Option(help="The part by which velocities of repeats differ at most.")
+        float, typer.Option(help="Largest relative difference of the velocities of repeats.")
     ] = 0.005,
     seeds: Annotated[
-        bool, typer.Option("--seeds", help="Repeats differ in foam.strength_seed, not velocity.")
+        bool, typer.Option("--seeds", help="Repeats differ in foam.strength_seed, not in velocity.")
     ] = False,
     histories: Annotated[
         bool, typer.Option("--histories", help="Keep the histories, too, as float32.")
     ] = False,
-    out: Annotated[str | None, typer.Option(help="Folder; default sweeps/NAME.")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder; default: sweeps/NAME.")] = None,
     set_: Set = None,
     choices: Choices = None,
     workers: Annotated[
@@ -75,13 +81,18 @@ def run_command(
     arch: Arch = "cpu",
     threads: Annotated[
         int | None,
-        typer.Option(help="CPU threads; default: all cores, of --workers and a cluster 1 each."),
+        typer.Option(
+            help="CPU threads; default: all cores, or 1 per process with --workers or a cluster."
+        ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only say how many drops, how long, how much disk.")
+        bool,
+        typer.Option(
+            "--dry-run", help="Only estimate the number of drops, the time and the disk space."
+        ),
     ] = False,
 ) -> None:
-    """Compute the drops of a plan; the same command again goes on where it has ended."""
+    """Compute the drops of a plan; the same command continues a sweep that was stopped."""
     with command() as terminal:
         from taichi_foam.results.files import file_name
         from taichi_foam.sweeps import run
@@ -118,7 +129,7 @@ def run_command(
 def status_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
-    """Say how far a sweep is, and what has failed."""
+    """Report the progress of a sweep, and what has failed."""
     with command() as terminal:
         found = _opened(folder)
         _say(terminal, found, found.standing, at_work=True)
@@ -128,7 +139,7 @@ def status_command(
 def collect_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
 ) -> None:
-    """Write results.csv and results.parquet of what there is, while it goes on or after."""
+    """Write results.csv and results.parquet from all complete drops, during a sweep or after it."""
     with command() as terminal:
         count = _opened(folder).collect()
         if not count:
@@ -145,15 +156,17 @@ def show_command(
     ],
     x: Annotated[
         str | None,
-        typer.Option("--x", metavar="KEY", help="Axis to the right; default the first."),
+        typer.Option("--x", metavar="KEY", help="Horizontal axis; default: the first."),
     ] = None,
     by: Annotated[
         str | None, typer.Option("--by", metavar="KEY", help="Second axis: a curve for each value.")
     ] = None,
-    map_: Annotated[bool, typer.Option("--map", help="Both axes as a map instead.")] = False,
+    map_: Annotated[bool, typer.Option("--map", help="Draw a map over both axes instead.")] = False,
     out: Annotated[
         str | None,
-        typer.Option(help="PNG, SVG or PDF; default DIR/MEASURE.png, with --x, --by, --map in it."),
+        typer.Option(
+            help="PNG, SVG or PDF; default: DIR/MEASURE.png, with --x, --by and --map in its name."
+        ),
     ] = None,
     overwrite: OverwriteFiles = False,
 ) -> None:
@@ -166,7 +179,7 @@ def show_command(
         path = Path(out) if out else found.folder / _figure_name(measure, x, by, map_)
         if path.exists() and not overwrite:
             raise UserError(
-                f"{path}: is there already. Fix: choose another file with --out, or pass "
+                f"{path}: already exists. Fix: choose another file with --out, or pass "
                 "overwrite=True to replace it.",
                 argument="overwrite=True",
             )
@@ -178,10 +191,10 @@ def show_command(
 def again_command(
     folder: Annotated[str, typer.Argument(metavar="DIR", help=_DIR)],
     member: Annotated[int, typer.Argument(metavar="MEMBER", help="Its number in the table.")],
-    out: Annotated[str | None, typer.Option(help="Folder; default DIR-MEMBER.")] = None,
+    out: Annotated[str | None, typer.Option(help="Folder; default: DIR-MEMBER.")] = None,
     threads: Threads = None,
 ) -> None:
-    """Compute one drop of a sweep again and keep its whole result; the numbers are the same."""
+    """Compute one drop of a sweep again and keep its complete result; the numbers are the same."""
     with command() as terminal:
         found = _opened(folder)
         from taichi_foam.cli import tables
@@ -224,7 +237,7 @@ def _check_plan_alone(
     for option, value in given.items():
         if value:
             raise UserError(
-                f"{option}: goes with --vary; a plan says that itself. Fix: write it into the plan"
+                f"{option}: only applies with --vary or --repeat. Fix: write it into the plan"
             )
 
 
@@ -251,9 +264,9 @@ def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = F
     if standing.failed:
         parts.append(f"{standing.failed:,} failed (see the column failure)")
     if standing.lost:
-        parts.append(f"{standing.lost:,} lost, to be tried again (see {found.folder / 'lost'})")
+        parts.append(f"{standing.lost:,} lost, will be tried again (see {found.folder / 'lost'})")
     if at_work:
-        parts.append("at work" if standing.at_work else "nobody is at work")
+        parts.append("being computed" if standing.at_work else "not being computed")
     terminal.line("; ".join(parts))
     if not at_work:
         terminal.line(f"in {found.folder}: results.csv, results.parquet")
@@ -274,5 +287,6 @@ def _say_balance(terminal: Terminal, found: Sweep) -> None:
     off = max(abs(computed / peak - 1.0) for peak, computed in peaks)
     terminal.line(
         f"peaks of {len(peaks):,} level cushions: by energy balance "
-        f"{' to '.join(dict.fromkeys(by_hand))} g, computed within {100 * off:.1f} % of that"
+        f"{' to '.join(dict.fromkeys(by_hand))} g, computed raw peaks within {100 * off:.1f} % of "
+        "that"
     )

@@ -71,7 +71,8 @@ def drops(results: Sequence[Result]) -> Table:
         said = "interrupted" if found["interrupted"] else ""
         table.add_row(str(result.drop), *texts, "bottomed out" if found["bottomed_out"] else said)
     table.caption, table.caption_justify = (
-        "rest height: of the impactor's lowest point on the block as it lies at the end", "left"
+        "rest height: height of the impactor's lowest point where it would rest on the final "
+        "block", "left"
     )  # fmt: skip
     return table
 
@@ -85,7 +86,7 @@ def study(content: Mapping[str, Any]) -> Table:
     ensemble = content["ensemble"]
     what = "simulated" if ensemble is None else f"median of {_runs(content['cases'])}"
     table = _table(f"{what}, and its error ({content['choices']})")
-    table.caption = f"* a miss: further than {tolerance} from the measured figure"
+    table.caption = f"* a miss: more than {tolerance} from the measured figure"
     table.caption_justify = "left"
     table.add_column("", no_wrap=True)
     for quantity in JUDGED:

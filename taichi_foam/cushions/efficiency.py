@@ -9,7 +9,7 @@ densify, at the shoulder of its energy-absorption diagram. Formulas and sources:
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.cushions.display import units_of
+from taichi_foam.cushions.shown import units as units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy as formulas
+from taichi_foam.formulas.envelope import Envelope, shoulder_envelope
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.scene.foam_file import FoamFile
 from taichi_foam.scene.library import foam_of
@@ -40,6 +41,12 @@ them its energy is no straight line."""
 STEEP = 20.0
 """Such a law is evaluated up to this many times its plateau stress: it has no test that ends."""
 
+ENERGIES = 400
+"""Number of energies at which the envelope is evaluated."""
+
+LEAST, LARGEST = 0.02, 2.0
+"""Its first and last energy, as fractions of the smallest and the largest one at a shoulder."""
+
 MOST = 40
 """Most foams that are compared at a time: more curves are not told apart."""
 
@@ -49,20 +56,23 @@ class Absorber:
     """A foam in compression, from rest to the end of what is known of it.
 
     name            as it was asked for
-    title           what foam it is
+    title, source   what foam it is, and where its curve is from
     density         kg/m3; None: not known
     strain, stress  (n,) points of the curve, fractions and Pa, positive in compression
     plateau_stress  Pa, as its law or its test defines it
     known_to        strain up to which the curve is from its source, and assumed beyond; None: all
+    onset_is_assumed  whether the law's densification strain is assumed
     """
 
     name: str
     title: str
+    source: str
     density: float | None
     strain: Array
     stress: Array
     plateau_stress: float
     known_to: float | None = None
+    onset_is_assumed: bool = False
 
     @cached_property
     def energy(self) -> Array:
@@ -92,23 +102,16 @@ class Absorber:
 
     @property
     def caveat(self) -> str | None:
-        """What to know of its landmarks before they are used, in a sentence; None: nothing."""
+        """What to know of its landmarks before they are used; None: nothing."""
         if not self.densifies:
-            return (
-                f"{self.name}: the curve ends at {100 * self.strain[-1]:.3g} % of strain, where "
-                "its efficiency still rises: the landmarks are those of its end"
-            )
-        if self.is_assumed:
-            return (
-                f"{self.name}: the curve is assumed beyond {100 * (self.known_to or 0):.3g} % of "
-                "strain, and with it its landmarks"
-            )
+            end = f"{100 * self.strain[-1]:.3g} % of strain, where the efficiency still rises"
+            return f"the curve ends at {end}: the landmarks are those of its end"
+        if self.known_to is not None and self.strain[self.shoulder] > self.known_to:
+            beyond = f"{100 * self.known_to:.3g} % of strain"
+            return f"the curve is assumed beyond {beyond}, and with it the landmarks"
+        if self.onset_is_assumed:
+            return "where it densifies is assumed, and with it the landmarks"
         return None
-
-    @property
-    def is_assumed(self) -> bool:
-        """Whether the shoulder lies where the curve is assumed."""
-        return self.known_to is not None and self.strain[self.shoulder] > self.known_to
 
     @property
     def row(self) -> dict[str, Any]:
@@ -147,8 +150,43 @@ class Efficiency:
 
     @property
     def caveats(self) -> list[str]:
-        """What to know of the landmarks before they are used, a sentence each."""
-        return [foam.caveat for foam in self.foams if foam.caveat]
+        """What to know of the landmarks before they are used, a sentence each, with the foams."""
+        found: dict[str, list[str]] = {}
+        for foam in self.foams:
+            if foam.caveat:
+                found.setdefault(foam.caveat, []).append(foam.name)
+        return [f"{', '.join(names)}: {caveat}" for caveat, names in found.items()]
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """The least stress of all foams at each energy (n,), and which foam that is.
+
+        Of a family that is the envelope of its shoulders (Maiti, Gibson & Ashby 1984).
+        """
+        shoulders = [float(foam.energy[foam.shoulder]) for foam in self.foams]
+        last = max(float(foam.energy[-1]) for foam in self.foams)
+        most = min(LARGEST * max(shoulders), last)
+        energies = np.geomspace(LEAST * min(shoulders), most, ENERGIES)
+        return shoulder_envelope([(foam.strain, foam.stress) for foam in self.foams], energies)
+
+    @property
+    def choice(self) -> list[dict[str, Any]]:
+        """Which foam takes an energy at the least stress: ranges of energy, in SI units.
+
+        Each begins where the range before ends. It is empty for one foam.
+        """
+        found, foams = self.envelope, self.envelope.foam
+        starts = np.flatnonzero(np.diff(foams, prepend=-1))
+        ends = [*(starts[1:] - 1), foams.size - 1]
+        return [
+            {
+                "foam": self.foams[foams[start]].name,
+                "energy_J_m3": (float(found.energy[start]), float(found.energy[end])),
+                "stress_Pa": (float(found.stress[start]), float(found.stress[end])),
+            }
+            for start, end in zip(starts, ends, strict=True)
+            if len(self.foams) > 1
+        ]
 
     @property
     def curves(self) -> dict[str, list[Any]]:
@@ -174,13 +212,13 @@ class Efficiency:
         """
         from taichi_foam.cushions.efficiency_chart import chart
 
-        return chart(self.foams, units_of(units))
+        return chart(self, units_named(units))
 
     def report(self, path: str | Path, units: str = "si") -> Path:
         """Write a report as one HTML file, and return its path. Raises UserError."""
         from taichi_foam.cushions.efficiency_chart import report
 
-        return report(self, Path(path), units_of(units))
+        return report(self, Path(path), units_named(units))
 
 
 def efficiency(*foams: str | Path | FoamFile | BondFoam | Curve) -> Efficiency:
@@ -214,17 +252,15 @@ def absorber(foam: str | Path | FoamFile | BondFoam | Curve, called: str = "foam
     Raises UserError as `efficiency`.
     """
     if isinstance(foam, str | Path):
-        name = str(foam)
+        name, short = str(foam), Path(foam).name
         if name.lower().endswith(".csv"):
-            curve = read_curve(Path(name))
-            title = f"compression test in {Path(name).name}"
-            return _of_curve(curve, Path(name).name, title)
-        return _of_file(foam_of(name, asked="foam "), Path(name).name)
+            return _of_curve(read_curve(Path(name)), short, f"compression test in {short}")
+        return _of_file(foam_of(name, asked="foam "), short)
     if isinstance(foam, FoamFile):
         return _of_file(foam, foam.title)
     if isinstance(foam, Curve):
-        return _of_curve(foam, called, called)
-    return _of_law(foam, called, called)
+        return _of_curve(foam, called, "a curve")
+    return _of_law(foam, called, f"a foam of law {foam.law}")
 
 
 def _listed(foam: Any) -> Iterable[Any]:
@@ -232,19 +268,21 @@ def _listed(foam: Any) -> Iterable[Any]:
 
 
 def _of_file(file: FoamFile, name: str) -> Absorber:
-    return _of_law(file.foam, name, file.title, file.density, file.known_to)
+    assumed = {each.key: each.why for each in file.assumed}
+    words = f" Assumed of its curve: {assumed['foam.curve']}." if "foam.curve" in assumed else ""
+    return replace(
+        _of_law(file.foam, name, file.title),
+        source=f"{file.source}.{words}",
+        density=file.density,
+        known_to=file.known_to,
+        onset_is_assumed=file.foam.implied_by != "curve" and "foam.densification_strain" in assumed,
+    )
 
 
-def _of_law(
-    foam: BondFoam,
-    name: str,
-    title: str,
-    density: float | None = None,
-    known_to: float | None = None,
-) -> Absorber:
+def _of_law(foam: BondFoam, name: str, title: str) -> Absorber:
     curve = getattr(foam, "curve", None)
     if isinstance(curve, Curve):
-        return _of_curve(curve, name, title, density, known_to)
+        return _of_curve(curve, name, title)
     marks = foam.landmarks
     ends = [-marks.crush_start, -marks.crush_end]
     strain = np.union1d(np.linspace(0.0, -marks.limit, POINTS), ends)
@@ -255,16 +293,9 @@ def _of_law(
             "curve (`taichi-foam foam list`)"
         )
     known = stress <= STEEP * marks.plateau_stress
-    return Absorber(name, title, density, strain[known], stress[known], marks.plateau_stress)
+    return Absorber(name, title, "", None, strain[known], stress[known], marks.plateau_stress)
 
 
-def _of_curve(
-    curve: Curve,
-    name: str,
-    title: str,
-    density: float | None = None,
-    known_to: float | None = None,
-) -> Absorber:
+def _of_curve(curve: Curve, name: str, title: str) -> Absorber:
     strain = np.union1d(curve.points[0], np.arange(0.0, curve.tested, FINE))
-    stress = curve.stress_at(strain)
-    return Absorber(name, title, density, strain, stress, curve.plateau_stress, known_to)
+    return Absorber(name, title, "", None, strain, curve.stress_at(strain), curve.plateau_stress)

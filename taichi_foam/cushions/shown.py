@@ -13,7 +13,7 @@ _INCH, _POUND = LENGTH_UNITS["in"], 0.45359237
 
 @dataclass(frozen=True)
 class Units:
-    """A system of units: name and size in SI units of each kind of value."""
+    """A system of units: name and size in SI units of each kind of value; energy is per volume."""
 
     name: str
     kinds: Mapping[str, tuple[str, float]]
@@ -44,13 +44,13 @@ UNITS = {
     "si": Units("si", {
         "length": ("mm", 1e-3), "height": ("m", 1.0), "area": ("cm²", 1e-4), "mass": ("kg", 1.0),
         "stress": ("kPa", 1e3), "volume": ("cm³", 1e-6), "density": ("kg/m³", 1.0),
-        "velocity": ("m/s", 1.0),
+        "energy": ("kJ/m³", 1e3), "velocity": ("m/s", 1.0),
     }),
     "us": Units("us", {
         "length": ("in", _INCH), "height": ("in", _INCH), "area": ("in²", _INCH**2),
         "mass": ("lb", _POUND), "stress": ("psi", STRESS_UNITS["psi"]),
         "volume": ("in³", _INCH**3), "density": ("lb/ft³", _POUND / (12.0 * _INCH) ** 3),
-        "velocity": ("in/s", _INCH),
+        "energy": ("in·lb/in³", STRESS_UNITS["psi"]), "velocity": ("in/s", _INCH),
     }),
 }  # fmt: skip
 

@@ -26,6 +26,25 @@ def slot_of(lattice: ti.template(), i, last):
 
 
 @ti.func
+def _remembered(lattice: ti.template(), axis: ti.template(), b, i, k):
+    """What a pack of bonds remembers: the law's `History`, in packs."""
+    return lattice.state.History(
+        *[member[b, i, k] for member in ti.static(lattice.state.remembered[axis])]
+    )
+
+
+@ti.func
+def _remember(
+    lattice: ti.template(), axis: ti.template(), b, i, k, there, history: ti.template()
+):  # fmt: skip
+    """Store what a pack of bonds remembers, of those that are `there`."""
+    for member, value in ti.static(
+        zip(lattice.state.remembered[axis], history.entries.values(), strict=True)
+    ):
+        member[b, i, k] = ti.select(there, value, 0.0)
+
+
+@ti.func
 def _bond(
     lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip, reach_x, reach_y, along_u,
     along_v, p: ti.template(),
@@ -33,7 +52,7 @@ def _bond(
     """Strain of a pack of bonds, and their forces [N] on their first nodes, without stiffening.
 
     `reach` and `along` are the differences of position [m] and velocity [m/s] between the bonds'
-    nodes. The first stage, whose state is the accepted one, updates the worst strain; the last
+    nodes. The first stage, whose state is the accepted one, updates what they remember; the last
     stage, whose state is that at the step's end, finds the bonds that fail.
     """
     bonds, tally = ti.static(lattice.state.bonds[axis], lattice.scratch.tally)
@@ -42,12 +61,11 @@ def _bond(
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     condition = bonds[b, i, k].condition
     there, whole = condition > ABSENT, condition > BROKEN
-    worst = bonds[b, i, k].worst
-    if ti.static(not lattice.law.heeds_rate):
-        # the plateau has no memory: a worst strain first reached here gives the same stress
-        worst = elementary.smaller(e, worst)
+    history = lattice.law.met(
+        makeup.constants(lattice, axis, b, k, p), e, _remembered(lattice, axis, b, i, k)
+    )
     numerator, divisor = lattice.law.stress_fraction(
-        makeup.constants(lattice, axis, b, k, p), e, worst, condition <= BROKEN
+        makeup.constants(lattice, axis, b, k, p), e, history, condition <= BROKEN
     )
     if ti.static(lattice.features.softens):
         # the tensile part; written as a choice of two products, it would not be vectorised
@@ -57,10 +75,10 @@ def _bond(
         )
     # the strip's tally is kept in memory: these loops have no registers to spare. Columns at the
     # seam of two sweeps are visited by both: doing this twice gives the same result
-    packed = lattice.law.stiffens_at(e, worst)
+    packed = lattice.law.stiffens_at(e, history)
     tally[b, strip].least = elementary.smaller(ti.select(there, packed, 0.0), tally[b, strip].least)
     if stage == 0:
-        bonds[b, i, k].worst = ti.select(there, worst, 0.0)
+        _remember(lattice, axis, b, i, k, there, history)
     closing = reach_x * along_u + reach_y * along_v
     dashpot = makeup.shares(lattice, axis, b, k, p).dashpot / squared
     if ti.static(lattice.features.softens):
@@ -69,7 +87,7 @@ def _bond(
     tally[b, strip].damped = tally[b, strip].damped + drag * closing
     # this branch keeps the compiler from merging both parts into one sum, lane by lane
     if stage == LAST_STAGE:
-        _look_for_failure(lattice, axis, b, i, k, strip, reach_x, reach_y, e, worst, p)
+        _look_for_failure(lattice, axis, b, i, k, strip, reach_x, reach_y, e, history, p)
     normal = makeup.face(lattice, axis, b, i, k, p) * numerator / (divisor * length)
     normal = ti.select(there, normal, 0.0) + drag
     force_x, force_y = reach_x * normal, reach_y * normal
@@ -87,8 +105,8 @@ def _bond(
 
 @ti.func
 def _look_for_failure(
-    lattice: ti.template(), axis: ti.template(), b, i, k, strip, reach_x, reach_y, e, worst,
-    p: ti.template(),
+    lattice: ti.template(), axis: ti.template(), b, i, k, strip, reach_x, reach_y, e,
+    history: ti.template(), p: ti.template(),
 ):  # fmt: skip
     """Find which of a pack's bonds break at the end of this step, and the intact shares of others.
 
@@ -99,7 +117,7 @@ def _look_for_failure(
     whole = condition > BROKEN
     tau, across_x, across_y = _shear(lattice, axis, b, i, k, reach_x, reach_y, p)
     numerator, divisor = lattice.law.stress_fraction(
-        makeup.constants(lattice, axis, b, k, p), e, worst, bonds[b, i, k].condition <= BROKEN
+        makeup.constants(lattice, axis, b, k, p), e, history, bonds[b, i, k].condition <= BROKEN
     )
     sigma_e = numerator / divisor
     size = (1.0 + e) * ti.sqrt(across_x * across_x + across_y * across_y)
@@ -109,13 +127,13 @@ def _look_for_failure(
     tensile = strength * makeup.shares(lattice, axis, b, k, p).tensile_share
     strength *= makeup.shares(lattice, axis, b, k, p).shear_share
     fails = whole & lattice.law.fails(
-        makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size, tensile, strength
+        makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, history, size, tensile, strength
     )
     if ti.static(lattice.features.softens):
         # divisions are expensive, and few bonds are beyond their limits
         if lanes.any_of(fails):
             pulled, sheared = lattice.law.overload(
-                makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, worst, size, tensile,
+                makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, history, size, tensile,
                 strength,
             )  # fmt: skip
             left = elementary.smaller(
@@ -287,8 +305,9 @@ def _stiffening(
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     stress, slope = lattice.law.stiffening(
-        makeup.constants(lattice, axis, b, k, p), e, bond.worst, bond.condition <= BROKEN
-    )
+        makeup.constants(lattice, axis, b, k, p), e, _remembered(lattice, axis, b, i, k),
+        bond.condition <= BROKEN,
+    )  # fmt: skip
     there = bond.condition > ABSENT
     face = makeup.face(lattice, axis, b, i, k, p)
     force = ti.select(there, face * stress / length, 0.0)
@@ -341,9 +360,9 @@ def _column_may_stiffen(lattice: ti.template(), b, strip, p: ti.template()):
 
 @ti.func
 def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Let the worst strains of a pack of rate-dependent foam flow; called before a step.
+    """Let what a pack of bonds remembers change in time; called before a step.
 
-    They are frozen during a step. Flow for the duration of a step at the present strain takes them
+    Within a step it does not. A change for the duration of a step at the present strain takes it
     from the middle of the last step to the middle of the next: the error is of second order.
     """
     motion = ti.static(lattice.state.motion)
@@ -366,14 +385,15 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     bonds = ti.static(lattice.state.bonds[axis])
     length = ti.sqrt(reach_x * reach_x + reach_y * reach_y)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
-    worst = bonds[b, i, k].worst
+    history = _remembered(lattice, axis, b, i, k)
     there = bonds[b, i, k].condition > ABSENT
+    c = makeup.constants(lattice, axis, b, k, p)
     # powers are expensive, and few bonds flow
-    if lanes.any_of(there & (e < worst)):
+    if lanes.any_of(there & lattice.law.flows(c, e, history)):
         # if only half the strain rate counts, foam flows as in twice the time
-        time = lattice.state.clock[b].step * makeup.shares(lattice, axis, b, k, p).flow_share
-        flowed = lattice.law.flowed(makeup.constants(lattice, axis, b, k, p), e, worst, time)
-        bonds[b, i, k].worst = ti.select(there, flowed, 0.0)
+        slowed = makeup.shares(lattice, axis, b, k, p).flow_share
+        flowed = lattice.law.flowed(c, e, history, lattice.state.clock[b].step, slowed)
+        _remember(lattice, axis, b, i, k, there, flowed)
 
 
 @ti.func
@@ -394,23 +414,27 @@ def clear_bonds(lattice: ti.template(), b, strip):
 
 @ti.func
 def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
-    """Condition, worst and present strain of the accepted state's bond (i, j) along `axis`.
+    """Condition, history and present strain of the accepted state's bond (i, j) along `axis`.
 
     The axis need not be known at compile time.
     """
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     start = lanes.position(lattice, lattice.state.motion, b, i, j)
     condition = lattice.state.bond_a[b, i, k].condition[lane]
-    worst = lattice.state.bond_a[b, i, k].worst[lane]
+    history = lattice.law.History(
+        *[member[b, i, k][lane] for member in ti.static(lattice.state.remembered[A])]
+    )
     length = p.cell.x
     end = lanes.position(lattice, lattice.state.motion, b, i + 1, j)
     if axis == B:
         condition = lattice.state.bond_b[b, i, k].condition[lane]
-        worst = lattice.state.bond_b[b, i, k].worst[lane]
+        history = lattice.law.History(
+            *[member[b, i, k][lane] for member in ti.static(lattice.state.remembered[B])]
+        )
         length = p.cell.y
         end = lanes.position(lattice, lattice.state.motion, b, i, j + 1)
     strain = kinematics.engineering_strain((end - start).norm() / length)
-    return condition, worst, strain
+    return condition, history, strain
 
 
 @ti.func
@@ -426,8 +450,8 @@ def intact_share(lattice: ti.template(), axis, b, i, j) -> ti.f64:
 
 
 @ti.func
-def is_pulled(lattice: ti.template(), c: ti.template(), strain, worst) -> ti.i32:
-    numerator, _ = lattice.law.stress_fraction(c, strain, worst, 0)
+def is_pulled(lattice: ti.template(), c: ti.template(), strain, history: ti.template()) -> ti.i32:
+    numerator, _ = lattice.law.stress_fraction(c, strain, history, 0)
     return ti.i32(numerator > 0.0)
 
 
@@ -446,12 +470,12 @@ def soften_at(lattice: ti.template(), b, i, j, lost: ti.f64, p: ti.template()) -
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
     for axis in range(2):  # not unrolled, so that the long law compiles once
-        left, worst, strain = look_at(lattice, axis, b, i, j, p)
+        left, history, strain = look_at(lattice, axis, b, i, j, p)
         intact = intact_share(lattice, axis, b, i, j)
         if left > BROKEN and left < intact:
             c = makeup.constants_at(lattice, axis, b, j, p)
-            if is_pulled(lattice, c, strain, worst):
-                stored = lattice.law.stored_energy(c, strain, worst, 0)
+            if is_pulled(lattice, c, strain, history):
+                stored = lattice.law.stored_energy(c, strain, history, 0)
                 total += makeup.volume(lattice, axis, b, i, j, p) * (intact - left) * stored
             if axis == A:
                 lattice.state.bond_a[b, i, k].intact[lane] = ti.cast(left, ti.f32)
@@ -478,12 +502,12 @@ def break_at(
     k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     total = lost
     for axis in range(2):
-        condition, worst, strain = look_at(lattice, axis, b, i, j, p)
+        condition, history, strain = look_at(lattice, axis, b, i, j, p)
         if condition == BREAKING:
             c = makeup.constants_at(lattice, axis, b, j, p)
-            energy = lattice.law.energy_lost_by_breaking(c, strain, worst)
+            energy = lattice.law.energy_lost_by_breaking(c, strain, history)
             if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
-                if is_pulled(lattice, c, strain, worst):
+                if is_pulled(lattice, c, strain, history):
                     energy *= intact_share(lattice, axis, b, i, j)
             total += makeup.volume(lattice, axis, b, i, j, p) * energy
             if axis == A:

@@ -94,7 +94,7 @@ def _ready() -> Path | None:
     except OSError as error:
         _say(
             f"{folder}: cannot be written ({error.strerror}); kernels are compiled for this "
-            "process alone; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can"
+            "process only; set TI_OFFLINE_CACHE_FILE_PATH to a writable folder"
         )
         return None
     if backend.keeps_ticache():
@@ -138,7 +138,7 @@ def _mend(folder: Path, now: float) -> None:
         for file in (folder / INDEX, *folder.glob("T*.tic")):
             file.unlink(missing_ok=True)
         _fill(folder)
-        _say(f"{folder}: some compiled kernels were damaged; they are thrown away, and made again")
+        _say(f"{folder}: some compiled kernels were damaged; they are discarded and compiled again")
     finally:
         lock.unlink(missing_ok=True)
 

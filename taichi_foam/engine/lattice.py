@@ -10,7 +10,7 @@ from taichi_foam.engine.features import Features
 from taichi_foam.engine.layout import Layout, Size, bins_of, sweeps_of
 from taichi_foam.engine.model import ModelFields
 from taichi_foam.engine.scratch import ScratchFields
-from taichi_foam.engine.state import ARRAYS, EMPTY, StateFields
+from taichi_foam.engine.state import ARRAYS, EMPTY, StateFields, own_arrays
 
 LAST_STAGE = 3  # of the classical Runge-Kutta method, counted from 0
 
@@ -61,6 +61,8 @@ class Lattice:
     seen, kept    node fields that snapshots contain, and the others that states contain
     put           all node fields that putting a state sets
     made, apart   constants of nodes: those that identical columns share, and the others
+    arrays        the declaration of each array that states contain
+    own           of these, of what bonds remember besides their worst strain
     numbers, singles    names of the members of clock, body and turn, and their fields
     place     the SNode tree and number of its fields, which compiled kernels contain
     """
@@ -88,8 +90,10 @@ class Lattice:
     def _sort(self) -> None:
         """Sort the fields by how they are transferred to the device and back."""
         fields = _fields_of(self.scratch) | _fields_of(self.state)
-        kept = [name for told in ARRAYS.values() for name in told.device if not told.seen]
-        seen = [name for told in ARRAYS.values() for name in told.device if told.seen]
+        self.own = own_arrays(self.features.law)
+        self.arrays = ARRAYS | self.own
+        kept = [name for told in self.arrays.values() for name in told.device if not told.seen]
+        seen = [name for told in self.arrays.values() for name in told.device if told.seen]
         seen += ["bond_a.condition", "bond_b.condition"]
         if self.on_gpu:
             kept += ["radius"]  # of the neighbour list

@@ -18,14 +18,14 @@ FIRST_OF_TURN = COLUMN[TURN_COLUMNS[0]]
 @ti.func
 def _stored(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Stored energy [J] of the bond from (i, j) along `axis`, 0 if it is absent."""
-    condition, worst, strain = bonds.look_at(lattice, axis, b, i, j, p)
+    condition, history, strain = bonds.look_at(lattice, axis, b, i, j, p)
     energy = 0.0
     if condition > ABSENT:
         broken = ti.i32(condition == BROKEN)
         c = makeup.constants_at(lattice, axis, b, j, p)
-        stored = lattice.law.stored_energy(c, strain, worst, broken)
+        stored = lattice.law.stored_energy(c, strain, history, broken)
         if ti.static(lattice.features.softens):  # noqa: SIM102 - the static test stands alone
-            if not broken and bonds.is_pulled(lattice, c, strain, worst):
+            if not broken and bonds.is_pulled(lattice, c, strain, history):
                 stored *= bonds.intact_share(lattice, axis, b, i, j)
         energy = makeup.volume(lattice, axis, b, i, j, p) * stored
     return energy

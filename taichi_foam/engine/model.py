@@ -677,7 +677,8 @@ def _foam_stays_stable(
 ) -> ti.i32:
     stable = 1
     if strain < lattice.law.stiffens_below(foam.bond) or ti.static(lattice.law.shears_stiffer):
-        _, slope = lattice.law.stiffening(foam.bond, strain, strain, 0)
+        history = lattice.law.History(worst=strain)
+        _, slope = lattice.law.stiffening(foam.bond, strain, history, 0)
         stiffened = slope * (p.area / p.cell).max()
         rate = _fastest_rate(lattice, stiffened, -strain, foam, p)
         stable = ti.i32(step * rate <= RK4_RADIUS)

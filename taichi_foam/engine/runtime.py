@@ -63,8 +63,8 @@ def start(arch: str | None = None, threads: int | None = None) -> None:
     if _started is not None:
         if _started[0] != arch or (threads is not None and _started != wanted):
             raise UserError(
-                f"Taichi already runs here on {_started[0]} with {_started[1]} threads; "
-                f"start a new process for {arch} with {wanted[1]} threads"
+                f"Taichi is already running in this process on {_started[0]} with {_started[1]} "
+                f"threads; start a new process for {arch} with {wanted[1]} threads"
             )
         return
     ti.set_logging_level(ti.ERROR)

@@ -16,6 +16,7 @@ from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.grading import cuts
 from taichi_foam.engine.layout import Layout
+from taichi_foam.laws.bond import BondLaw
 from taichi_foam.records.cushion import (
     BONDS_A,
     BONDS_B,
@@ -24,6 +25,7 @@ from taichi_foam.records.cushion import (
     Cushion,
     Per,
     declared,
+    remembered,
 )
 from taichi_foam.records.history import BOOKED
 from taichi_foam.records.snapshot import Snapshot
@@ -181,6 +183,7 @@ class State:
                     one strip at the start, since the number of strips depends on the device
     overlap         (strips,) largest overlap with the impactor so far [m], likewise
     neighbours      the neighbour list as the device keeps it, by field
+    own             what bonds remember besides, by the names of `records.cushion.remembered`
 
     Every array declared here goes to the device and comes back, and is in checkpoints. Those that
     `Cushion` also has are carried over to the next impact.
@@ -205,6 +208,7 @@ class State:
     work: Array
     overlap: Array
     neighbours: Mapping[str, NDArray[Any]]
+    own: Mapping[str, Array]
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Everything as arrays by name, as `numpy.savez` takes them."""
@@ -220,7 +224,8 @@ class State:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "State":
         """The state from the arrays of `to_arrays`. Raises KeyError: an array is missing."""
-        nested = {"clock": float, "body": float, "turn": float, "neighbours": np.asarray}
+        nested = {"clock": float, "body": float, "turn": float}
+        nested |= dict.fromkeys(("neighbours", "own"), np.asarray)
         values: dict[str, Any] = {}
         for field in fields(cls):
             if field.name in nested:
@@ -243,21 +248,32 @@ class State:
             broken_a=1.0 - np.isnan(self.break_time_a),
             broken_b=1.0 - np.isnan(self.break_time_b),
             held=self.work[:, HELD_AFTER].sum(axis=0),
+            own=self.own,
         )
 
     def snapshot(self) -> Snapshot:
         """A snapshot of the state. Without an impactor, `impactor_y` is NaN."""
-        return snapshot_of(vars(self), self.clock, self.body, self.turn)
+        return snapshot_of(vars(self), self.own, self.clock, self.body, self.turn)
 
 
 ARRAYS: dict[str, Kept] = declared(State)
 """The declaration of each array of a state."""
 
-_CARRIED = {each.name for each in fields(Cushion)}
+_CARRIED = {*declared(Cushion)}
+
+
+def own_arrays(law: BondLaw) -> dict[str, Kept]:
+    """The declaration of each array of `State.own`."""
+    return {
+        name: Kept.at(per.places, f"bond_{name[-1]}.{name[:-2]}", seen=True)
+        for name, per in remembered(law).items()
+        if per.places is not None
+    }
 
 
 def snapshot_of(
     arrays: Mapping[str, Any],
+    own: Mapping[str, Array],
     clock: Mapping[str, float],
     body: Mapping[str, float],
     turn: Mapping[str, float],
@@ -275,6 +291,7 @@ def snapshot_of(
         break_time_b=arrays["break_time_b"],
         impactor_shift=turn.get("x", 0.0),
         impactor_angle=turn.get("angle", 0.0),
+        own=own,
         stress=stress,
     )
 
@@ -335,6 +352,10 @@ def initial_state(scene: Scene) -> State:
         work=np.zeros((1, WORKS)),
         overlap=np.zeros(1),
         neighbours={},
+        own={
+            name: np.zeros(told.shape(columns, rows))
+            for name, told in own_arrays(scene.foam.law_for(scene.model)).items()
+        },
     )
 
 
@@ -365,6 +386,7 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
         clock={**start.clock, **clock},
         body=body,
         work=work,
+        own=cushion.own,
     )
 
 
@@ -385,9 +407,10 @@ class StateFields:
 
     motion     position x, y [m] and velocity u, v [m/s] of the nodes
     increment  the current step's weighted sums of their rates; between steps, those of the last
-    bond_a, bond_b, bonds   worst strain, condition, time of breaking [s]; where bonds soften beyond
-               their limits also `intact`, see State. The condition of a whole bond is then the
-               share that will be intact after this step
+    bond_a, bond_b, bonds   what a bond remembers (`BondLaw.History`), its condition, its time of
+               breaking [s]; where bonds soften beyond their limits also `intact`, see State. The
+               condition of a whole bond is then the share that will be intact after this step
+    History, remembered   record of what a pack of bonds remembers; its members' fields by axis
     grip       share of a cell that carries shear, relative to a whole cell of foam
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
@@ -403,11 +426,8 @@ class StateFields:
     def __init__(self, layout: Layout, features: Features) -> None:
         pack, small_pack = layout.pack, layout.small_pack
         motion = ti.types.struct(x=pack, y=pack, u=pack, v=pack)
-        bond = {
-            "worst": pack,
-            "condition": small_pack,
-            "break_time": small_pack,
-        }
+        remembers = dict.fromkeys(features.law.History.members, pack)
+        bond = {**remembers, "condition": small_pack, "break_time": small_pack}
         if features.softens:
             bond["intact"] = small_pack
             if layout.on_gpu:
@@ -417,6 +437,10 @@ class StateFields:
         layout.by_columns(self.motion, self.increment)
         self.bond_a, self.bond_b = bond.field(), bond.field()
         self.bonds = (self.bond_a, self.bond_b)
+        self.History = ti.types.struct(**remembers)
+        self.remembered = [
+            [each.get_member_field(name) for name in remembers] for each in self.bonds
+        ]
         self.slip = ti.types.struct(impactor=pack, floor=pack).field()
         layout.of_nodes(self.bond_a, self.bond_b, self.slip)
         self.body, self.clock = Body.field(), Clock.field()

@@ -46,7 +46,8 @@ def _kernel(law: BondLaw) -> tuple[Any, Any]:
         c: law.Constants, strain: Numbers, worst: Numbers, broken: WholeNumbers, stress: Numbers
     ):
         for n in range(strain.shape[0]):
-            stress[n] = law.normal_stress(c, strain[n], worst[n], broken[n])
+            history = law.History(worst=worst[n])
+            stress[n] = law.normal_stress(c, strain[n], history, broken[n])
 
     return normal_stresses, table
 
@@ -103,6 +104,7 @@ def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
         worst_b=np.asarray(snapshot.e_min_b, dtype=np.float64),
         break_time_a=snapshot.break_time_a,
         break_time_b=snapshot.break_time_b,
+        own={name: np.asarray(each, dtype=np.float64) for name, each in snapshot.own.items()},
         clock={**start.clock, "stiffest": 0.0},
         body={**start.body, "y": snapshot.impactor_y if scene.impactor is not None else NEVER},
         turn=turn,

@@ -15,7 +15,6 @@ from taichi_foam.engine.model import Model, model_of
 from taichi_foam.engine.scratch import HISTORY_ROWS, OVERLAP, SUMS
 from taichi_foam.engine.state import (
     ABSENT,
-    ARRAYS,
     BODY,
     BROKEN,
     CLOCK,
@@ -169,8 +168,8 @@ def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Par
     """A state's node fields on the device; padding nodes are at rest on the reference lattice."""
     parts: dict[str, tuple[Callable[[slice], Array], Any]] = {}
     arrays: dict[str, Array] = {}
-    for name, told in ARRAYS.items():
-        values = getattr(state, name)
+    for name, told in lattice.arrays.items():
+        values = state.own[name] if name in lattice.own else getattr(state, name)
         for n, device in enumerate(told.device):
             arrays[device] = values[..., n] if told.numbers else values
             parts[device] = arrays[device].__getitem__, told.beyond
@@ -284,7 +283,7 @@ def _take_packs(
 def _arrays(lattice: Lattice, b: int, packs: Packs, seen: bool) -> dict[str, Array]:
     """The arrays of a state that are `seen`, or those that are not."""
     size = lattice.size.columns, lattice.size.rows
-    told = {name: each for name, each in ARRAYS.items() if each.seen == seen}
+    told = {name: each for name, each in lattice.arrays.items() if each.seen == seen}
     found = {name: np.empty(each.shape(*size)) for name, each in told.items()}
     for name, each in told.items():
         if each.device[0] not in packs.names:
@@ -376,6 +375,7 @@ def take(lattice: Lattice, b: int) -> State:
         **_arrays(lattice, b, lattice.kept, False),
     }
     radius = arrays.pop("radius", None)
+    own = {name: arrays.pop(name) for name in lattice.own}
     clock, neighbours = numbers["clock"], {}
     if lattice.features.self_contact:
         neighbours = _take_neighbours(lattice, b, clock)
@@ -389,6 +389,7 @@ def take(lattice: Lattice, b: int) -> State:
         work=strips[:, :WORKS].copy(),
         overlap=strips[:, WORKS].copy(),
         neighbours=neighbours,
+        own=own,
     )
 
 
@@ -396,7 +397,8 @@ def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapsho
     """A snapshot of lattice `b` between two steps; with stresses if `stressed` is its block."""
     stress = None if stressed is None else virial.stresses(lattice, b, stressed)
     arrays = _arrays(lattice, b, lattice.seen, True)
-    return snapshot_of(arrays, **_numbers(lattice, b)[1], stress=stress)
+    own = {name: arrays.pop(name) for name in lattice.own}
+    return snapshot_of(arrays, own, **_numbers(lattice, b)[1], stress=stress)
 
 
 # The neighbour list. It is kept as it is, since its order is the order of sums.

@@ -74,7 +74,7 @@ def densification_onset(strain: ArrayLike, stress: ArrayLike) -> float:
     rises, falls, or passes a minimum. It is the last point of a curve that does not densify. Raises
     UserError: no curve.
     """
-    e, s = _curve(strain, stress)
+    e, s = points(strain, stress)
     return float(e[int(np.argmax(efficiency(e, s)))])
 
 
@@ -105,7 +105,7 @@ def stop(
     number that is not above 0.
     """
     _check_above_0(static_stress=static_stress, drop_height=drop_height, thickness=thickness)
-    e, s = _curve(strain, stress)
+    e, s = points(strain, stress)
     return _stop(e, s, static_stress, drop_height, thickness)
 
 
@@ -120,7 +120,7 @@ def cushion_curve(
 
     Raises UserError as `stop`.
     """
-    e, s = _curve(strain, stress)
+    e, s = points(strain, stress)
     _check_above_0(drop_height=drop_height, thickness=thickness)
     statics = np.asarray(static_stresses, dtype=np.float64).ravel().tolist()
     for each in statics:
@@ -141,7 +141,7 @@ def optimum(
     sigma (h + e T) / (T W). Within a segment of the curve, both are extreme at roots of quadratics.
     """
     _check_above_0(drop_height=drop_height, thickness=thickness)
-    e, s, most = _with_largest(*_curve(strain, stress))
+    e, s, most = _with_largest(*points(strain, stress))
     width = np.diff(e)
     slope, rise = _ratio(np.diff(s), width), _ratio(np.diff(most), width)
     start, before, s, top = e[:-1], absorbed_energy(e, s)[:-1], s[:-1], most[:-1]
@@ -272,8 +272,8 @@ def _ratio(above: Array, below: Array) -> Array:
     return np.divide(above, below, out=np.zeros_like(above), where=below != 0.0)
 
 
-def _curve(strain: ArrayLike, stress: ArrayLike) -> tuple[Array, Array]:
-    """The points of a curve. Raises UserError: they are none."""
+def points(strain: ArrayLike, stress: ArrayLike) -> tuple[Array, Array]:
+    """The points of a curve from rest. Raises UserError: they are none."""
     e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
     if e.ndim != 1 or e.shape != s.shape or e.size < 2:
         raise UserError(

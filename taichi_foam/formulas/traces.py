@@ -65,15 +65,13 @@ def filtered(
             f"channel class {channel_class}: must be one of "
             f"{', '.join(str(each) for each in CHANNEL_CLASSES)} (SAE J211)"
         )
-    if t.ndim != 1 or t.shape != raw.shape:
-        raise UserError(f"time {t.shape} and values {raw.shape} must be equal in length")
+    _check_lengths(t, raw)
     if not np.isfinite(raw[1:] if means else raw).all():
         return np.full_like(raw, np.nan)
     if t.size < 2:
         return np.zeros_like(raw) if means else raw.copy()
     widths = np.diff(t)
-    if not (widths > 0).all():
-        raise UserError("time must increase from value to value; sort them")
+    _check_rising(widths)
     step, scale = float(np.median(widths)), 180 / channel_class
     if means:
         step = min(step, _FINEST * scale)
@@ -97,6 +95,16 @@ def filtered(
     cutoff = PASS_CUTOFF * channel_class * step
     forth = low_pass(samples, cutoff)
     return np.interp(t, at, low_pass(forth[::-1], cutoff)[::-1])
+
+
+def sampled(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    """The samples of a trace. Raises UserError: fewer than two, not finite, times do not rise."""
+    t, raw = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    _check_lengths(t, raw)
+    if raw.size < 2 or not (np.isfinite(t).all() and np.isfinite(raw).all()):
+        raise UserError(f"trace of {raw.size} values: must be at least two, all finite")
+    _check_rising(np.diff(t))
+    return t, raw
 
 
 def low_pass(samples: Array, cutoff: float) -> Array:
@@ -159,12 +167,10 @@ def pulse_of(
     Raises UserError: nothing is above 0, a peak at the end of the trace, a value that is not
     finite, a velocity not above 0, and as `filtered`.
     """
-    t, raw = np.asarray(time, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
+    t, raw = sampled(time, acceleration)
     if impact_velocity is not None and not 0.0 < impact_velocity < math.inf:
         raise UserError(f"impact_velocity = {impact_velocity:g}: must be above 0 m/s")
     seen = raw if channel_class is None else filtered(t, raw, channel_class)
-    if seen.size < 2 or not np.isfinite(seen).all():
-        raise UserError(f"trace of {seen.size} values: must be at least two, all finite")
     top = int(np.argmax(seen))
     peak = float(seen[top])
     if peak <= 0.0:
@@ -191,6 +197,16 @@ def pulse_of(
         velocity_change=change,
         restitution=None if impact_velocity is None else change / impact_velocity - 1.0,
     )
+
+
+def _check_lengths(time: Array, values: Array) -> None:
+    if time.ndim != 1 or time.shape != values.shape:
+        raise UserError(f"time {time.shape} and values {values.shape} must be equal in length")
+
+
+def _check_rising(widths: Array) -> None:
+    if not (widths > 0).all():
+        raise UserError("time must increase from value to value; sort them")
 
 
 def _before(time: Array, values: Array, top: int, level: float) -> float:

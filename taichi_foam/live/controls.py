@@ -179,7 +179,7 @@ class Controls:
         if nodes > most:
             raise UserError(
                 f"block.columns = {scene.block.columns}, block.rows = {scene.block.rows}: "
-                f"{nodes:,} mass points; here at most {most:,}; take fewer, or serve a scene of "
+                f"{nodes:,} mass points; at most {most:,} here; use fewer, or serve a scene of "
                 "that size"
             )
         return renamed(scene, self.given, self.changes(scene))
@@ -195,6 +195,18 @@ class Controls:
             if self._has(shape, knob) and value != self.defaults[knob.key]:
                 told[knob.key] = f"{knob.label} {_shown(knob, value)}"
         return told
+
+    def describes(self, scene: Scene) -> bool:
+        """Whether the controls can make this scene, whatever its name.
+
+        If they cannot, `changes` does not hold all of its differences.
+        """
+        shape = scene.impactor.shape if scene.impactor else NO_SHAPE
+        try:
+            made = self.scene_of(shape, self.values_of(scene))
+        except UserError:
+            return False
+        return made == scene.model_copy(update={"name": made.name})
 
     def _has(self, shape: str, knob: Knob) -> bool:
         """Whether a control applies to this impactor shape."""

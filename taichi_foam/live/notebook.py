@@ -47,7 +47,7 @@ def result_html(result: Result) -> str:
 
     figures = _figures(result.scene, result.summary)
     if result.ending is Ending.INTERRUPTED:
-        figures = "<p>interrupted: this is what there was until then</p>" + figures
+        figures = "<p>interrupted: these are the results up to that point</p>" + figures
     if not result.snapshots:
         return figures
     picture = _picture(
@@ -119,7 +119,9 @@ def _folded(assumed: list[str]) -> str:
     if not assumed:
         return ""
     lines = "<br>".join(map(html.escape, assumed))
-    return f"<details><summary>assumed of the foam: {len(assumed)}</summary>{lines}</details>"
+    return (
+        f"<details><summary>assumed values of the foam: {len(assumed)}</summary>{lines}</details>"
+    )
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -33,7 +33,7 @@ _MOST_LINES = 6
 
 Image8 = NDArray[np.uint8]
 
-_WORDS = {"ended": "at its end", "cut short": "at its end", "died": "failed"}
+_WORDS = {"ended": "ended", "cut short": "ended", "died": "failed"}
 
 
 class Screen:
@@ -82,7 +82,7 @@ class Screen:
     def message(self) -> str:
         """What went wrong, in a sentence or two; empty if nothing did."""
         session = self.session
-        remedy = "; drop again to go on" if session.state == "died" else ""
+        remedy = "; drop again to continue" if session.state == "died" else ""
         return session.problem or (session.message + remedy) or self._refused
 
     def dismiss(self) -> None:

@@ -58,7 +58,7 @@ PATIENCE = 30.0
 #: How many lattice sizes one process computes: it keeps some 70 MB for each.
 MOST_SIZES = 4
 #: Text shown while a drop is being prepared.
-WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once where they have to be compiled"
+WAITING = "loading kernels: 2 to 3 s, or 10 to 20 s once if they have to be compiled"
 # A worker that has not exited this long after it was asked to is terminated [s].
 GRACE = 2.0
 # A poll without a worker waits no longer than this [s].
@@ -379,7 +379,7 @@ class Session:
                 self._worker = _Worker(*self._settings)
             except Exception as error:
                 self._over = "died"
-                self.message = f"the process that computes cannot be started: {error}"
+                self.message = f"the computing process cannot be started: {error}"
                 return
             self._is_asked = False
             self._send(Pace(self.pace))
@@ -433,7 +433,7 @@ class _Worker:
             how = f"with exit code {self.process.exitcode}"
             if self.process.exitcode is not None and self.process.exitcode < 0:
                 how = f"by signal {-self.process.exitcode}"
-            yield Died(f"the process that computes was ended {how}")
+            yield Died(f"the computing process ended {how}")
 
     def close(self) -> None:
         """End the process; kill it after `GRACE` if necessary."""

@@ -63,7 +63,7 @@ def watch(
     if session.failures:
         raise RunError(session.failures[-1], kept)
     if not kept:
-        raise RunError(f"{scene.name}: it was closed before it gave anything", [])
+        raise RunError(f"{scene.name}: the window was closed before there was anything to show", [])
     return kept[0]
 
 

@@ -17,11 +17,11 @@ from taichi_foam.results.files import next_numbered, whole_file
 
 #: Help text for the keys.
 HELP = (
-    ("Space", "pause, go on"),
+    ("Space", "pause, resume"),
     ("→", "a single step"),
     ("−  +", "slower, faster"),
     ("R", "drop again"),
-    ("↑  ↓", "impactor faster, slower by 0.1 m/s; drops again"),
+    ("↑  ↓", "impactor faster or slower by 0.1 m/s; drops again"),
     ("I", "next impactor shape; drops again"),
     ("M", "next colours (Shift: back)"),
     ("G  C  T", "grid, curve, light or dark"),

@@ -249,7 +249,7 @@ def ledger_layers(history: History) -> tuple[list[str], list[Array], list[str]]:
             # Stacked areas cannot be negative. Rounding may also make a part negative.
             given_back = lowest < -_ROUNDING * largest
             layers.append(total - lowest if given_back else np.maximum(total, 0.0))
-            names.append(f"{layer.label}, from its lowest" if given_back else layer.label)
+            names.append(f"{layer.label}, above its minimum" if given_back else layer.label)
             tones.append(layer.colour)
     if not layers:
         raise UserError("energy ledger: the history holds no energy to show")
@@ -397,7 +397,7 @@ def _stresses(
     axis.plot(
         100 * np.append(tested[0], along[beyond]),
         np.append(tested[1], table[beyond]) / scale,
-        color=BLUE, linestyle=(0, (3, 2)), label="continued beyond the test",
+        color=BLUE, linestyle=(0, (3, 2)), label="extrapolated beyond the test",
     )  # fmt: skip
     # only over the tested range: beyond it the two differ
     fine = np.linspace(0.0, curve.tested, 800)
@@ -414,7 +414,7 @@ def _names(axis: Axes, foam: TabulatedFoam, fit: CrushableFit, scale: float) -> 
     marks = foam.landmarks
     start, end, limit = (-100 * s for s in (marks.crush_start, marks.crush_end, marks.limit))
     ends = f"densification, {end:.3g} %" if fit.densifies else f"test ends, {end:.3g} %"
-    _landmark(axis, foam, scale, start, f"crush starts, {start:.2g} %", to_the_right=True)
+    _landmark(axis, foam, scale, start, f"crushing starts, {start:.2g} %", to_the_right=True)
     _landmark(axis, foam, scale, end, ends, to_the_right=end < start + 100 * _APART)
     _landmark(axis, foam, scale, limit, f"locking, {limit:.3g} %", to_the_right=False)
     _plateau(axis, foam, fit, scale)

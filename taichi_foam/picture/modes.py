@@ -205,11 +205,13 @@ MODES: dict[str, Mode] = {
         "worst compressive strain so far", _strain_key("worst compressive", "strain"), _worst
     ),
     "strain": Mode("compressive strain now", _strain_key("compressive", "strain"), _strain),
-    "stress": Mode("principal stress now, compression and tension apart", _stress_key, _stress),
+    "stress": Mode(
+        "principal stresses now, compression and tension separately", _stress_key, _stress
+    ),
     "speed": Mode("speed of the foam", _speed_key, _speed),
     "shear": Mode("shear strain now", _shear_key, _shear),
     "broken": Mode("broken bonds of each cell", _broken_key, _broken),
-    "energy": Mode("energy that crushing has taken", _energy_key, _energy),
+    "energy": Mode("energy absorbed by crushing", _energy_key, _energy),
 }
 """Modes by their names in `output.mode`."""
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from typing import Annotated, Any, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.scene import Block
+from taichi_foam.laws.bond import BondLaw
+from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,14 @@ def declared(kind: type) -> dict[str, Any]:
     }
 
 
+def remembered(law: BondLaw) -> dict[str, Per]:
+    """What the bonds of a law remember besides their worst strain: `NAME_a` and `NAME_b`."""
+    own = [name for name in law.History.members if name != "worst"]
+    return {
+        f"{name}_{end}": Per(at) for name in own for end, at in (("a", BONDS_A), ("b", BONDS_B))
+    }
+
+
 @dataclass(frozen=True)
 class Cushion:
     """A block of I x J mass points as a run has left it, between two steps. SI units.
@@ -64,6 +73,7 @@ class Cushion:
     speed           speed of the fastest mass point in the last step [m/s]
     broken          number of bonds broken so far
     held            (3,) energy stored in contacts: base, its friction, pieces [J]
+    own             what bonds remember besides, by the names of `remembered`
     """
 
     position: Annotated[Array, Per(NODES, (2,))]
@@ -84,6 +94,7 @@ class Cushion:
     speed: Annotated[float, Per(None)]
     broken: Annotated[float, Per(None)]
     held: Annotated[Array, Per(None, (3,))]
+    own: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def sha256(self) -> str:
@@ -96,16 +107,21 @@ class Cushion:
 
     def to_arrays(self) -> dict[str, Array]:
         """Everything as arrays by name, for `numpy.savez`."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        return {name: np.asarray(getattr(self, name)) for name in declared(Cushion)} | {
+            f"own.{name}": array for name, array in self.own.items()
+        }
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Cushion:
         """The cushion from the arrays of `to_arrays`. Raises KeyError: an array is missing."""
-        found: dict[str, Any] = {field.name: arrays[field.name] for field in fields(cls)}
-        return cls(**{name: a if a.ndim else a.item() for name, a in found.items()})
+        found: dict[str, Any] = {name: arrays[name] for name in declared(cls)}
+        own = {name[4:]: array for name, array in arrays.items() if name.startswith("own.")}
+        return cls(**{name: a if a.ndim else a.item() for name, a in found.items()}, own=own)
 
     @classmethod
-    def shapes(cls, block: Block) -> dict[str, tuple[int, ...]]:
-        """Shape of each array of a block's cushion."""
-        told = declared(cls).items()
-        return {name: each.shape(block.columns, block.rows) for name, each in told}
+    def shapes(cls, scene: Scene) -> dict[str, tuple[int, ...]]:
+        """Shape of each array of the cushion of a scene's block."""
+        block, law = scene.block, scene.foam.law_for(scene.model)
+        own = {f"own.{name}": each for name, each in remembered(law).items()}
+        told = declared(cls) | own
+        return {name: each.shape(block.columns, block.rows) for name, each in told.items()}

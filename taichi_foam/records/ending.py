@@ -15,17 +15,17 @@ class Ending(str, Enum):
     meaning: str
     remedy: str
 
-    END_TIME = "end time", "it came to numerics.end or numerics.time_limit"
-    REBOUND = "rebound", "the impactor has come to rest and gone up again"
+    END_TIME = "end time", "it reached numerics.end or numerics.time_limit"
+    REBOUND = "rebound", "the impactor came to rest and rebounded"
     DIVERGED = (
         "diverged",
-        "values are not finite or far beyond any that foam can have",
-        "set numerics.dt = 'auto', or with it a quarter of numerics.safety",
+        "values are not finite, or far beyond what foam can reach",
+        "set numerics.dt = 'auto'; if it is that already, divide numerics.safety by four",
     )
     CROWDED = (
         "too many neighbours",
-        "more pieces touch in one place than the list of neighbours holds",
-        "set model.self_contact = false, or take a finer lattice",
+        "more pieces touch in one place than the list of neighbours can hold",
+        "set model.self_contact = false, or use a finer lattice",
     )
     INTERRUPTED = "interrupted", "it was stopped before its end"
 

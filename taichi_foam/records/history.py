@@ -129,7 +129,8 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
             "held_by_pieces")),
     Column("crushing_J", "J", "crushing", "lost by normal stresses",
            ("bonds", "shear", "room", "dashpots", "in_bonds", "lost_by_bonds"), dissipates=True),
-    Column("folding_J", "J", "folding", "lost by pressed cells, as crushing lowered their limit",
+    Column("folding_J", "J", "folding",
+           "lost by pressed cells as crushing lowered their packing limit",
            ("room", "in_room", "lost_by_room"), dissipates=True),
     Column("shearing_J", "J", "shearing", "lost by shear stresses",
            ("shear", "in_shear", "lost_by_shear"), dissipates=True),
@@ -143,10 +144,11 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("self_contact_J", "J", "pieces' contact", "lost by contact of pieces",
            ("pieces", "held_by_pieces"), dissipates=True),
     Column("fracture_J", "J", "fracture",
-           "stored energy that bonds and cells have lost as they broke, softened or let go",
+           "stored energy that bonds and cells lost when they broke, softened or separated",
            ("lost_by_bonds", "lost_by_shear", "lost_by_room"), dissipates=True),
     Column("base_J", "J", "base",
-           "given to the base and the stop under the impactor; below 0: by crosshead or pulse",
+           "given to the base and to the stop under the impactor; negative: received from a "
+           "crosshead or a pulse",
            ("base",)),
     Column("gravity_J", "J", "gravity",
            "potential energy of foam and impactor above that at the start", ("potential", "y")),
@@ -154,7 +156,7 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "sum of the ledger at the first row minus the present sum", ()),
     Column("broken_bonds", "", "broken bonds",
            "number of broken bonds", ("broken",), is_integer=True),
-    Column("dt_s", "s", "time step", "the step at the end of the row", ("step",)),
+    Column("dt_s", "s", "time step", "time step at the end of the row's interval", ("step",)),
 )}  # fmt: skip
 """Columns of the history by name, in order."""
 
@@ -245,7 +247,7 @@ class History(dict[str, Array]):
 
         Raises UserError if pandas is not installed.
         """
-        with installed("a history as a frame", "pandas"):
+        with installed("a history as a data frame", "pandas"):
             import pandas
         frame = pandas.DataFrame(dict(self))
         frame.attrs["units"] = self.units

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ class Snapshot:
     break_time_b  (I, J-1) s, the same for bond B(i,j)
     impactor_shift  m, how far the impactor's centre of mass has moved sideways since the start
     impactor_angle  rad, its rotation about its centre of mass, counter-clockwise
+    own           what bonds remember besides, by the names of `records.cushion.remembered`
     stress        (I, J, 3) Pa, xx, yy and xy about mass point (i, j), tension positive, 32 bits;
                   see `engine.virial`. None if the run does not keep it
     """
@@ -39,6 +41,7 @@ class Snapshot:
     break_time_b: Array
     impactor_shift: float = 0.0
     impactor_angle: float = 0.0
+    own: Mapping[str, Array] = field(default_factory=dict)
     stress: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:

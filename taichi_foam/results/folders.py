@@ -206,8 +206,8 @@ def check_output_folder(
         result = Manifest.read(target)
         if result is not None and (edited := result.edited(target)):
             raise UserError(
-                f"output folder {target}: changed since the result in it was written: "
-                f"{', '.join(edited[:5])}. Fix: move that elsewhere, or choose another folder."
+                f"output folder {target}: has changed since its result was written: "
+                f"{', '.join(edited[:5])}. Fix: move these elsewhere, or choose another folder."
             )
         fix = (
             "make output.snapshot_interval and output.history_interval longer, or set "
@@ -327,7 +327,7 @@ def resolved(path: str | Path) -> Path:
     target = Path(os.path.realpath(text))
     with explained(target):
         if target.exists() and not target.is_dir():
-            raise UserError(f"output folder {target}: that is a file. Fix: choose another folder.")
+            raise UserError(f"output folder {target}: is a file. Fix: choose another folder.")
     return target
 
 
@@ -364,7 +364,7 @@ def _explain(error: OSError, target: str | Path, how: str = "") -> UserError:
 def _busy(folder: Path) -> str:
     """The message for a folder that another process is at work in."""
     return (
-        f"{folder}: another process is at work in it. Fix: wait until it has ended, or choose "
+        f"{folder}: another process is working in it. Fix: wait until it has finished, or choose "
         "another folder."
     )
 
@@ -376,22 +376,23 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
     result, before = Manifest.read(target), request_in(target)
     if before is not None and before != request and not overwrite:
         raise UserError(
-            f"output folder {target}: it holds unfinished work of another request, "
-            f"{_difference(before, request)}. Fix: let the command that began it finish it (a run "
-            "also: taichi-foam resume), choose another folder, or pass overwrite=True to drop it.",
+            f"output folder {target}: holds the unfinished work of another command, with "
+            f"{_difference(before, request)}. Fix: finish it with the command that began it (or, "
+            "for a run, with taichi-foam resume), choose another folder, or pass overwrite=True "
+            "to discard it.",
             argument="overwrite=True",
         )
     others = sorted(path.name for path in target.iterdir() if not _is_litter(path))
     if others and result is None and before is None:
         shown = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
         raise UserError(
-            f"output folder {target}: it is not empty, and holds no result that could be replaced, "
-            f"but {shown}. Fix: choose another folder."
+            f"output folder {target}: is not empty, but holds no result that could be replaced, "
+            f"only {shown}. Fix: choose another folder."
         )
     if result is not None and before is None and not overwrite:
         raise UserError(
-            f"output folder {target}: it exists and is not empty: it holds a result. "
-            "Fix: choose another folder, or pass overwrite=True to replace the result.",
+            f"output folder {target}: already holds a result. Fix: choose another folder, or pass "
+            "overwrite=True to replace the result.",
             argument="overwrite=True",
         )
 
@@ -457,8 +458,8 @@ def _move(source: Path, target: Path, replaceable: Collection[Path]) -> None:
             _move(path, place, replaceable)
         elif os.path.lexists(place) and place not in replaceable and path.name != MANIFEST:
             raise UserError(
-                f"{place}: somebody has put that there meanwhile. Fix: move it elsewhere; what has "
-                f"been computed is in {source} until then."
+                f"{place}: another program has put this here in the meantime. Fix: move it "
+                f"elsewhere; until then, what was computed stays in {source}."
             )
         else:
             os.replace(path, place)

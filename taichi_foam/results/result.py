@@ -27,7 +27,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_csv, write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of
+from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of, values_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
 from taichi_foam.scene.values import by_key
@@ -140,19 +140,19 @@ def _check_whole(root: Path) -> None:
     """Raise UserError if the folder holds no complete result."""
     manifest = Manifest.read(root)
     if manifest is None:
-        reason = "has not ended. Fix: `taichi-foam resume` continues it"
+        reason = "the run in it has not ended. Fix: continue it with `taichi-foam resume`"
         if request_in(root) is None:
-            reason = "is not a complete result of this version. Fix: run its scene again"
-        raise UserError(f"result folder {root}: what is in it {reason}.")
+            reason = "it does not hold a complete result of this version. Fix: run its scene again"
+        raise UserError(f"result folder {root}: {reason}.")
     needed = [name for name, output in OUTPUTS.items() if output.needed]
     changed = [name for name in (*needed, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
     if not changed and (root / "drop-1").is_dir():
-        raise UserError(f"{root}: holds a series of drops; name one of them, such as {root}/drop-1")
+        raise UserError(f"{root}: holds a series of drops; give one of them, such as {root}/drop-1")
     if changed or not {*needed} <= {*manifest.files}:
         raise UserError(
-            f"result folder {root}: not as it was written: {', '.join(changed) or 'files missing'}."
-            " Fix: run its scene again."
+            f"result folder {root}: its files are not as they were written: "
+            f"{', '.join(changed) or 'some are missing'}. Fix: run its scene again."
         )
 
 
@@ -229,7 +229,7 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     if not path.is_file():
         return None
     try:
-        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene.block)))
+        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene)))
     except KeyError:
         return None
 
@@ -257,7 +257,7 @@ def _write_snapshots(result: Result, path: Path) -> None:
                 }
                 np.lib.format.write_array_header_1_0(file, header)
                 for snapshot in snapshots:
-                    file.write(np.asarray(getattr(snapshot, name), kind).tobytes())
+                    file.write(np.asarray(values_of(snapshot)[name], kind).tobytes())
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
@@ -293,7 +293,7 @@ def _read_array(
     with archive.open(entry) as file:
         array = np.lib.format.read_array(file)
         if array.dtype.kind not in "fi" or file.read(1):
-            raise ValueError(f"{name} holds something else than numbers of its shape")
+            raise ValueError(f"{name} does not hold numbers of its shape")
     if shape is not None and array.shape != shape:
         raise ValueError(f"{name} has the shape {array.shape}, not {shape}")
     return array
@@ -353,10 +353,8 @@ class RunFile:
 # The measures import SciPy, which takes half a second to load: these functions import them late.
 OUTPUTS: dict[str, RunFile] = {
     "history.csv": RunFile(_write_history, True, "CSV", "histories"),
-    "scene.toml": RunFile(_write_scene, True, "TOML", "the scene; it runs again by itself"),
-    "snapshots.npz": RunFile(
-        _write_snapshots, True, "NPZ", "the lattice at each interval, for NumPy"
-    ),
+    "scene.toml": RunFile(_write_scene, True, "TOML", "the complete scene, ready to be run again"),
+    "snapshots.npz": RunFile(_write_snapshots, True, "NPZ", "snapshots of the lattice, for NumPy"),
     "compression.csv": RunFile(_write_curve),
     _STATE: RunFile(_write_state),
     "cracks.json": RunFile(_write_cracks, True),

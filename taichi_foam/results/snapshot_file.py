@@ -16,23 +16,31 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.records.cushion import remembered
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import synced
 from taichi_foam.scene import Scene
 
-NAMES = tuple(field.name for field in fields(Snapshot))
-"""Names of all fields that a snapshot may have, in order."""
-
 
 def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Shape of each field of a snapshot, in order.
+    """Shape of each number and array of a snapshot, in order.
 
-    Stresses are included if the run keeps them.
+    Stresses are included if the run keeps them. What the bonds of the scene's law remember
+    besides their worst strain is `own.NAME`.
     """
     columns, rows = scene.block.columns, scene.block.rows
     nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    found = dict(zip(NAMES, ((), (), nodes, nodes, a, b, a, b, (), ()), strict=False))
+    names = [each.name for each in fields(Snapshot)]
+    found = dict(zip(names, ((), (), nodes, nodes, a, b, a, b, (), ()), strict=False))
+    own = remembered(scene.foam.law_for(scene.model)).items()
+    found |= {f"own.{name}": each.shape(columns, rows) for name, each in own}
     return {**found, "stress": (columns, rows, 3)} if scene.output.keeps_stress else found
+
+
+def values_of(snapshot: Snapshot) -> dict[str, Any]:
+    """The numbers and arrays of a snapshot by name."""
+    own = {f"own.{name}": array for name, array in snapshot.own.items()}
+    return {**vars(snapshot), **own}
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
@@ -54,17 +62,21 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
     """The snapshot in its scene's precision."""
     if scene.output.snapshot_precision == "double":
         return snapshot
-    values = vars(snapshot)
+    values = values_of(snapshot)
     arrays = {name: np.float32(values[name]) for name, shape in shapes(scene).items() if shape}
-    return Snapshot(**{**values, **arrays})
+    return snapshot_of({**values, **arrays})
 
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
     """A snapshot from its numbers and arrays by name."""
-    given: dict[str, Any] = {
-        name: each if np.ndim(each) else float(each) for name, each in values.items()
-    }
-    return Snapshot(**given)
+    given: dict[str, Any] = {}
+    own = {}
+    for name, each in values.items():
+        if name.startswith("own."):
+            own[name[4:]] = each
+        else:
+            given[name] = each if np.ndim(each) else float(each)
+    return Snapshot(**given, own=own)
 
 
 class _Records:
@@ -135,8 +147,9 @@ class SnapshotFile(Sequence[Snapshot]):
     def append(self, snapshot: Snapshot) -> None:
         """Append a snapshot. Raises OSError; earlier snapshots then stay intact."""
         record = np.zeros(1, self._records.kind)
+        values = values_of(snapshot)
         for name in self._records.names:
-            record[name] = getattr(snapshot, name)
+            record[name] = values[name]
         self._records.write(len(self), record)
         self._chosen = range(len(self) + 1)
 

@@ -27,7 +27,7 @@ _KEPT = frozenset({*_READINGS, "softening", "strength_scatter", "strength_seed"}
 
 _ELSEWHERE = {
     "block.density": "that of the paper's foam",
-    "numerics.damping_time": "that of the paper's foam: dashpots of so much of its stiffness",
+    "numerics.damping_time": "that of the paper's foam: its dashpots, in proportion to stiffness",
     "model.shear_pressure_coefficient": "calibrated on the paper's foam",
 }
 """Keys in other parts of a scene that describe a foam, with the origin of their defaults."""
@@ -51,7 +51,7 @@ class Origin(Part):
         json_schema_extra={"allowed": "text of at most 100 characters"},
     )
     why: str = Field(
-        description="where its value is from",
+        description="origin of its value",
         max_length=1000,
         json_schema_extra={"allowed": "text of at most 1,000 characters"},
     )
@@ -181,7 +181,7 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         UserError: `values` contain `assumed`, which only the program writes.
     """
     if any(key.partition(".")[0].partition("[")[0] == "assumed" for key in values):
-        raise UserError("assumed: written by the program; give the keys that it names instead")
+        raise UserError("assumed: is written by the program; instead, give the keys that it names")
     for key in values:
         if data.get("assumed") and _WHOLE.fullmatch(
             key
@@ -254,8 +254,8 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
 def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
     """Problems of entries whose key is not that of a value of the scene."""
     return [
-        f"assumed.key = {each.key!r}: must be the key of a value of across, block, foam, model or "
-        "numerics; leave assumed out, the program writes it"
+        f"assumed.key = {each.key!r}: must be the key of a value in across, block, foam, model or "
+        "numerics; leave assumed out: the program writes it"
         for each in entries
         if each.key.partition(".")[0] not in ("foam", *_PARTS) or not _is_value(scene, each.key)
     ]

@@ -39,13 +39,17 @@ _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 class Layer(Part):
     """A horizontal layer of the block, with a foam or a density of its own."""
 
-    bottom: float = quantity(..., "m", "lower face of the layer, up from the block's bottom",
+    bottom: float = quantity(..., "m", "height of the layer's lower face above the block's bottom",
                              at_least=0, below=5)  # fmt: skip
-    top: float = quantity(..., "m", "upper face of the layer", above=0, at_most=5)
+    top: float = quantity(
+        ..., "m", "height of the layer's upper face above the block's bottom", above=0, at_most=5
+    )
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
-        description="its foam, as [foam] takes it; none: that of [foam]",
-        json_schema_extra={"allowed": "none, a table as [foam], a name of the library, or a file"},
+        description="its foam, given as in [foam]; none: that of [foam]",
+        json_schema_extra={
+            "allowed": "none, a table like [foam], a name in the library, or a file"
+        },
     )
     density: Annotated[float, Field(ge=1, le=5000)] | None = quantity(
         None,
@@ -55,8 +59,8 @@ class Layer(Part):
     )
     interface: Literal["bonded", "loose"] = choice(
         "bonded",
-        "what holds it to the foam below and above: bonded: it is one piece with it; "
-        "loose: it only lies there",
+        "how it is joined to the foam below and above: bonded: in one piece; loose: only in "
+        "contact",
     )
 
 
@@ -65,8 +69,10 @@ class Across(Part):
 
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
-        description="the foam along x, as [foam] takes it; none: it is the same in both directions",
-        json_schema_extra={"allowed": "none, a table as [foam], a name of the library, or a file"},
+        description="the foam along x, given as in [foam]; none: it is the same in both directions",
+        json_schema_extra={
+            "allowed": "none, a table like [foam], a name in the library, or a file"
+        },
     )
 
 
@@ -81,7 +87,7 @@ class Block(Part):
     depth: float = quantity(
         0.057,
         "m",
-        "depth of the block, and of the impactor, across the plane",
+        "depth of the block and of the impactor, perpendicular to the plane",
         at_least=1e-5,
         at_most=5,
         fix="lengths are in metres (57 mm is 0.057)",
@@ -89,61 +95,63 @@ class Block(Part):
     cell: Annotated[float, Field(gt=0, le=5)] | None = quantity(
         None,
         "m",
-        "edge of the lattice's cells, as near as whole numbers of them fill width and height; "
-        f"none: of {CELLS_IN_HEIGHT} in the height and {CELLS_IN_WIDTH} in the width the smaller",
+        "edge length of the lattice's cells, rounded so that whole numbers of them fill width "
+        f"and height; none: height / {CELLS_IN_HEIGHT} or width / {CELLS_IN_WIDTH}, whichever is "
+        "smaller",
         allowed="none, or above 0 and at most 5 m",
     )
     columns: int = quantity(
         40,
         "count",
-        "number of mass points across",
+        "number of mass points along the width",
         at_least=2,
         at_most=MAX_NODES // 2,
-        fix="take larger cells (block.cell); the paper has 40 by 20",
+        fix="use larger cells (block.cell); the paper has 40 by 20",
         unless=SQUARE,
     )
     rows: int = quantity(
         21,
         "count",
-        "number of mass points upwards",
+        "number of mass points along the height",
         at_least=2,
         at_most=MAX_NODES // 2,
-        fix="take larger cells (block.cell); the paper has 40 by 20",
+        fix="use larger cells (block.cell); the paper has 40 by 20",
         unless=SQUARE,
     )
     mass_points: Literal["cells", "faces"] = choice(
         "faces",
-        "where rows of them lie: faces: the first and the last on the block's bottom and top, so "
-        "that what is touched and held there has the whole height between; cells: in the middles "
-        "of rows of cells, half a cell inside, so that a cushion acts as one by a cell thinner",
+        "position of the rows of mass points: faces: the first and last rows on the block's "
+        "bottom and top, so that the whole height lies between the surfaces that are held and "
+        "hit; cells: in the middles of rows of cells, half a cell inside, so that a cushion acts "
+        "as if it were one cell thinner",
     )
     density: float = quantity(25.6, "kg/m3", "density of the foam", at_least=1, at_most=5000)
     outline: _Outline = quantity(
         (),
         "m",
-        "corners [x, y] of the foam, in order along a simple polygon within the rectangle, on the "
-        "base at y = 0; none: the whole rectangle",
+        "corners [x, y] of the foam, in order along a simple polygon within the rectangle, "
+        "standing on the base at y = 0; none: the whole rectangle",
         allowed=f"a list of 3 to {MOST_CORNERS:,} corners [x, y], each from -5 to 5 m",
         fix=_CORNERS_FIX,
     )
     holes: Annotated[tuple[_Hole, ...], Field(strict=False, max_length=MOST_HOLES)] = quantity(
         (),
         "m",
-        "holes through the depth, each a list of corners as the outline",
+        "holes through the depth, each a list of corners like the outline",
         allowed=f"up to {MOST_HOLES:,} lists of 3 to {MOST_CORNERS:,} corners [x, y], each from -5 "
         "to 5 m",
         fix=_CORNERS_FIX,
     )
     layers: Annotated[tuple[Layer, ...], Field(strict=False, max_length=MOST_LAYERS)] = Field(
         default=(),
-        description="level bands of other foams or densities; elsewhere [foam] and density hold",
+        description="level bands of other foams or densities; elsewhere [foam] and density apply",
         json_schema_extra={"allowed": f"a list of up to {MOST_LAYERS} tables with bottom and top"},
     )
     lattice_angle_deg: float = quantity(
         0.0,
         "deg",
-        "turn of the lattice under the outline, counter-clockwise, about the outline's middle; "
-        "width and height are then the lattice's",
+        "rotation of the lattice under the outline, counter-clockwise, about the outline's "
+        "middle; width and height are then those of the lattice",
         at_least=-90,
         at_most=90,
     )
@@ -162,8 +170,8 @@ class Block(Part):
         if self.columns * self.rows > MAX_NODES:
             raise ValueError(
                 f"block.columns = {self.columns}, block.rows = {self.rows}: "
-                f"{self.columns * self.rows:,} mass points; at most {MAX_NODES:,}; "
-                "take fewer columns or rows"
+                f"{self.columns * self.rows:,} mass points; at most {MAX_NODES:,}; use fewer "
+                "columns or rows"
             )
         if 0 < len(self.outline) < 3:
             raise ValueError(
@@ -262,9 +270,9 @@ def advice(block: Block) -> str | None:
     if longer <= OBLONG * shorter:
         return None
     return (
-        f"cells are {1e3 * block.dx:.4g} mm wide and {1e3 * block.dy:.4g} mm high: oblong ones "
-        "crush and crack otherwise along x than along y, and make steps shorter; square ones are "
-        f"block.cell = {shorter:.4g} in place of block.columns and block.rows"
+        f"cells are {1e3 * block.dx:.4g} mm wide and {1e3 * block.dy:.4g} mm high: cells that are "
+        "not square crush and crack differently along x and y, and shorten the time step; for "
+        f"square cells, give block.cell = {shorter:.4g} instead of block.columns and block.rows"
     )
 
 
@@ -273,8 +281,8 @@ def todays_key(key: str) -> str:
     if key != "block.thickness":
         return key
     note(
-        "block.thickness is now block.depth, that across the plane; how thick a cushion is under "
-        "a drop is its block.height"
+        "block.thickness is now block.depth, perpendicular to the plane; the thickness of a "
+        "cushion under a drop is block.height"
     )
     return "block.depth"
 
@@ -361,9 +369,9 @@ def _problems_of_outline(block: Block) -> list[str]:
         ]
     width, height = 2 * np.abs(lying - [0.0, block.height / 2]).max(axis=0)
     return [
-        f"block.lattice_angle_deg = {block.lattice_angle_deg:g}: the outline leaves the turned "
-        f"lattice; it needs block.width = {width:.4g} m and block.height = {height:.4g} m at "
-        "least; enlarge them, and columns and rows with them"
+        f"block.lattice_angle_deg = {block.lattice_angle_deg:g}: the outline extends beyond the "
+        f"rotated lattice, which needs at least block.width = {width:.4g} m and block.height = "
+        f"{height:.4g} m; enlarge them, and columns and rows with them"
     ]
 
 
@@ -378,7 +386,7 @@ def _problems_of_layers(block: Block) -> list[str]:
         if layer.top <= layer.bottom:
             found.append(
                 f"{key}.top = {layer.top:g}: must be above its bottom at {layer.bottom:g} m; both "
-                "count up from the block's bottom"
+                "are heights above the block's bottom"
             )
         elif layer.top > block.height + least:
             found.append(
@@ -387,16 +395,16 @@ def _problems_of_layers(block: Block) -> list[str]:
             )
         elif not np.any(rows_of(block, layer)):
             found.append(
-                f"{key}: {layer.bottom:g} to {layer.top:g} m holds no middle of a row of cells, "
-                f"which are {block.dy:.4g} m high; take block.rows = "
+                f"{key}: {layer.bottom:g} to {layer.top:g} m contains no middle of a row of cells, "
+                f"which are {block.dy:.4g} m high; set block.rows = "
                 f"{math.ceil(block.height / (layer.top - layer.bottom)) + faces} or more"
             )
     for (first, below), (second, above) in pairwise(ordered):
         if above.bottom < below.top - least:
             found.append(
-                f"block.layers[{second}].bottom = {above.bottom:g}: inside of block.layers[{first}]"
-                f", which reaches up to {below.top:g} m; layers must not overlap; raise the one or "
-                "lower the other"
+                f"block.layers[{second}].bottom = {above.bottom:g}: lies inside "
+                f"block.layers[{first}], which reaches up to {below.top:g} m; layers must not "
+                "overlap; raise one or lower the other"
             )
     if block.layers and block.lattice_angle_deg != 0:
         found.append(

@@ -120,12 +120,12 @@ def read_rows(path: Path, needs: str) -> Rows:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise UserError(f"{path}: empty; needs lines of {needs}")
+        raise UserError(f"{path}: empty; must have lines of {needs}")
     between = _separator([line for _, line in lines[:_LOOKED_AT] + lines[-_LOOKED_AT:]])
     rows = [(number, _cells(path, number, line, between)) for number, line in lines]
     first = _first(rows)
     if first is None:
-        raise UserError(f"{path}: no numbers; needs lines of {needs} below the header")
+        raise UserError(f"{path}: no numbers; must have lines of {needs} below the header")
     return Rows(encoding, rows[:first], rows[first:])
 
 
@@ -208,12 +208,12 @@ def _text(path: Path) -> tuple[str, str]:
     """The text of a file and its encoding: UTF-16 if it has a mark, else UTF-8, else Latin-1."""
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; thin it out")
+            raise UserError(f"{path}: more than {MOST_BYTES:,} bytes; reduce the number of lines")
         data = path.read_bytes()
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError:
-        raise UserError(f"{shown(str(path))}: no file can have this name") from None
+        raise UserError(f"{shown(str(path))}: not a possible file name") from None
     marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in data and not marked:
         raise UserError(f"{path}: not a text file; save the table as CSV")
@@ -222,7 +222,9 @@ def _text(path: Path) -> tuple[str, str]:
         return data.decode(codec), name
     except UnicodeDecodeError:
         if marked:
-            raise UserError(f"{path}: no whole UTF-16, as if cut off; save it anew") from None
+            raise UserError(
+                f"{path}: not complete UTF-16 text, as if cut off; save it again"
+            ) from None
         return data.decode("latin-1"), "Latin-1"
 
 

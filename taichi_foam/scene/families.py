@@ -82,12 +82,14 @@ def rigid_pu(density: float) -> FoamFile:
     young = plateau / -paper.yield_strain
     shear = paper.shear_modulus / paper.youngs_modulus * young
     missed = (
-        "that of the paper's foam, {}: the scaling misses it there ({}), and is not used for it"
+        "that of the paper's foam, {}: the scaling does not reproduce it for that foam ({}), so "
+        "it is not used here"
     )
     why = {
         "youngs_modulus": "plateau over the paper's yield strain of 0.05: the scaling for open "
-        "cells misses the paper's modulus (0.73 against 2.78 MPa), and is not used for it",
-        "shear_modulus": "as much of Young's modulus as in the paper's foam, 0.30",
+        "cells does not reproduce the paper's modulus (0.73 against 2.78 MPa), so it is not "
+        "used here",
+        "shear_modulus": "the same fraction of Young's modulus as in the paper's foam, 0.30",
         "densification_strain": missed.format("-0.80", "-0.97"),
         **dict.fromkeys(
             ("yield_strain", "tensile_strain", "shear_strain", "locking_strain",
@@ -101,7 +103,7 @@ def rigid_pu(density: float) -> FoamFile:
         "MPa at 25.6 kg/m3, where 0.12 MPa was measured (Shim, Tu & Lim 2000)",
         licence="formula and figures as published",
         density=density,
-        measured=(f"nothing at this density; plateau {plateau / 1e3:.1f} kPa by the scaling",),
+        measured=(f"nothing at this density; plateau of {plateau / 1e3:.1f} kPa by the scaling",),
         assumed=tuple(Assumed(key=f"foam.{key}", why=words) for key, words in why.items()),
         foam=Foam(
             youngs_modulus=young,
@@ -276,7 +278,7 @@ FAMILIES = (
     ),
     Family(
         head="rigid-pu-",
-        about=("rigid polyurethane", "by a scaling"),
+        about=("rigid polyurethane", "scaled"),
         range=(20.0, 100.0),
         limit="the plateau is scaled for densities",
         points=(),

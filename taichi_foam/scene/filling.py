@@ -318,32 +318,32 @@ def problems(block: Block) -> list[str]:
         return []
     filled = filling(block)
     empty = [
-        f"block.layers[{number}]: {layer.bottom:g} to {layer.top:g} m has no foam; the outline "
-        "ends below it, or a hole takes it; move the layer, or leave it out"
+        f"block.layers[{number}]: {layer.bottom:g} to {layer.top:g} m contains no foam: the "
+        "outline ends below it, or a hole takes all of it; move the layer, or leave it out"
         for number, layer in enumerate(block.layers)
         if not filled.there[:, rows_of(block, layer)].any()
     ]
     if empty:
         return empty
-    more = "take more block.columns and block.rows, or make it wider"
+    more = "use more block.columns and block.rows, or make it wider"
     if not filled.there.any():
-        return [f"block.outline: fills no cell of the lattice by a quarter; {more}"]
+        return [f"block.outline: does not fill a quarter of any cell of the lattice; {more}"]
     cell = f"a cell of {block.dx:.3g} x {block.dy:.3g} m"
     where = _without_mass_point(filled)
     if where is not None:
         x, y = block.positions[where]
         return [
             f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter "
-            f"of {cell}, and would not be there; {more}"
+            f"of {cell}, and would be left out; {more}"
         ]
     part = _parts(filled)
     sizes = np.bincount(part)
     if len(sizes) > 1:
         x, y = block.positions[filled.there][part == sizes.argmin()].mean(axis=0)
         return [
-            f"block.outline: the lattice is in {len(sizes)} parts, one of them around "
-            f"x = {x:.4g} m, y = {y:.4g} m: what joins it to the others is thinner than {cell}; "
-            f"{more}"
+            f"block.outline: the lattice falls into {len(sizes)} parts, one of them around x = "
+            f"{x:.4g} m, y = {y:.4g} m: the foam that joins it to the others is thinner than "
+            f"{cell}; {more}"
         ]
     return []
 

@@ -39,8 +39,8 @@ class FoamFile(Part):
     assumed.
     """
 
-    title: str = _words(..., "what foam it is", 200)
-    source: str = _words(..., "who measured it, where", 1000)
+    title: str = _words(..., "description of the foam", 200)
+    source: str = _words(..., "who measured it, and where", 1000)
     licence: str = _words("not stated", "licence of the data", 200)
     density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
     rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
@@ -57,10 +57,10 @@ class FoamFile(Part):
         allowed="none, or above 0 and below 1",
     )
     derived: tuple[Origin, ...] = Field(
-        default=(), description="what follows from that, key by key of a scene", max_length=100
+        default=(), description="values that follow from these, by key of a scene", max_length=100
     )
     assumed: tuple[Assumed, ...] = Field(
-        default=(), description="what is assumed, key by key of a scene", max_length=100
+        default=(), description="assumed values, by key of a scene", max_length=100
     )
     foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
 

@@ -64,8 +64,8 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
             if low <= density <= high:
                 return family.make(density)
             raise UserError(
-                f"{asked}{shown(name)}: {family.limit} from {low:g} to {high:g} kg/m3 only; take "
-                "the test of a foam of that density (foam.curve)"
+                f"{asked}{shown(name)}: {family.limit} from {low:g} to {high:g} kg/m3 only; use a "
+                "test of a foam of that density (foam.curve)"
             )
     packaged = resources.files("taichi_foam.scene").joinpath("foams", f"{name}.toml")
     if re.fullmatch(r"[\w.-]+", name) and packaged.is_file():
@@ -80,9 +80,9 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
     near = near or difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(
-        f"{asked}{shown(name)}: not in the library; {meant} A foam file's name ends with .toml, "
-        "and a test in a CSV file is the foam's curve; `taichi-foam foam list` lists the foams, "
-        "`taichi-foam foam import` makes one of a test"
+        f"{asked}{shown(name)}: not in the library; {meant} The name of a foam file ends with "
+        ".toml, and a test in a CSV file is given as foam.curve; `taichi-foam foam list` lists "
+        "the foams, `taichi-foam foam import` makes one from a test"
     )
 
 
@@ -127,8 +127,8 @@ def _drawn(impactor: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     name = impactor["file"]
     if rest.get("shape", "outline") != "outline":
         raise ValueError(
-            f"impactor.file = {shown(name)}: holds the corners of an outline; impactor.shape = "
-            f"{shown(rest['shape'])}: must be outline; or leave the file out"
+            f"impactor.file = {shown(name)}: holds the corners of an outline, but impactor.shape = "
+            f"{shown(rest['shape'])}; must be outline, or leave the file out"
         )
     if "vertices" in rest:
         raise ValueError("impactor.file: impactor.vertices are given too; leave one of them out")

@@ -150,7 +150,7 @@ def curve_of(curve: Any, key: str, folder: Path) -> Any:
     unknown = sorted(curve.keys() - {"file", *COLUMN_KEYS})
     if unknown:
         raise ValueError(
-            f"{key}.{unknown[0]}: unknown key; beside a file there are {', '.join(COLUMN_KEYS)}"
+            f"{key}.{unknown[0]}: unknown key; the keys beside file are {', '.join(COLUMN_KEYS)}"
         )
     if not isinstance(curve["file"], str | Path):
         raise ValueError(f"{key}.file = {shown(curve['file'])}: must be the name of a file")
@@ -225,9 +225,9 @@ def _column(
     divided = [] if heads is None else side.divided.known_in(heads)
     if heads and divided and given is None and size is None and not kind.known_in(heads):
         raise UserError(
-            f"{path}: column {divided[0] + 1} ({shown(heads[divided[0]])}) is one of "
-            f"{side.divided.name}; {key} needs the specimen's {side.size} [{side.unit}] too: "
-            f"give --{side.size} to `foam import`, or in a scene foam.curve.{side.size}"
+            f"{path}: column {divided[0] + 1} ({shown(heads[divided[0]])}) holds "
+            f"{side.divided.name}; {key} also needs the specimen's {side.size} [{side.unit}]: give "
+            f"--{side.size} to `foam import`, or foam.curve.{side.size} in a scene"
         )
     at = _place(path, heads, key, kind, given)
     head = None if heads is None else heads[at]
@@ -301,10 +301,9 @@ def _branches(
         if stress[inside].min() > UNLOADED * stress[start]:
             wrong = start + 1 + int(np.argmax(strain[inside] < strain[start]))
             raise UserError(
-                f"{path}, line {body[wrong][0]}: a smaller strain than on a line before "
-                f"({strain[start]:g}), and the stress does not fall as it does when foam unloads; "
-                "strains must rise from line to line but for unloading; sort the lines, or "
-                "correct the strain"
+                f"{path}, line {body[wrong][0]}: the strain is smaller than on an earlier line "
+                f"({strain[start]:g}), but the stress does not fall as in unloading; strains must "
+                "rise from line to line except in unloading; sort the lines, or correct the strain"
             )
         found.append(Branch(float(strain[start]), float(strain[inside].min()), end - start - 1))
     if len(starts) < 2 <= strain.size:

@@ -19,13 +19,16 @@ _CLOSE = 0.75
 """Similarity to a known key from which a word counts as misspelt: height is not drop_height."""
 
 _INERTIA = "impactor.inertia, about the centre of mass, in kg m2"
-_SPIN = "impactor.spin is what it starts with, in rad/s; impactor.guided = false lets it turn"
-_TILT = "impactor.rotation_deg is the turn that it starts with, counter-clockwise"
-_CURVE = "foam.curve is the file of a compression test; it makes foam.law tabulated"
+_SPIN = (
+    "impactor.spin is its initial angular velocity, in rad/s; impactor.guided = false lets it "
+    "rotate"
+)
+_TILT = "impactor.rotation_deg is its initial rotation, counter-clockwise"
+_CURVE = "foam.curve is the file of a compression test; it sets foam.law to tabulated"
 _CONCEPTS = {
-    "fall_height": "impactor.drop_height is the height of a fall",
-    "falling_height": "impactor.drop_height is the height of a fall",
-    "speed": "impactor.velocity is what it starts with, impactor.drop_height the height of a fall",
+    "fall_height": "impactor.drop_height is the fall height",
+    "falling_height": "impactor.drop_height is the fall height",
+    "speed": "impactor.velocity is its initial velocity, impactor.drop_height the fall height",
     "weight": "impactor.mass, in kilograms",
     "g": "numerics.gravity, in m/s2",
     "angular_velocity": _SPIN,

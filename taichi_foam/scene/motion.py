@@ -50,16 +50,16 @@ def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numeric
     found = []
     if shaken and numerics.end == "rebound":
         found.append(
-            f"{_pulse(base)}: a base that is shaken makes things rebound at any time; give "
-            "numerics.end a time in seconds, some times as long as the pulse"
+            f"{_pulse(base)}: on a shaken base, things may rebound at any time; set numerics.end "
+            "to a time in seconds, several times the length of the pulse"
         )
     if impactor is None:
         return found
     if impactor.motion != "crosshead":
         if impactor.travel is not None:
             found.append(
-                f"impactor.travel = {impactor.travel:g}: is a crosshead's; set impactor.motion = "
-                "'crosshead', or leave it out"
+                f"impactor.travel = {impactor.travel:g}: is for a crosshead only; set "
+                "impactor.motion = 'crosshead', or leave it out"
             )
         return found
     if not impactor.guided:
@@ -71,14 +71,15 @@ def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numeric
         )
     if shaken:
         found.append(
-            f"{_pulse(base)}: a crosshead and a shaken base are two tests; leave one of them out"
+            f"{_pulse(base)}: a crosshead and a shaken base cannot be combined; leave one of them "
+            "out"
         )
     if impactor.velocity == 0:
-        found.append("impactor.velocity = 0: a crosshead moves; must be above 0 m/s")
+        found.append("impactor.velocity = 0: must be above 0 m/s, because a crosshead moves")
     elif numerics.end == "rebound":
         found.append(
-            "numerics.end = 'rebound': a crosshead does not rebound; give impactor.travel, the way "
-            "after which the run ends, or numerics.end in seconds"
+            "numerics.end = 'rebound': a crosshead does not rebound; give impactor.travel, the "
+            "distance after which the run ends, or numerics.end in seconds"
         )
     elif impactor.travel is not None:
         expected = impactor.travel / impactor.velocity
@@ -86,7 +87,7 @@ def problems_of_driving(impactor: Impactor | None, base: Base, numerics: Numeric
             found.append(
                 f"impactor.travel = {impactor.travel:g}: takes {expected:.4g} s at "
                 f"{impactor.velocity:g} m/s; a run has at most {LONGEST_RUN:g} s; lengths are in "
-                "metres; shorten the travel, or take a faster crosshead"
+                "metres; shorten the travel, or use a faster crosshead"
             )
         elif abs(float(numerics.end) - expected) > _SAME * expected:
             found.append(
@@ -113,9 +114,8 @@ def problems_of_fall(
         return []
     if gravity == 0.0:
         return [
-            f"impactor.drop_height = {height:g}: nothing falls without gravity; "
-            "numerics.gravity must be above 0 m/s2, or leave it out: then it is "
-            f"{STANDARD_GRAVITY:g} m/s2"
+            f"impactor.drop_height = {height:g}: nothing falls without gravity; numerics.gravity "
+            f"must be above 0 m/s2; leave it out to use {STANDARD_GRAVITY:g} m/s2"
         ]
     expected = start_velocity(height, gap, gravity)
     if expected is None:
@@ -125,7 +125,7 @@ def problems_of_fall(
         ]
     if abs(velocity - expected) > _SAME * max(velocity, expected):
         return [
-            f"impactor.velocity = {velocity:g}: impactor.drop_height = {height:g} m comes to "
+            f"impactor.velocity = {velocity:g}: impactor.drop_height = {height:g} m gives "
             f"{expected:.4g} m/s; give one of the two"
         ]
     area, weight = width_under(impactor, block) * block.depth, impactor.mass * gravity
@@ -133,10 +133,10 @@ def problems_of_fall(
         return []
     return [
         f"impactor.mass = {impactor.mass:g}: its weight alone presses the foam under it with "
-        f"{plain(1e-3 * weight / area)} kPa, and the plateau is {plain(1e-3 * plateau_stress)} "
-        "kPa: it crushes the cushion that it only stands on; masses are in kilograms (5,000 g is "
-        "5); take a lighter impactor or more foam, or give impactor.velocity in place of "
-        "impactor.drop_height"
+        f"{plain(1e-3 * weight / area)} kPa, but the plateau stress is "
+        f"{plain(1e-3 * plateau_stress)} kPa: it crushes the cushion just by standing on it; "
+        "masses are in kilograms (5,000 g is 5); use a lighter impactor or more foam, or give "
+        "impactor.velocity instead of impactor.drop_height"
     ]
 
 

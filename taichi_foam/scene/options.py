@@ -46,7 +46,10 @@ class Pulse(Part):
     """Upward acceleration of the base over time, linear between its points and 0 outside them."""
 
     time: Annotated[tuple[_Time, ...], Field(strict=False)] = quantity(
-        ..., "s", "times of the points, rising", allowed="2 to 2,000 numbers from 0 to 10 s"
+        ...,
+        "s",
+        "times of the points, in rising order",
+        allowed="2 to 2,000 numbers from 0 to 10 s",
     )
     acceleration: Annotated[tuple[_Acceleration, ...], Field(strict=False)] = quantity(
         ...,
@@ -61,7 +64,7 @@ class Pulse(Part):
         if len(times) != len(self.acceleration) or not 2 <= len(times) <= MOST_PULSE_POINTS:
             raise ValueError(
                 f"base.acceleration: {len(times)} times and {len(self.acceleration)} "
-                f"accelerations; must be as many, from 2 to {MOST_PULSE_POINTS:,}"
+                f"accelerations; there must be equally many, from 2 to {MOST_PULSE_POINTS:,}"
             )
         for n, (before, after) in enumerate(pairwise(times)):
             if after <= before:
@@ -115,8 +118,8 @@ class Base(Part):
 
     kind: Literal["held", "gripped", "floor"] = choice(
         "gripped",
-        "held: fixed vertically, free to slide sideways; gripped: clamped, in x and y; "
-        "floor: pressed on, with friction, free to lift off",
+        "held: fixed vertically, free to slide sideways; gripped: clamped, in x and y; floor: "
+        "resting on it, with friction, free to lift off",
     )
     friction: float = quantity(
         0.5, "-", "friction coefficient between block and floor (floor only)", at_least=0, at_most=5
@@ -127,7 +130,7 @@ class Base(Part):
     acceleration: Pulse | None = Field(
         default=None,
         description="pulse that shakes the base: a CSV file of time and acceleration, or a table; "
-        "all is then told in the base's frame",
+        "displacements and velocities are then relative to the base",
         json_schema_extra={
             "allowed": "none, a CSV file, or a table of time (s) and acceleration (m/s2, upwards)",
             "fix": "base.acceleration = 'pulse.csv'",
@@ -135,18 +138,19 @@ class Base(Part):
     )
     pulse: PulseShape | None = Field(
         default=None,
-        description="shape of a pulse that shakes the base, in place of base.acceleration; a "
-        "sawtooth has its peak at its end, a trapezoid rises and falls in a tenth of its duration",
+        description="shape of a pulse that shakes the base, instead of base.acceleration; a "
+        "sawtooth has its peak at its end, a trapezoid rises and falls in a tenth of its "
+        "duration",
         json_schema_extra={
             "allowed": "none, half-sine, trapezoid, sawtooth",
             "fix": "another pulse is a CSV file, base.acceleration = 'pulse.csv'",
         },
     )
     pulse_peak_g: float | None = quantity(
-        None, "g", "its largest acceleration, upwards", above=0, at_most=100_000
+        None, "g", "largest acceleration of the pulse, upwards", above=0, at_most=100_000
     )
     pulse_duration_ms: float | None = quantity(
-        None, "ms", "its duration, from zero to zero", at_least=1e-3, at_most=10_000
+        None, "ms", "duration of the pulse, from zero to zero", at_least=1e-3, at_most=10_000
     )
 
     @model_validator(mode="after")
@@ -157,7 +161,7 @@ class Base(Part):
         if self.pulse is None:
             if given:
                 raise ValueError(
-                    f"{given[0]}: is that of base.pulse; give base.pulse = 'half-sine', "
+                    f"{given[0]}: belongs to base.pulse; give base.pulse = 'half-sine', "
                     "'trapezoid' or 'sawtooth', or leave it out"
                 )
         elif self.acceleration is not None:
@@ -186,19 +190,20 @@ class Model(Part):
 
     damping: Literal["stiffness", "absolute"] = choice(
         "stiffness",
-        "stiffness: dashpots along bonds after K, and in the shear of cells after G; "
-        "absolute: on each mass point's own velocity (Eqs 28-29 as printed)",
+        "stiffness: dashpots in proportion to K along bonds and to G in the shear of cells; "
+        "absolute: dashpots on each mass point's own velocity (Eqs 28-29 as printed)",
     )
     shear: Literal["cell", "face"] = choice(
         "cell",
-        "cell: the foam between four mass points carries it, as the gradient of an energy; "
-        "face: a bond does, on its own two mass points (Eqs 10-11, 13, 27), which makes energy",
+        "cell: shear is carried by the foam between four mass points, with forces that derive "
+        "from an energy; face: by each bond, on its two mass points (Eqs 10-11, 13, 27), which "
+        "creates energy",
     )
     shear_failure: Literal["tension-only", "always", "pressure-dependent", "angle"] = choice(
         "pressure-dependent",
-        "tension-only: a bond in compression does not fail in shear; always: it does; "
-        "pressure-dependent: its shear strength grows with the compression; "
-        "angle: it does, by the angle that its foam has sheared through, however short it is",
+        "shear failure of a bond in compression: tension-only: it does not fail; always: it "
+        "fails as in tension; pressure-dependent: its shear strength grows with the compression; "
+        "angle: it fails at the angle by which its foam has sheared, however short the bond is",
     )
     shear_pressure_coefficient: float = quantity(
         0.7,
@@ -216,7 +221,7 @@ class Model(Part):
     crushed_room: bool = choice(
         True,
         "crushed foam has a packing limit (room): the foam between four neighbouring mass points "
-        "resists less area than crushing has left it, however its bonds fold",
+        "resists being pressed below the area that crushing has left it, however its bonds fold",
     )
     piece_size: float = quantity(
         1.0,
@@ -262,8 +267,9 @@ class Numerics(Part):
     contact_damping: float = quantity(
         0.2,
         "-",
-        "dashpot of a contact with a body, over the critical one of a mass point on its spring: "
-        "without it foam rattles there, and steps lose what they do not resolve",
+        "dashpot of a contact with a body, as a fraction of critical damping for a mass point on "
+        "the contact's spring: without it, foam rattles there, and the steps lose energy that "
+        "they do not resolve",
         at_least=0,
         at_most=0.2,
     )
@@ -310,8 +316,8 @@ class Start(Part):
     cuts: Annotated[tuple[_Cut, ...], Field(strict=False, max_length=1000)] = quantity(
         (),
         "m",
-        "saw cuts: straight lines [x0, y0, x1, y1] in the undeformed block; bonds whose line "
-        "between their two mass points crosses one are broken from the start",
+        "saw cuts: straight lines [x0, y0, x1, y1] in the undeformed block; bonds that cross "
+        "one, from mass point to mass point, are broken from the start",
         allowed="up to 1000 lines of four numbers from -10 to 10 m",
     )
 
@@ -353,15 +359,15 @@ class Output(Part):
         1e-3, "s", "time between snapshots, and so between frames", at_least=1e-7, at_most=1
     )
     snapshot_precision: Literal["double", "single"] = choice(
-        "double", "numbers of a snapshot: 64 bits, or 32, which take half the room"
+        "double", "precision of the numbers in snapshots: 64 bits, or 32 bits in half the space"
     )
     mode: Mode = choice("worst-strain", "what the colours of the pictures show")
     stress: bool = choice(
         False,
-        "keep the stress about each mass point in snapshots; always kept where mode is stress",
+        "store the stress at each mass point in snapshots; always stored if mode is stress",
     )
-    theme: Theme = choice("light", "tones of the pictures")
-    curve: bool = choice(False, "draw the deceleration so far into each frame")
+    theme: Theme = choice("light", "colour theme of the pictures")
+    curve: bool = choice(False, "draw the deceleration up to that time into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
     film: bool = choice(True, "write a GIF and an MP4")
     width: int = quantity(
@@ -387,7 +393,7 @@ class Output(Part):
     fps: int = quantity(
         25,
         "count",
-        "frames of the film per second of watching",
+        "frames per second of the film",
         at_least=1,
         at_most=120,
         fix="25 is usual",
@@ -403,7 +409,7 @@ class Output(Part):
         if self.snapshot_interval < self.history_interval:
             raise ValueError(
                 f"output.snapshot_interval = {self.snapshot_interval:g}: must be at least "
-                f"output.history_interval = {self.history_interval:g} s; "
-                "lengthen the one or shorten the other"
+                f"output.history_interval = {self.history_interval:g} s; lengthen one or shorten "
+                "the other"
             )
         return self

@@ -82,7 +82,7 @@ def lengths(shape: Polygon, levels: Array, marks: Array, upright: bool) -> Array
 def _problems_of_holes(outline: Corners, holes: Sequence[Corners]) -> list[str]:
     whole, cut = polygon(outline), [polygon(hole) for hole in holes]
     found = [
-        f"block.holes[{number}]: not inside of the outline; a hole must lie within it and not "
+        f"block.holes[{number}]: is not inside the outline; a hole must lie within it and not "
         "touch it; move it, or draw it as a notch of block.outline"
         for number, hole in enumerate(cut)
         if not whole.contains_properly(hole)

@@ -94,7 +94,10 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
     if isinstance(last, int):
         _place(table, last, key)
     elif not isinstance(table, dict):
-        raise UserError(f"{key_shown(key)}: a list has no keys; say which of it, [0] the first")
+        raise UserError(
+            f"{key_shown(key)}: a list has no keys; say which of its entries is meant, such as "
+            "[0] for the first"
+        )
     table[last] = _plain(value)
 
 
@@ -112,11 +115,13 @@ def _steps(key: str) -> list[str | int]:
 def _place(listed: Any, number: int, key: str) -> Any:
     """The item of a list at an index. Raises UserError: not a list, or no such item."""
     if not isinstance(listed, list):
-        raise UserError(f"{key_shown(key)}: unknown key; only lists have places [0], [1] and so on")
+        raise UserError(
+            f"{key_shown(key)}: unknown key; only lists have entries [0], [1] and so on"
+        )
     if number >= len(listed):
         raise UserError(
-            f"{key_shown(key)}: beyond the end of the list, which has {len(listed)}, counted from "
-            "[0]; give the whole list to make it longer"
+            f"{key_shown(key)}: beyond the end of the list (length {len(listed)}, counted from "
+            "[0]); give the whole list to make it longer"
         )
     return listed[number]
 

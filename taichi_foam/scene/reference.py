@@ -50,16 +50,21 @@ _OPEN: Mapping[str, frozenset[str]] = {
 class Reference(Part):
     """What was measured in the impact of a scene, and by whom."""
 
-    name: str | None = Field(default=None, description="of the scene that has the title")
-    title: str | None = Field(default=None, description="of this scene, for people")
-    source: str = Field(description="who measured it, where")
-    figures: Mapping[str, float] = Field(description="what was measured, by keys of summary.json")
+    name: str | None = Field(
+        default=None, description="name of the scene to which the title belongs"
+    )
+    title: str | None = Field(default=None, description="title of this scene in pictures")
+    source: str = Field(description="who measured it, and where")
+    figures: Mapping[str, float] = Field(description="measured figures, by keys of summary.json")
     readings: Mapping[str, Mapping[str, float]] = Field(
         default={},
-        description="by set of choices, values by dotted key that the source can be read to give",
+        description="other possible readings of the source: values by dotted key, for each "
+        "choice set",
     )
-    velocity: float | None = Field(default=None, description="of that impact")
-    impact: str | None = Field(default=None, description="digest of what was set up in it")
+    velocity: float | None = Field(default=None, description="velocity of the measured impact")
+    impact: str | None = Field(
+        default=None, description="digest of the setup of the measured impact"
+    )
 
     def __hash__(self) -> int:
         """Hash of the name and the impact."""

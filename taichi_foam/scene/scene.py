@@ -26,7 +26,7 @@ from taichi_foam.scene.support import Support
 from taichi_foam.scene.values import changed
 
 _OPTIONS = {
-    "heeds_rate": "rate, which is given in the one only",
+    "heeds_rate": "rate, which only one of them gives",
 }
 """Words for the options in which foams of one law may differ for the kernels, by option."""
 
@@ -55,33 +55,36 @@ class Scene(Part):
     block: Block = Field(default=Block(), description="the foam block and its lattice")
     foam: Annotated[BondFoam, FOAMS] = Field(default=Foam(), description="the foam's law")
     across: Across = Field(
-        default=Across(), description="the foam across its rise, if it differs from that along it"
+        default=Across(),
+        description="the foam across its rise direction, if it differs from that along it",
     )
     impactor: Annotated[Impactor, SHAPES] | None = Field(
         default=None, description="what hits the block; none: nothing does"
     )
     base: Base = Field(default=Base(), description="what holds the bottom row")
     support: Support = Field(
-        default=Support(), description="what the block lies on, if not a floor"
+        default=Support(), description="what the block rests on, if not a floor"
     )
     model: Model = Field(
-        default=Model(), description="model choices: how what the paper leaves open is interpreted"
+        default=Model(), description="model choices, for what the paper leaves open"
     )
-    numerics: Numerics = Field(default=Numerics(), description="steps, damping, end of the run")
+    numerics: Numerics = Field(
+        default=Numerics(), description="time steps, damping, end of the run"
+    )
     start: Start = Field(default=Start(), description="deformation and motion at the start")
-    output: Output = Field(default=Output(), description="what a run keeps")
+    output: Output = Field(default=Output(), description="what a run stores and draws")
     reference: Reference | None = Field(
         default=None,
-        description="what was measured in this impact, and in which words it is told of",
+        description="what was measured in this impact, and its title in pictures",
         json_schema_extra={
-            "allowed": "none, or a table with source and figures; title, readings if there are any"
+            "allowed": "none, or a table with source and figures, and optionally title and readings"
         },
     )
 
     assumed: tuple[Assumed, ...] | None = Field(
         default=None,
-        description="keys of a foam of one's own that have defaults, as they were not given; "
-        "the program writes them",
+        description="values of a user's foam that were not given, and so were assumed; written "
+        "by the program",
         json_schema_extra={"allowed": "none, or a list of tables with key and why"},
     )
 
@@ -236,8 +239,9 @@ def _problems_of_layers(scene: Scene) -> list[str]:
     law = scene.foam.law_for(scene.model)
     foams = {f"block.layers[{n}]": layer.foam for n, layer in enumerate(scene.block.layers)}
     found = [
-        f"{head}.foam: not read as [foam] is: {_differing(law, other)}; all foams of a block need "
-        "one law with the same options; give both the same, or a curve each (foam.curve)"
+        f"{head}.foam: does not match [foam], as it is {_differing(law, other)}; all foams of a "
+        "block need the same law with the same options; give both the same, or give each a curve "
+        "(foam.curve)"
         for head, foam in {**foams, "across": scene.across.foam}.items()
         if foam is not None and (other := foam.law_for(scene.model)) != law
     ]
@@ -299,7 +303,7 @@ def _problems_of_times(scene: Scene) -> list[str]:
     if numerics.dt != "auto" and numerics.dt > min(latest, output.history_interval):
         problems.append(
             f"numerics.dt = {numerics.dt:g}: longer than output.history_interval = "
-            f"{output.history_interval:g} s or the run's {latest:g} s; take a shorter step"
+            f"{output.history_interval:g} s or the run's {latest:g} s; use a shorter step"
         )
     if output.history_interval > latest:
         problems.append(
@@ -327,7 +331,7 @@ def _problems_of_inertia(scene: Scene) -> list[str]:
     return [
         f"impactor.inertia = {impactor.inertia:g}: must be from {least:.3g} to {most:.3g} kg m2 "
         f"with {impactor.mass:g} kg and this outline; it is in kg m2 (1 g cm2 is 1e-7); leave it "
-        "out to take that of a uniform plate"
+        "out to use that of a uniform plate"
     ]
 
 
@@ -348,14 +352,14 @@ def _problems_of_contact(scene: Scene) -> list[str]:
     if scene.start.is_at_rest and not _meets_a_column(scene, points[:, 0], low, high):
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; with {high - low:.4g} m of "
-            f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; "
-            "take more block.columns or a wider impactor"
+            f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; use "
+            "more block.columns or a wider impactor"
         ]
     under = points if scene.block.is_rectangle else points[_between(points[:, 0], low, high)]
     above = scene.contact_height + impactor.gap - under[:, 1].max(initial=0.0)
     if above < -1e-9 * scene.block.height:
         return [
-            f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, which "
+            f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, whose top "
             f"start.deformation_gradient raises; must be at least {impactor.gap - above:.4g} m"
         ]
     return _problems_of_arrival(scene)

@@ -32,12 +32,16 @@ class Support(Part):
 
     kind: Literal["floor", "ribs", "outline"] = choice(
         "floor",
-        "floor: level, at y = 0; ribs: level tops at y = 0 with gaps between; outline: a polygon; "
-        "ribs and outline need base.kind = 'floor', whose friction is theirs; the impactor is "
-        "stopped at y = 0 on any of them (base.stops_impactor)",
+        "floor: level, at y = 0; ribs: level tops at y = 0 with gaps between; outline: a "
+        "polygon; ribs and outline need base.kind = 'floor', and have its friction; the impactor "
+        "is stopped at y = 0 on any of them (base.stops_impactor)",
     )
     pitch: float | None = quantity(
-        None, "m", "from rib to rib, middle to middle (ribs only)", above=0, at_most=5
+        None,
+        "m",
+        "distance between the middles of neighbouring ribs (ribs only)",
+        above=0,
+        at_most=5,
     )
     width: float | None = quantity(
         None, "m", "width of a rib, less than the pitch (ribs only)", above=0, at_most=5
@@ -45,18 +49,18 @@ class Support(Part):
     depth: float | None = quantity(
         None,
         "m",
-        "of the gaps between ribs, down to their level bottom (ribs only)",
+        "depth of the gaps between ribs, down to their level bottom (ribs only)",
         above=0,
         at_most=5,
     )
     offset: float = quantity(
-        0.0, "m", "of a rib's middle from x = 0 (ribs only)", at_least=-5, at_most=5
+        0.0, "m", "offset of a rib's middle from x = 0 (ribs only)", at_least=-5, at_most=5
     )
     outline: Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)] = quantity(
         (),
         "m",
         "corners [x, y] of the support, in order along a simple polygon, convex or not, that "
-        "leaves the foam free; beside it there is no floor (outline only)",
+        "does not overlap the foam; there is no floor beside it (outline only)",
         allowed=f"a list of 3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
         fix="lengths are in metres, x from mid-width, y up from the block's bottom",
     )
@@ -75,15 +79,15 @@ class Support(Part):
             for key in keys
         }  # fmt: skip
         found += [
-            f"support.{key} = {_shown(getattr(self, key))}: is of support.kind = '{kind}', and "
-            f"that is '{self.kind}'; set the kind, or leave the key out"
+            f"support.{key} = {_shown(getattr(self, key))}: belongs to support.kind = '{kind}', "
+            f"but the kind is '{self.kind}'; set the kind, or leave the key out"
             for key, kind in other.items()
             if kind != self.kind and getattr(self, key)
         ]
         if self.pitch is not None and self.width is not None and self.width >= self.pitch:
             found.append(
                 f"support.width = {self.width:g}: no gap is left between ribs; must be below "
-                f"support.pitch = {self.pitch:g} m; take thinner ribs, or support.kind = 'floor'"
+                f"support.pitch = {self.pitch:g} m; use thinner ribs, or support.kind = 'floor'"
             )
         if self.outline:
             if len(self.outline) < 3:
@@ -153,12 +157,12 @@ def problems(support: Support, base: Base, block: Block) -> list[str]:
         if len(corners) > MOST_CORNERS:
             found.append(
                 f"support.pitch = {support.pitch:g}: {len(corners) // 4} ribs near the block; at "
-                f"most {MOST_CORNERS // 4}; take a wider pitch"
+                f"most {MOST_CORNERS // 4}; use a wider pitch"
             )
         if support.width is not None and support.width < block.dx:
             found.append(
                 f"support.width = {support.width:g}: ribs thinner than a cell of the lattice, "
-                f"{block.dx:.4g} m, pass between mass points; take wider ribs or more block.columns"
+                f"{block.dx:.4g} m, pass between mass points; use wider ribs or more block.columns"
             )
     if found:
         return found

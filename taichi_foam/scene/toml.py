@@ -40,8 +40,8 @@ def decoded(data: bytes, source: str) -> str:
     """
     if len(data) > MOST_BYTES:
         raise UserError(
-            f"{source}: longer than {MOST_BYTES:,} bytes; a scene has some thousand at most; "
-            "name the file of a scene"
+            f"{source}: longer than {MOST_BYTES:,} bytes; a scene has a few thousand at most; give "
+            "the file of a scene"
         )
     for mark, encoding in _MARKS.items():
         if data.startswith(mark):
@@ -65,7 +65,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError:
-        raise UserError(f"{str(path)!r}: no file can have this name") from None
+        raise UserError(f"{str(path)!r}: not a possible file name") from None
     return parsed(decoded(data, str(path)), str(path))
 
 
@@ -101,8 +101,8 @@ def _first_words(error: ValueError) -> str:
 
 def _too_deep(source: str) -> str:
     return (
-        f"{source}: tables or arrays within one another, more than {DEEPEST} deep; a scene has "
-        "four levels at most"
+        f"{source}: tables or arrays nested more than {DEEPEST} deep; a scene has at most four "
+        "levels"
     )
 
 

@@ -148,7 +148,7 @@ def check(count: int) -> None:
         fix = (
             "16 are a good number; leave the option out for single runs"
             if count < FEWEST
-            else "16 are a good number, and 100 tell the quantiles well"
+            else "16 are a good number, and 100 resolve the quantiles well"
         )
         raise UserError(
             f"ensemble = {count}: must be at least {FEWEST} and at most {MOST} runs of each "
@@ -238,7 +238,7 @@ def compute(
     failures = [text for test in tests for text in test.failures]
     cases = [test.case() for test in tests if test.members]
     if interrupted and not cases:
-        raise KeyboardInterrupt("no run had finished; the same command goes on from there")
+        raise KeyboardInterrupt("no run had finished; the same command continues from there")
     cut = [test.scene.name for test in tests if interrupted and not test.members]
     return Computed(cases, cut, [], "\n".join(failures) or None, interrupted)
 
@@ -256,7 +256,7 @@ def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Compute
             results = list(error.results.values())
     ended = [r for r in results if r.ending is not Ending.INTERRUPTED]
     if not ended:
-        raise KeyboardInterrupt("no case had finished; the same command goes on from there")
+        raise KeyboardInterrupt("no case had finished; the same command continues from there")
     names = {r.scene.name for r in ended}
     cut = [scene.name for scene in scenes if scene.name not in names]
     failed = [r for r in ended if has_failed(r)]

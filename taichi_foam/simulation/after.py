@@ -45,15 +45,15 @@ class After:
         name = result.scene.name if before is result else str(before)
         if result.cushion is None:
             raise UserError(
-                f"after = {shown(name)}: leaves no block to go on with, ended by: "
-                f"{result.ending or 'unknown'}. Fix: run it to its end, with this version"
+                f"after = {shown(name)}: left no block to continue with (it ended by: "
+                f"{result.ending or 'unknown'}). Fix: run it to its end with this version"
             )
         problems = _differences(result.scene, scene)
         if problems:
             raise UserError(
-                f"after = {shown(name)}: of another block, with {'; '.join(problems)}. Fix: a run "
-                f"after another has the same {', '.join(SAME)}; impactor, numerics and output may "
-                "differ, and the pulse of a base"
+                f"after = {shown(name)}: its block differs from that of this scene: "
+                f"{'; '.join(problems)}. Fix: give both runs the same {', '.join(SAME)}; only "
+                "impactor, numerics, output and the pulse of the base may differ"
             )
         height = None
         if scene.impactor is not None:
@@ -63,8 +63,8 @@ class After:
                 )
             except ValueError as error:
                 raise UserError(
-                    f"impactor.x = {scene.impactor.x:g}: {error}, as {name} has left the block. "
-                    "Fix: move the impactor, or take a wider one"
+                    f"impactor.x = {scene.impactor.x:g}: {error}, given the state in which {name} "
+                    "left the block. Fix: move the impactor, or use a wider one"
                 ) from None
         told = {
             "scene": result.scene.name,

@@ -178,8 +178,8 @@ class Run:
             return None
         return (
             f"{self.scene.name}: needs up to {ahead:.1g} steps of {step:.1g} s, which may take "
-            "days; end it sooner (numerics.end, numerics.time_limit), or make its fastest swing "
-            "slower: a heavier impactor, softer contacts or foam, larger cells"
+            "days; end it sooner (numerics.end, numerics.time_limit), or slow down its fastest "
+            "vibration with a heavier impactor, softer contacts, softer foam or larger cells"
         )
 
     def rows_since(self, since: int) -> np.ndarray:

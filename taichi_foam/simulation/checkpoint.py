@@ -133,9 +133,9 @@ def _opened(folder: Path) -> Iterator[Any]:
             written = int(archive["format"]), str(archive["version"])
             if written != (FORMAT, version()):
                 raise UserError(
-                    f"{path}: written by taichi_foam {written[1]} (format {written[0]}), which "
-                    f"{version()} (format {FORMAT}) cannot continue to the last bit. "
-                    f"Fix: continue with {written[1]}, or run the scene again."
+                    f"{path}: written by taichi_foam {written[1]} (format {written[0]}); "
+                    f"{version()} (format {FORMAT}) cannot continue it bit for bit. Fix: continue "
+                    f"with {written[1]}, or run the scene again."
                 )
             yield archive
     except _DAMAGE as error:
@@ -164,7 +164,9 @@ def work_in(folder: Path) -> Path:
     if not folder.is_dir():
         reason = "there is no such folder. Fix: name the folder of a run"
     elif request_in(folder) is not None:
-        reason = "the run in it has left no checkpoint yet. Fix: run its scene again, as before"
+        reason = (
+            "the run in it has not written a checkpoint yet. Fix: run its scene again, as before"
+        )
     elif Manifest.read(folder) is not None:
         reason = "the run in it has ended; there is nothing to continue"
     else:
@@ -216,19 +218,19 @@ class Checkpoints:
             there, here = by_key(found.scene.model_dump()), by_key(scene.model_dump())
             key = next(key for key in {**there, **here} if there.get(key) != here.get(key))
             raise UserError(
-                f"{folder / CHECKPOINT}: of another scene, with {key} = {there.get(key)!r} instead "
-                f"of {here.get(key)!r}. Fix: choose another folder, or remove the file."
+                f"{folder / CHECKPOINT}: belongs to another scene, with {key} = {there.get(key)!r} "
+                f"instead of {here.get(key)!r}. Fix: choose another folder, or remove the file."
             )
         states = [told and told["state_sha256"] for told in (found.after, after and after.told)]
         if states[0] != states[1]:
             raise UserError(
-                f"{folder / CHECKPOINT}: of a run on another block than this one was left. Fix: "
-                "choose another folder, or remove the file."
+                f"{folder / CHECKPOINT}: belongs to a run that started on a block in another "
+                "state. Fix: choose another folder, or remove the file."
             )
         if (found.arch == "cpu") != (arch == "cpu"):
             raise UserError(
-                f"{folder / CHECKPOINT}: computed on {found.arch}, which {arch} cannot continue to "
-                f"the last bit. Fix: continue with arch='{found.arch}'."
+                f"{folder / CHECKPOINT}: was computed on {found.arch}; {arch} cannot continue it "
+                f"bit for bit. Fix: continue with arch='{found.arch}'."
             )
         return found
 

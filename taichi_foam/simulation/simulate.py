@@ -411,7 +411,7 @@ def _check_memory(scenes: Sequence[Scene]) -> None:
         raise UserError(
             f"output.snapshot_interval: the snapshots need about {needed / 1e9:.1f} GB, and "
             f"{free / 1e9:.1f} GB of memory are free. Fix: pass checkpoint=FOLDER, so that they "
-            "are stored as they come, make output.snapshot_interval longer, or set "
+            "are written to disk as they are taken, make output.snapshot_interval longer, or set "
             'output.snapshot_precision = "single"'
         )
 

@@ -172,4 +172,6 @@ class Drop:
 
     def _check_open(self) -> None:
         if not self._is_open:
-            raise ValueError(f"{self.scene.name}: this drop is closed, its lattice given back")
+            raise ValueError(
+                f"{self.scene.name}: this drop has been closed and its lattice released"
+            )

@@ -93,7 +93,7 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         seconds += result.run.get("wall_s", 0.0) / result.run.get("batch", 1)
         seconds += time.perf_counter() - begun
     if len(rows) < len(chunk):
-        raise RuntimeError("the solver has not given a result for every scene")
+        raise RuntimeError("the solver did not return a result for every scene")
     if kept.histories != "none":
         table.write_histories(sweep.history_file(chunk), histories, kept.histories)
     table.write_rows(sweep.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
@@ -132,7 +132,7 @@ def _opened(folder: str, plan_hash: str) -> Sweep:
     """The sweep, read from its folder once in each process."""
     sweep = Sweep.open(folder)
     if sweep.plan.hash != plan_hash:
-        raise UserError(f"{folder}: {socket.gethostname()} sees another sweep there")
+        raise UserError(f"{folder}: on {socket.gethostname()} this folder holds another sweep")
     sweep.check_versions()
     return sweep
 
@@ -230,7 +230,7 @@ class _Course:
         if is_disk_error(error):
             raise UserError(
                 f"{self._sweep.folder}: cannot be written, {getattr(error, 'strerror', error)}. "
-                f"Fix: make room; {_again(self._sweep)}"
+                f"Fix: free some space; {_again(self._sweep)}"
             )
         reason = reason or f"{type(error).__name__}: {error}".strip()
         self._sweep.lose(chunk, reason)
@@ -322,12 +322,14 @@ class _Computing:
 
         if future.status != "error":
             raise RunError(
-                f"the scheduler has given up members {chunk[0]} to {chunk[-1]}; "
-                f"{_again(self._sweep)}"
+                f"the scheduler gave up on members {chunk[0]} to {chunk[-1]}; {_again(self._sweep)}"
             )
         error, reason = future.exception(), ""
         if isinstance(error, KilledWorker):
-            reason = f"its worker died {_MOST_DEATHS} times, last {error.last_worker.address}"
+            reason = (
+                f"its worker died {_MOST_DEATHS} times, most recently at "
+                f"{error.last_worker.address}"
+            )
         self._course.lose(chunk, error, reason)
 
     def _check_scheduler(self) -> None:
@@ -346,11 +348,11 @@ class _Computing:
         return max(1, sum(workers.values()))
 
     def _gone(self) -> RunError:
-        return RunError(f"the scheduler is gone; {_again(self._sweep)}")
+        return RunError(f"the scheduler no longer answers; {_again(self._sweep)}")
 
 
 def _again(sweep: Sweep) -> str:
-    return f"what is complete is in {sweep.folder}, and the same command goes on"
+    return f"what is complete is in {sweep.folder}; the same command continues"
 
 
 _alone: ThreadPoolExecutor | None = None
@@ -406,8 +408,8 @@ def _client(sweep: Sweep, workers: int | None, scheduler: str | None) -> Iterato
                 client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
             except (OSError, ValueError) as error:
                 raise UserError(
-                    f"scheduler {scheduler}: does not answer ({error}). "
-                    "Fix: give the address that `dask scheduler` has printed."
+                    f"scheduler {scheduler}: does not answer ({error}). Fix: give the address that "
+                    "`dask scheduler` printed."
                 ) from None
             yield stack.enter_context(client)
             return

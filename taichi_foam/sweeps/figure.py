@@ -118,7 +118,7 @@ def shown(
         elif up is not None:
             _draw_map(axis, drops, across, up, label)
         else:
-            raise UserError("map: it takes two axes, and the sweep has one")
+            raise UserError("map: needs two axes, but the sweep has one")
         axis.set_xlabel(across.label)
         axis.set_title(sweep.plan.name or "")
     return figure
@@ -131,13 +131,15 @@ def _drops(sweep: Sweep, measure: str) -> _Drops:
     keys = sweep.design.keys
     found = table.read(shards, [*keys, measure, table.MEMBER])
     if measure not in found.column_names:
-        raise UserError(f"{measure}: no column of the table; {_guess(measure, shards, keys)}")
+        raise UserError(f"{measure}: is not a column of the table; {_guess(measure, shards, keys)}")
     values = found[measure].to_pylist()
     if all(value is None for value in values):
-        raise UserError(f"{measure}: no drop has an answer; docs/results.md says when there is one")
+        raise UserError(
+            f"{measure}: has no value in any drop; docs/results.md says when it has one"
+        )
     shares = all(value is None or isinstance(value, bool) for value in values)
     if any(isinstance(value, str) for value in values):
-        raise UserError(f"{measure}: holds words, and a figure takes numbers")
+        raise UserError(f"{measure}: holds text, but a figure needs numbers")
     factor = 100.0 if shares else MEASURES[measure].factor if measure in MEASURES else 1.0
     plan = sweep.plan
     return _Drops(
@@ -163,13 +165,15 @@ def _guess(measure: str, shards: Sequence[table.Shard], keys: Sequence[str]) -> 
         alike.sort(key=lambda name: (not name.startswith(words[0]), len(name)))
         return f"did you mean {' or '.join(alike[:3])}?"
     near = difflib.get_close_matches(measure, names, n=1, cutoff=0.5)
-    return f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+    return f"did you mean {near[0]}?" if near else f"its columns are {', '.join(names)}"
 
 
 def _chosen(given: str | None, keys: Sequence[str], name: str) -> str:
     """The key of an axis; the first if none is given."""
     if given is not None and given not in keys:
-        raise UserError(f"{name} = {given!r}: no axis of the sweep; there are {', '.join(keys)}")
+        raise UserError(
+            f"{name} = {given!r}: is not an axis of the sweep; its axes are {', '.join(keys)}"
+        )
     return given or keys[0]
 
 
@@ -177,7 +181,8 @@ def _draw_curves(axis: Axes, drops: _Drops, x: _Axis, by: _Axis | None) -> None:
     groups = _groups(drops, by)
     if by is not None and len(groups) > _MOST_CURVES:
         raise UserError(
-            f"{by.key}: {len(groups)} curves are too many for a figure; take another axis, or a map"
+            f"{by.key}: {len(groups)} curves are too many for one figure; choose another axis, or "
+            "a map"
         )
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, len(groups)))
     colours = CYCLE if len(groups) <= len(CYCLE) else list(shades)

@@ -74,7 +74,7 @@ class Axis(Part):
     def _check_range(self) -> Axis:
         if self.values is not None:
             if self.low is not None or self.high is not None or self.count is not None:
-                raise ValueError(f"{self.key}: has both values and a range; give one of them")
+                raise ValueError(f"{self.key}: has both values and a range; give one or the other")
             return self
         if self.low is None or self.high is None:
             raise ValueError(
@@ -82,17 +82,18 @@ class Axis(Part):
             )
         if self.low >= self.high:
             raise ValueError(
-                f"{self.key}: from = {self.low:g} is not below to = {self.high:g}; exchange them, "
-                "or give one value as values = [...]"
+                f"{self.key}: from = {self.low:g} is not below to = {self.high:g}; swap them, or "
+                "give one value as values = [...]"
             )
         if self.spacing == "log" and self.low <= 0:
             raise ValueError(
-                f"{self.key}: from = {self.low:g}: a logarithmic range must be above 0; take "
+                f"{self.key}: from = {self.low:g}: a logarithmic range must start above 0; use "
                 'spacing = "linear", or a larger from'
             )
         if self.count == 1:
             raise ValueError(
-                f"{self.key}: count = 1: a range has at least its two ends; give values = [...]"
+                f"{self.key}: count = 1: must be at least 2, the ends of the range; for one value, "
+                "give values = [...]"
             )
         return self
 
@@ -102,7 +103,7 @@ class Sample(Part):
 
     method: Method
     count: _Count
-    seed: int = Field(0, ge=0, lt=2**32, description="of the scrambling")
+    seed: int = Field(0, ge=0, lt=2**32, description="seed of the scrambling")
 
 
 class Repeats(Part):
@@ -111,7 +112,10 @@ class Repeats(Part):
     count: int = Field(default=1, ge=1, le=100_000)
     vary: Literal["velocity", "seed"] = "velocity"
     within: float = Field(
-        default=0.005, gt=0, lt=1, description="velocities differ by at most this part of their own"
+        default=0.005,
+        gt=0,
+        lt=1,
+        description="largest relative difference of a velocity from its given value",
     )
 
 
@@ -120,7 +124,7 @@ class Keep(Part):
 
     histories: Literal["none", "float32", "float64"] = "none"
     full: _Numbers | Literal["all"] = Field(
-        default=(), description="numbers of members whose whole results are kept"
+        default=(), description="numbers of the members whose complete results are kept"
     )
 
 
@@ -129,11 +133,11 @@ class Plan(Part):
 
     name: str | None = Field(None, min_length=1, max_length=100)
     scene: str | dict[str, Any] = Field(
-        json_schema_extra={"allowed": "the name of a scene, that of its file, or a table"}
+        json_schema_extra={"allowed": "the name of a scene, the name of its file, or a table"}
     )
     choices: str | None = None
     set: dict[str, Any] = Field(
-        {}, json_schema_extra={"allowed": "a table of values of the scene by dotted key"}
+        {}, json_schema_extra={"allowed": "a table of scene values by dotted key"}
     )
     axes: tuple[Axis, ...] = Field((), strict=False, max_length=20)
     sample: Sample | None = None
@@ -148,37 +152,49 @@ class Plan(Part):
         None, ge=1, le=100, description="impacts in a row on each block; none: one"
     )
     keep: Keep = Keep()
-    chunk: int | None = Field(None, ge=1, le=10_000, description="most drops of one task")
+    chunk: int | None = Field(
+        None, ge=1, le=10_000, description="largest number of drops in one task"
+    )
 
     @model_validator(mode="after")
     def _check_axes(self) -> Plan:
         if not self.axes and self.repeats.count == 1:
-            raise ValueError("axes: none given; a sweep varies at least one key, or repeats")
+            raise ValueError("axes: none given; give at least one axis, or repeats")
         keys = [axis.key for axis in self.axes]
         if (twice := _twice(keys)) is not None:
-            raise ValueError(f"axes: {twice} is there twice; a key has one axis")
+            raise ValueError(f"axes: {twice} has two axes; give each key only one")
         if not self.paired:
             for axis in self.axes:
                 few = [repr(value) for value in (axis.values or ())[:1001]]
                 if len(few) <= 1000 and (twice := _twice(few)) is not None:
-                    raise ValueError(f"{axis.key}: values holds {twice} twice; leave one out")
+                    raise ValueError(f"{axis.key}: values contains {twice} twice; leave one out")
         ranges = [axis for axis in self.axes if axis.is_range]
         if self.sample is not None and not ranges:
-            raise ValueError("sample: there is no range to draw from; give an axis from and to")
+            raise ValueError(
+                "sample: no axis has a range to draw from; give one of them from and to"
+            )
         if self.paired and (ranges or len({len(axis.values or ()) for axis in self.axes}) > 1):
             raise ValueError("paired: needs axes that all list equally many values")
         for axis in ranges:
             if self.sample is None and axis.count is None:
-                raise ValueError(f"{axis.key}: has no count; say how many values of the range")
+                raise ValueError(
+                    f"{axis.key}: has no count; give the number of values in the range"
+                )
             if self.sample is not None and axis.count is not None:
-                raise ValueError(f"{axis.key}: has a count, but sample.count says how many points")
+                raise ValueError(
+                    f"{axis.key}: has a count, but sample.count sets the number of points; leave "
+                    "one out"
+                )
         if self.count > MOST:
-            raise ValueError(f"{self.count:,} drops: a sweep has at most {MOST:,}; take fewer")
+            raise ValueError(
+                f"{self.count:,} drops: a sweep has at most {MOST:,}; reduce the counts"
+            )
         numbers = self.keep.full
         beyond = [n for n in numbers if isinstance(n, int) and not 0 <= n < self.count]
         if beyond:
             raise ValueError(
-                f"keep.full: there is no member {beyond[0]}; they are 0 to {self.count - 1}"
+                f"keep.full: there is no member {beyond[0]}; members are numbered 0 to "
+                f"{self.count - 1}"
             )
         return self
 
@@ -204,7 +220,7 @@ class Plan(Part):
             return []
         if scatter.low == 0 or 0 in (scatter.values or ()):
             return [
-                "repeats.vary = 'seed': where foam.strength_scatter = 0 all repeats are the same"
+                "repeats.vary = 'seed': where foam.strength_scatter = 0, all repeats are the same"
             ]
         return []
 
@@ -239,14 +255,14 @@ class Plan(Part):
         path = Path(source)
         if not path.is_file():
             raise UserError(
-                f"{path}: no such file. Fix: give a plan, or to a scene what shall vary, e.g. "
+                f"{path}: no such file. Fix: give a plan, or a scene and what should vary, e.g. "
                 "--vary impactor.velocity=2:4:9"
             )
         data = read_toml(path)
         if "scene" not in data and "axes" not in data:
             raise UserError(
-                f"{path}: is no plan; it has no axes. Fix: say what shall vary, e.g. "
-                "--vary impactor.velocity=2:4:9"
+                f"{path}: is not a plan, as it has no axes. Fix: say what should vary, e.g. --vary "
+                "impactor.velocity=2:4:9"
             )
         return cls.checked(data, str(path)).resolved(path.parent)
 
@@ -257,7 +273,7 @@ class Plan(Part):
         """The plan of a scene and axes given on the command line, with their options applied."""
         path = Path(str(data["scene"]))
         if path.suffix == ".toml" and path.is_file() and "axes" in read_toml(path):
-            raise UserError(f"{path}: is a plan, which has its own axes; leave --vary out")
+            raise UserError(f"{path}: is a plan, which has axes of its own; leave --vary out")
         keep = {"histories": "float32" if histories else "none"}
         whole = {**data, "choices": choices, "set": settings(given), "keep": keep}
         return cls.checked(whole, str(data["scene"])).resolved()
@@ -348,11 +364,14 @@ def _check_repeats(plan: Plan, base: Scene) -> None:
     if plan.repeats.vary == "seed":
         if base.foam.strength_scatter == 0 and "foam.strength_scatter" not in keys:
             raise UserError(
-                "repeats.vary = 'seed': the foam's strength does not scatter, so that all repeats "
-                "are the same; set foam.strength_scatter, or vary the velocity"
+                "repeats.vary = 'seed': the foam's strength has no scatter, so all repeats would "
+                "be the same; set foam.strength_scatter, or vary the velocity"
             )
         if "foam.strength_seed" in keys:
-            raise UserError("repeats.vary = 'seed': foam.strength_seed has an axis of its own")
+            raise UserError(
+                "repeats.vary = 'seed': foam.strength_seed has an axis of its own; leave one of "
+                "the two out"
+            )
     elif base.impactor is None or (
         base.impactor.velocity == 0
         and keys.isdisjoint({"impactor.velocity", "impactor.drop_height"})

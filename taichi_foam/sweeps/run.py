@@ -75,7 +75,7 @@ def sweep(
         side_by_side = threads if arch == "cpu" else dealing.MOST
     with claimed(folder, checked, arch) as found:
         for chunk in found.drop_damaged():
-            bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read, and are computed again")
+            bars.say(f"members {chunk[0]} to {chunk[-1]} cannot be read and are computed again")
         pending = sum(map(len, found.missing()))
         try:
             if pending:
@@ -94,7 +94,7 @@ def sweep(
                 raise
             done, drops = found.standing.done, found.standing.drops
             raise KeyboardInterrupt(
-                f"{done:,} of {drops:,} drops are in {folder}; the same command goes on"
+                f"{done:,} of {drops:,} drops are in {folder}; the same command continues"
             ) from None
         found.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
@@ -114,7 +114,7 @@ def prepare(
     Returns the folder and the resolved plan.
     """
     if workers is not None and scheduler is not None:
-        raise UserError("workers, scheduler: give one of them")
+        raise UserError("workers, scheduler: give only one of them")
     if workers is not None or scheduler is not None:
         with installed("a sweep in other processes", "taichi-foam[sweep]"):
             import cryptography  # noqa: F401

@@ -170,7 +170,7 @@ def _check_range(axis: Axis, usual: Any) -> None:
     """Raise UserError for a range of a non-number; members check whether the key exists."""
     if isinstance(usual, bool) or not isinstance(usual, (int, float, type(None))):
         raise UserError(
-            f"axis {axis.key}: a range is of numbers, and the scene has {usual!r}; "
+            f"axis {axis.key}: a range needs numbers, but the value in the scene is {usual!r}; "
             "give values = [...]"
         )
 
@@ -187,8 +187,8 @@ def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
         values = [round(value) for value in values]
         if len(set(values)) < len(values):
             raise UserError(
-                f"axis {axis.key}: takes whole numbers, and {low:g} to {high:g} has not "
-                f"{axis.count} of them; take a smaller count"
+                f"axis {axis.key}: takes whole numbers, but there are fewer than {axis.count} of "
+                f"them from {low:g} to {high:g}; use a smaller count"
             )
     return [[value] for value in values]
 

@@ -87,14 +87,14 @@ class Sweep:
             if data["format"] != _FORMAT:
                 raise ValueError(
                     f"format {data['format']}; Fix: read its results.parquet or results.csv, and "
-                    "compute it anew in another folder"
+                    "compute it again in another folder"
                 )
             plan = Plan.checked(data["plan"], str(mark))
             return cls(root, plan, data["points"], dict(data["made_with"]))
         except FileNotFoundError:
-            raise UserError(f"{root}: no folder of a sweep; it has no {MARK}") from None
+            raise UserError(f"{root}: is not the folder of a sweep, as it has no {MARK}") from None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            raise UserError(f"{mark}: damaged, or of another version ({error})") from None
+            raise UserError(f"{mark}: damaged, or written by another version ({error})") from None
 
     @cached_property
     def design(self) -> Design:
@@ -106,14 +106,15 @@ class Sweep:
             was = self.made_with.get(name)
             if was != here:
                 raise UserError(
-                    f"{self.folder}: it was begun with {name} {was}, and this is {here}: the "
-                    "numbers would not belong together. Fix: choose another folder, or continue "
-                    f"it with {name} {was}."
+                    f"{self.folder}: was started with {name} {was}, but this is {here}: the "
+                    "results would not be comparable. Fix: choose another folder, or continue it "
+                    f"with {name} {was}."
                 )
         if self.points != self.design.fingerprint:
             raise UserError(
-                f"{self.folder}: the plan's values come out otherwise here than where it was "
-                "begun. Fix: continue it with the NumPy and SciPy that it was begun with."
+                f"{self.folder}: the plan yields other values here than where the sweep was "
+                "started. Fix: continue it with the versions of NumPy and SciPy that it was "
+                "started with."
             )
 
     def told(self) -> dict[str, Any]:
@@ -226,9 +227,9 @@ class Sweep:
         where = "of all combinations" if all(same) else f"of {sum(same):,} of {len(same):,}"
         where = where if len(same) > 1 else "of the drop"
         return [
-            f"repeats.vary = 'seed': the seeds have changed nothing in the repeats {where}: "
-            "scattered strengths matter only where foam breaks or comes near to it. "
-            "Fix: vary the velocity"
+            f"repeats.vary = 'seed': the seeds made no difference to the repeats {where}: "
+            "scattered strengths matter only where foam breaks or comes close to it. Fix: vary "
+            "the velocity"
         ]
 
     @property
@@ -260,7 +261,7 @@ class Sweep:
 
         Raises UserError: nothing has been computed yet, or pandas is not installed.
         """
-        with installed("a table as a frame", "pandas"):
+        with installed("a table as a data frame", "pandas"):
             import pandas
         path = self.folder / table.PARQUET
         if not path.is_file():
@@ -272,15 +273,16 @@ class Sweep:
 
         Raises UserError: it keeps none, or the member's chunk is not complete.
         """
-        with installed("a history as a frame", "pandas"):
+        with installed("a history as a data frame", "pandas"):
             import pandas
         self._check_number(number)
         chunk = next((each for each in self.finished() if number in each), None)
         path = None if chunk is None else self.history_file(chunk)
         if path is None or not path.is_file():
             raise UserError(
-                f"{self.folder}: there is no history of member {number}; it is not computed yet, "
-                "or the plan does not keep them (keep.histories). Fix: compute it again in full."
+                f"{self.folder}: there is no history of member {number}: it has not been computed "
+                "yet, or the plan does not keep histories (keep.histories). Fix: compute it again "
+                "in full."
             )
         found = pandas.read_parquet(path, filters=[("member", "==", number)])
         return found.drop(columns="member")
@@ -309,7 +311,9 @@ class Sweep:
 
     def _check_number(self, number: int) -> None:
         if not 0 <= number < len(self.design):
-            raise UserError(f"member {number}: there is none; they are 0 to {len(self.design) - 1}")
+            raise UserError(
+                f"member {number}: does not exist; members are numbered 0 to {len(self.design) - 1}"
+            )
 
 
 @contextlib.contextmanager
@@ -326,8 +330,8 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
     strange = [p for p in folder.glob("*") if p.name != LOCK and not LEFTOVER.match(p.name)]
     if strange and not mark.exists():
         raise UserError(
-            f"{folder}: it is not empty and no sweep's ({MARK} is missing). "
-            "Fix: choose another folder."
+            f"{folder}: is not empty and does not hold a sweep ({MARK} is missing). Fix: choose "
+            "another folder."
         )
     with made(folder), locked(folder):
         try:
@@ -365,13 +369,13 @@ def _check_same(found: Sweep, plan: Plan, arch: str) -> None:
     if changed:
         listed = "\n".join(f"  {line}" for line in changed)
         raise UserError(
-            f"{found.folder}: it holds a sweep of another plan:\n{listed}\n"
-            "Fix: choose another folder, or go back to that plan."
+            f"{found.folder}: holds a sweep of another plan:\n{listed}\nFix: choose another "
+            "folder, or go back to that plan."
         )
     if found.made_with["arch"] != arch:
         raise UserError(
-            f"{found.folder}: it is computed on {found.made_with['arch']}. "
-            "Fix: choose that, or another folder."
+            f"{found.folder}: this sweep was started with arch = {found.made_with['arch']}. Fix: "
+            "continue with that, or choose another folder."
         )
     found.check_versions()
 

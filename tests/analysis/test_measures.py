@@ -201,7 +201,7 @@ def test_a_peak_at_the_end_leaves_no_plateau(make_result) -> None:
     assert found["plateau_deceleration_m_s2"] is None
     assert found["bottomed_out"] is True  # 11.8 cm into a block of 10: on the support
     assert found["statement"].startswith("the foam bottomed out: its deceleration peaked at")
-    assert "no plateau: most of the stopping came in a peak" in found["statement"]
+    assert "no plateau: most of the velocity was lost in a peak" in found["statement"]
 
 
 def test_foam_bottoms_out_when_it_is_used_up_and_presses(braked, make_snapshot) -> None:

@@ -137,9 +137,9 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path)
         (["slow", "fast", "--size", "640x361"], "output.height = 361: must be even"),
         (["slow", "fast", "--fps", "0"], "output.fps = 0"),
         (["slow", "fast", "--png", "--size", "64x64"], "must be at least 640"),
-        (["slow", "fast", "--png", "--fps", "20"], "--fps: it has no effect on what is asked for"),
-        (["slow", "fast", "--out", "slow/scene.toml"], "that is a file"),
-        (["slow", "torn"], "not as it was written: history.csv"),
+        (["slow", "fast", "--png", "--fps", "20"], "--fps: has no effect on what is to be written"),
+        (["slow", "fast", "--out", "slow/scene.toml"], "scene.toml: is a file"),
+        (["slow", "torn"], "not as they were written: history.csv"),
     ],
 )
 def test_bad_requests_are_refused_before_drawing(
@@ -200,5 +200,5 @@ def test_ctrl_c_keeps_what_was_complete(
     result = invoke("compare", "slow", "fast", "--mp4", "--gif", "--png")
     assert result.exit_code == 130, result.output
     names = ["comparison-worst-strain.mp4", "comparison-worst-strain.gif"]
-    assert f"what was complete is in comparison: {', '.join(names)}" in result.stderr
+    assert f"what was finished is in comparison: {', '.join(names)}" in result.stderr
     assert sorted(os.listdir(runs / "comparison")) == sorted(names)

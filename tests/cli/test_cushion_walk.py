@@ -60,7 +60,8 @@ def test_a_cushion_is_found_in_five_commands_at_most(invoke: Callable, tmp_path:
     assert exact[0.115] == pytest.approx(38.0, rel=0.01)  # as the page says
 
     swept = re.search(
-        BY_HAND + r" to ([\d.]+) g, computed within ([\d.]+) %", said["sweep cushion.toml"]
+        BY_HAND + r" to ([\d.]+) g, computed raw peaks within ([\d.]+) %",
+        said["sweep cushion.toml"],
     )
     assert swept is not None, said
     least, largest, off = map(float, swept.groups())

@@ -62,7 +62,7 @@ def test_a_series_has_a_folder_for_each_drop_and_a_table(
         np.testing.assert_array_equal(column, other.history[name], err_msg=name)
     assert one.run["after"] == other.run["after"]
     before = tree(tmp_path)
-    assert_refused(invoke("run", scene, "--drops", "2"), "it holds a result", "--overwrite")
+    assert_refused(invoke("run", scene, "--drops", "2"), "already holds a result", "--overwrite")
     assert tree(tmp_path) == before
 
 
@@ -84,7 +84,7 @@ def test_a_series_that_is_interrupted_goes_on(
         patched.setattr(simulate, "run_drops", cut)
         found = invoke("run", scene, "--drops", "2", "--out", "cut")
     assert found.exit_code == 130, found.output
-    assert "the same command goes on from there" in found.stderr
+    assert "the same command continues from there" in found.stderr
     assert Result.load(tmp_path / "cut" / "drop-1").run["ended_by"] == "rebound"
     found = invoke("run", scene, "--drops", "2", "--out", "cut")
     assert found.exit_code == 0, found.output
@@ -114,4 +114,4 @@ def test_a_block_that_was_tampered_with_is_refused(
     assert invoke("run", scene, "--out", "first").exit_code == 0
     state = tmp_path / "first" / "state.npz"
     state.write_bytes(state.read_bytes()[:-40])
-    assert_refused(invoke("run", scene, "--after", "first"), "not as it was written: state.npz")
+    assert_refused(invoke("run", scene, "--after", "first"), "not as they were written: state.npz")

@@ -21,6 +21,13 @@ main()
 LIVE = ("pygame", "starlette", "uvicorn", "websockets", "plotly")
 SWEEP = ("dask", "distributed", "cryptography")
 VARIED = ["sweep", "paper/wedge-2.86", "--vary", "impactor.velocity=2:4:3"]
+CALIBRATED = [
+    "calibrate",
+    "trace.csv",
+    "paper/wedge-2.86",
+    "--fit",
+    "foam.yield_strain=-0.06..-0.03",
+]
 ELSEWHERE = "a sweep in other processes: needs "
 
 
@@ -32,6 +39,8 @@ ELSEWHERE = "a sweep in other processes: needs "
         (LIVE, ["run", "paper/wedge-2.86", "--live"], "a live window: needs pygame", "live"),
         (SWEEP, [*VARIED, "--workers", "2"], ELSEWHERE, "sweep"),
         (["distributed"], [*VARIED, "--scheduler", "x"], f"{ELSEWHERE}distributed", "sweep"),
+        (["sklearn"], CALIBRATED, "calibrating: needs sklearn", "calibrate"),
+        (["emcee"], CALIBRATED, "calibrating: needs emcee", "calibrate"),
     ],
 )
 def test_one_line_says_what_to_install(

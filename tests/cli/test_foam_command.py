@@ -104,7 +104,7 @@ def test_import_writes_a_foam_and_a_picture(
     file = read_foam(tmp_path / "pu.toml")
     assert (file.title, file.source, file.licence) == ("PU [30]", "A. Tester", "CC0")
     assert (file.density, file.rate, file.direction) == (30.0, 0.001, "rise")
-    assert file.measured == ("stress to 0.88 of strain, 45 points",)
+    assert file.measured == ("stress up to a strain of 0.88, 45 points",)
     assert {each.key: each.why for each in file.assumed} == {
         f"foam.{key}": why for key, why in TabulatedFoam.unless_given.items()
     }
@@ -112,7 +112,7 @@ def test_import_writes_a_foam_and_a_picture(
     assert file.foam.curve == read_curve(test_file)
     words = " ".join(done.stdout.split())
     for fragment in (
-        "45 points, to a strain of 0.88", "strain in % (column 1, 'Strain (%)')",
+        "45 points, up to a strain of 0.88", "strain in % (column 1, 'Strain (%)')",
         "stress in MPa (column 2, 'Stress [MPa]')",
         "Young's modulus K 3.75 MPa", "Eq. 26 fitted", "median error",
         "foam.shear_modulus 1.4062e6 Pa 3/8 of Young's modulus", "pu.toml, pu.png",
@@ -150,7 +150,7 @@ def test_noise_is_smoothed_and_said(invoke: Callable, tmp_path: Path) -> None:
     assert "thinned to" in done.stdout
     assert "fewer --points" in done.stderr
     measured = read_foam(tmp_path / "noisy.toml").measured
-    assert measured[0] == "stress to 0.85 of strain, 600 points"
+    assert measured[0] == "stress up to a strain of 0.85, 600 points"
     assert "smoothed by at most" in measured[-1]
     again = invoke(
         "foam", "import", "noisy.csv", "--density", "30", "--points", "60", "--overwrite"
@@ -174,7 +174,7 @@ def test_all_that_is_read_is_said(invoke: Callable, tmp_path: Path) -> None:
     assert (done.exit_code, done.stderr) == (0, "")
     words = " ".join(done.stdout.split())
     for fragment in (
-        "pu.csv, read as Latin-1: 50 points, to a strain of 0.88",
+        "pu.csv, read as Latin-1: 50 points, up to a strain of 0.88",
         "2 lines of text above the header skipped",
         "strain: displacement in mm (column 1, 'Weg [mm]'), over 0.05 m",
         "stress: force in N (column 2, 'Kraft [N]'), over 0.0025 m2",
@@ -228,10 +228,13 @@ def changed(place: int, strain: float) -> np.ndarray:
 BAD_TESTS = {
     "text": ("strain,stress\n0,0\n0.1,broken\n0.2,2e5\n", ("line 3: 'broken' in column 2",)),
     "nan": ("strain,stress\n0,0\n0.1,nan\n0.2,2e5\n", ("line 3: nan in column 2: must be finite",)),
-    "unsorted": ((changed(9, 0.5), STRESS), ("line 12: a smaller strain than", "sort the lines")),
+    "unsorted": (
+        (changed(9, 0.5), STRESS),
+        ("line 12: the strain is smaller than", "sort the lines"),
+    ),
     "percent without a unit": ((100 * STRAIN, STRESS), ("must be below 1", "80 % is 0.80")),
     "MPa without a unit": ((STRAIN, 1e-6 * STRESS), ("stresses are in pascals",)),
-    "empty": ("", ("empty; needs lines",)),
+    "empty": ("", ("empty; must have lines",)),
     "header only": ("strain,stress\n", ("no numbers",)),
     "unknown unit": ("strain,stress (ksi)\n0,0\n0.5,1\n", ("unit 'ksi'",)),
     "no text": (b"PK\x03\x04\x00strain,stress", ("not a text file; save the table as CSV",)),
@@ -269,7 +272,7 @@ BAD_OPTIONS = {
     "no such column": (["--density", "30", "--strain", "9"], ("no such column",)),
     "no such unit": (["--density", "30", "--stress-unit", "ksi"], ("stress_unit", "'ksi'")),
     "no .toml": (["--density", "30", "--out", "pu.csv"], ("must end in .toml",)),
-    "no path": (["--density", "30", "--out", ""], ("not the name of a file",)),
+    "no path": (["--density", "30", "--out", ""], ("not a possible file name",)),
     "no folder": (["--density", "30", "--out", "none/pu.toml"], ("cannot be written", "--out")),
     "under a file": (["--density", "30", "--out", "pu.csv/pu.toml"], ("cannot be written",)),
     "/proc": (["--density", "30", "--out", "/proc/pu.toml"], ("/proc/pu.toml: cannot be",)),
@@ -296,7 +299,7 @@ def test_files_that_are_there_are_kept(taken: str, invoke: Callable, tmp_path: P
     (tmp_path / taken).write_text("old", encoding="utf-8")
     before = tree(tmp_path)
     command = ["foam", "import", "pu.csv", "--density", "30"]
-    assert_refused(invoke(*command), f"{taken}: it is there already", "--overwrite")
+    assert_refused(invoke(*command), f"{taken}: already exists", "--overwrite")
     assert tree(tmp_path) == before
     assert invoke(*command, "--overwrite").exit_code == 0
     assert set(tree(tmp_path)) == {"pu.csv", "pu.toml", "pu.png"}
@@ -307,7 +310,7 @@ def test_the_test_itself_is_never_replaced(invoke: Callable, tmp_path: Path) -> 
     write(tmp_path / "pu.toml")
     before = tree(tmp_path)
     done = invoke("foam", "import", "pu.toml", "--density", "30", "--overwrite")
-    assert_refused(done, "that is the test itself")
+    assert_refused(done, "is the test itself")
     assert tree(tmp_path) == before
 
 
@@ -356,6 +359,6 @@ def test_what_scenes_assume_without_a_run(invoke: Callable, tmp_path: Path) -> N
     assert "foam.shear_modulus 1.2675e6 Pa 3/8 of Young's modulus" in own
     assert "numerics.damping_time 1.7544e-5 s that of the paper's foam" in own
     papers = invoke("foam", "assumed", "paper/wedge-2.86")
-    assert papers.stdout == "nothing is assumed of the foam\n"
+    assert papers.stdout == "no value of the foam is assumed\n"
     assert_refused(invoke("foam", "assumed", str(tmp_path)), "has no scene.toml", "Fix: ")
     assert_refused(invoke("foam", "assumed", "nowhere.toml"), "nowhere.toml: no such file")

@@ -50,11 +50,11 @@ def test_brackets_are_no_markup(invoke: Callable) -> None:
         ("impacter", "did you mean impactor?"),
         ("impactor.raduis", "did you mean impactor.radius?"),
         ("velocity", "did you mean impactor.velocity?"),
-        ("xyzzy", "no part and no key of a scene; the parts"),
-        ("", "'': no part"),
-        ("block.", "no part"),
-        ("[/red]\n", "no part"),
-        ("k" * 5000, "no part"),
+        ("xyzzy", "neither a part nor a key of a scene; the parts"),
+        ("", "'': neither a part nor a key"),
+        ("block.", "neither a part nor a key"),
+        ("[/red]\n", "neither a part nor a key"),
+        ("k" * 5000, "neither a part nor a key"),
     ],
 )
 def test_what_there_is_not_is_refused(asked: str, guess: str, invoke: Callable) -> None:
@@ -65,4 +65,4 @@ def test_what_there_is_not_is_refused(asked: str, guess: str, invoke: Callable) 
 
 def test_the_page(invoke: Callable) -> None:
     assert invoke("keys", "--markdown").stdout == page()
-    assert_refused(invoke("keys", "block", "--markdown"), "leave out PART")
+    assert_refused(invoke("keys", "block", "--markdown"), "leave PART out")

@@ -129,7 +129,7 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, folder: Pat
     (folder / "frames-worst-strain" / "note").write_text("mine")
     before = tree(folder)
     result = invoke("render", "run", "--png")
-    assert_refused(result, "run/montage-worst-strain.png: it is there already", "--overwrite")
+    assert_refused(result, "run/montage-worst-strain.png: already exists", "--overwrite")
     assert_refused(invoke("render", "run", "--frames"), "frames-worst-strain", "--overwrite")
     # one of two is enough, and the other is not written either
     assert_refused(invoke("render", "run", "--gif", "--png"), "montage-worst-strain.png")
@@ -159,17 +159,17 @@ BAD = {
     "narrow": (["run", "--png", "--size", "320x180"], "width = 320 pixels; must be at least 640"),
     "column of what is not printed": (
         ["run", "--png", "--column", "single"],
-        "--column: it has no effect on what is asked for. Fix: add "
+        "--column: has no effect on what is to be written. Fix: add "
         "--pdf or --svg, or leave it out.",
     ),
-    "column of a film": (["run", "--column", "single"], "--column: it has no effect"),
+    "column of a film": (["run", "--column", "single"], "--column: has no effect"),
     "curve in stills": (["run", "--png", "--curve"], "add --gif, --mp4 or --frames"),
-    "no curve in figures": (["run", "--pdf", "--no-curve"], "--curve: it has no effect"),
+    "no curve in figures": (["run", "--pdf", "--no-curve"], "--curve: has no effect"),
     "pace of stills": (["run", "--png", "--pdf", "--fps", "20"], "add --gif or --mp4"),
-    "pace of frames": (["run", "--frames", "--fps", "20"], "--fps: it has no effect"),
-    "size on paper": (["run", "--pdf", "--size", "640x360"], "--size: it has no effect"),
-    "theme on paper": (["run", "--svg", "--theme", "dark"], "--theme: it has no effect"),
-    "out is a file": (["run", "--out", "note"], "note: that is a file"),
+    "pace of frames": (["run", "--frames", "--fps", "20"], "--fps: has no effect"),
+    "size on paper": (["run", "--pdf", "--size", "640x360"], "--size: has no effect"),
+    "theme on paper": (["run", "--svg", "--theme", "dark"], "--theme: has no effect"),
+    "out is a file": (["run", "--out", "note"], "note: is a file"),
     "out below a file": (["run", "--out", "note/here"], "output folder note/here"),
     "empty out": (["run", "--out", ""], "not a path"),
 }
@@ -210,8 +210,12 @@ def test_a_folder_or_file_in_the_way_is_not_replaced(ask: Callable, folder: Path
     (folder / "film-worst-strain.gif").mkdir()
     (folder / "frames-worst-strain").write_text("mine")
     before = tree(folder)
-    assert_refused(ask("render", "run", "--gif", "--overwrite"), "that is a folder")
-    assert_refused(ask("render", "run", "--frames", "--overwrite"), "that is a file")
+    assert_refused(
+        ask("render", "run", "--gif", "--overwrite"), "film-worst-strain.gif: is a folder"
+    )
+    assert_refused(
+        ask("render", "run", "--frames", "--overwrite"), "frames-worst-strain: is a file"
+    )
     assert tree(folder) == before
 
 
@@ -264,7 +268,7 @@ def test_ctrl_c_keeps_what_was_complete(
     result = invoke("render", "run", "--mp4", "--gif", "--png")
     assert result.exit_code == 130, result.output
     names = {"film-worst-strain.mp4", "film-worst-strain.gif"}
-    assert "interrupted: what was complete is in run: film-worst-strain.mp4" in result.stderr
+    assert "interrupted: what was finished is in run: film-worst-strain.mp4" in result.stderr
     assert set(tree(folder)) - set(before) == names
     drawn = limit = 0
     assert invoke("render", "run", "--out", "deep/new").exit_code == 130

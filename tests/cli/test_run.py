@@ -217,7 +217,7 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     finally:
         process.kill()
     assert process.returncode == 130, said
-    assert "interrupted: what there was is in cut" in said
+    assert "interrupted: what was computed is in cut" in said
     assert "Traceback" not in said
     assert summary_of(tmp_path / "cut")["interrupted"] is True
     time = Result.load(tmp_path / "cut").history["time_s"]

@@ -80,7 +80,7 @@ def test_a_signal_keeps_what_there_is(
         time.sleep(0.05)
     _, said = running.communicate(timeout=120)
     assert running.returncode == code, said
-    assert "interrupted: what there was is in cut; the same command goes on" in said
+    assert "interrupted: what was computed is in cut; the same command continues" in said
     assert "Traceback" not in said
     stored = Result.load(tmp_path / "cut")
     assert stored.summary["interrupted"] is True
@@ -156,7 +156,10 @@ def test_measures_that_fail_leave_the_data(
     monkeypatch.setattr(measures, "summary", fail)
     result = invoke(*SHORT, "--no-film", "--out", "out")
     assert result.exit_code == 1, result.output
-    assert "could not be measured (ZeroDivisionError: no such thing)" in result.stderr
+    assert (
+        "the measures of the run could not be computed (ZeroDivisionError: no such thing)"
+        in result.stderr
+    )
     assert len(Result.load(tmp_path / "out").history["time_s"]) > 1
 
 
@@ -167,7 +170,7 @@ def test_two_runs_into_one_folder(invoke: Callable, monkeypatch: pytest.MonkeyPa
         for overwrite in ([], ["--overwrite"]):
             result = invoke(*SHORT, "--out", "out", *overwrite)
             assert result.exit_code == 2
-            assert "another process is at work in it" in result.stderr
+            assert "another process is working in it" in result.stderr
 
 
 def test_every_setting_has_a_default_folder_of_its_own(

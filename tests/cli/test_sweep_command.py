@@ -28,7 +28,7 @@ def test_a_scene_swept_shown_and_one_drop_computed_again(invoke: Callable, tmp_p
     assert table["varied"].tolist() == pytest.approx([1.99, 2.01, 2.985, 3.015, 3.98, 4.02])
 
     status = invoke("sweep", "status", "s")
-    assert status.stdout == "6 of 6 drops; nobody is at work\n"
+    assert status.stdout == "6 of 6 drops; not being computed\n"
     Path("s/results.csv").unlink()
     assert invoke("sweep", "collect", "s").exit_code == 0
     assert len(pd.read_csv("s/results.csv")) == 6
@@ -36,7 +36,7 @@ def test_a_scene_swept_shown_and_one_drop_computed_again(invoke: Callable, tmp_p
     assert Path("s/steps.png").read_bytes().startswith(b"\x89PNG")
     # what is there stays, and a picture of another kind has another name
     before = Path("s/steps.png").read_bytes()
-    assert_refused(invoke("sweep", "show", "s", "steps"), "steps.png: is there already", "--overw")
+    assert_refused(invoke("sweep", "show", "s", "steps"), "steps.png: already exists", "--overw")
     other = invoke("sweep", "show", "s", "steps", "--x", "impactor.velocity")
     assert other.stdout == "s/steps-over-impactor.velocity.png\n"
     assert Path("s/steps.png").read_bytes() == before
@@ -48,7 +48,7 @@ def test_a_scene_swept_shown_and_one_drop_computed_again(invoke: Callable, tmp_p
     # the same command again computes nothing; another one is refused, naming what differs
     assert invoke("sweep", "run", *VARIED, "--repeat", "2", "--out", "s").exit_code == 0
     other = invoke("sweep", *VARIED, "--repeat", "3", "--out", "s")
-    assert_refused(other, "it holds a sweep of another plan", "repeats.count: was 2, is 3")
+    assert_refused(other, "holds a sweep of another plan", "repeats.count: was 2, is 3")
 
 
 def test_a_dry_run_writes_nothing(invoke: Callable, tmp_path: Path) -> None:
@@ -68,13 +68,16 @@ def test_a_dry_run_writes_nothing(invoke: Callable, tmp_path: Path) -> None:
         (["paper/wedge-2.86", "--vary", "impactor.velocity=2:4"], ["a range reads KEY=FROM"]),
         (["paper/wedge-2.86", "--vary", "impactor.velocty=2:4:3"], ["did you mean impactor.vel"]),
         (["paper/wedge-2.86", "--vary", "impactor.mass=-1,2"], ["impactor.mass = -1"]),
-        ([*VARIED, "--workers", "2", "--scheduler", "tcp://x"], ["workers, scheduler: give one"]),
+        (
+            [*VARIED, "--workers", "2", "--scheduler", "tcp://x"],
+            ["workers, scheduler: give only one"],
+        ),
         ([*VARIED, "--workers", "0"], ["workers = 0: choose 1 to 1000"]),
         (["plan.toml", "--vary", "impactor.velocity=2:4:3"], ["is a plan"]),
-        (["plan.toml", "--set", "block.rows=10"], ["--set: goes with --vary"]),
-        (["scene.toml"], ["is no plan; it has no axes"]),
-        (["status", "nowhere"], ["nowhere: no folder of a sweep"]),
-        (["again", "nowhere", "3"], ["nowhere: no folder of a sweep"]),
+        (["plan.toml", "--set", "block.rows=10"], ["--set: only applies with --vary"]),
+        (["scene.toml"], ["is not a plan, as it has no axes"]),
+        (["status", "nowhere"], ["nowhere: is not the folder of a sweep"]),
+        (["again", "nowhere", "3"], ["nowhere: is not the folder of a sweep"]),
     ],
 )
 def test_what_cannot_be_swept_is_refused_and_leaves_nothing(
@@ -90,7 +93,7 @@ def test_what_cannot_be_swept_is_refused_and_leaves_nothing(
 
 def test_a_folder_that_is_not_a_sweeps_stays(invoke: Callable, tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
-    assert_refused(invoke("sweep", *VARIED, "--out", "."), "not empty and no sweep's")
+    assert_refused(invoke("sweep", *VARIED, "--out", "."), "not empty and does not hold a sweep")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 

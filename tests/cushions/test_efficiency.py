@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import taichi_foam as tf
-from taichi_foam.cushions.display import SYSTEMS
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.crushable import Foam
@@ -31,7 +30,7 @@ def test_a_line_absorbs_half_of_what_it_could() -> None:
     assert foam.efficiency == pytest.approx(0.5 * foam.strain)
     assert foam.ideality[1:] == pytest.approx(0.5)
     assert not foam.densifies
-    assert "its efficiency still rises" in found.caveats[0]
+    assert "the efficiency still rises" in found.caveats[0]
 
 
 def test_a_foam_is_the_same_by_name_in_a_file_and_as_a_test(tmp_path: Path) -> None:
@@ -46,12 +45,23 @@ def test_a_foam_is_the_same_by_name_in_a_file_and_as_a_test(tmp_path: Path) -> N
     assert "assumed beyond 10 % of strain" in (foam.caveat or "")
 
 
-def test_units_of_the_united_states() -> None:
-    us = SYSTEMS["us"]
-    assert us["density"].size == pytest.approx(16.018463)
-    assert us["stress"].text(6894.757293 * 20) == "20.0"
-    assert us["length"].text(0.0508) == "2.00"
-    assert SYSTEMS["si"]["stress"].text(1234567.0) == "1,230"
+def test_of_a_family_the_shoulders_share_the_energies() -> None:
+    """Plateau foams that lock at one strain: each is best up to its own shoulder."""
+    plateaus = (1e5, 2e5, 4e5)
+    family = [Curve(strain=(0.0, 0.01, 0.7, 0.71), stress=(0.0, p, p, 50 * p)) for p in plateaus]
+    found = tf.efficiency(family)
+    assert [each["foam"] for each in found.choice] == ["foam 1", "foam 2", "foam 3"]
+    shoulders = [row["energy_J_m3"] for row in found.table]
+    assert shoulders == pytest.approx([0.695 * p for p in plateaus])
+    # beyond its shoulder a foam takes little more until it is as stressed as the next one
+    for each, shoulder, plateau in zip(found.choice, shoulders, plateaus, strict=True):
+        assert each["energy_J_m3"][1] >= 0.95 * shoulder
+        assert each["stress_Pa"][0] <= plateau
+    assert found.choice[0]["energy_J_m3"][1] < 1.1 * shoulders[0]
+    assert tf.efficiency("eps-20").choice == []
+    assert found.caveats == []
+    [caveat] = tf.efficiency("eps-20", "eps-30").caveats
+    assert caveat.startswith("eps-20, eps-30: the curve is assumed beyond 10 % of strain")
 
 
 def test_what_python_refuses() -> None:

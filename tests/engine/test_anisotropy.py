@@ -72,5 +72,5 @@ def test_a_plane_has_one_shear_modulus() -> None:
 
 
 def test_both_directions_need_one_law() -> None:
-    with pytest.raises(ValueError, match=r"across.foam: not read as \[foam\] is"):
+    with pytest.raises(ValueError, match=r"across.foam: does not match \[foam\]"):
         Scene(impactor=FlatBlock(), across={"foam": ACROSS})

@@ -136,7 +136,7 @@ def test_damage_is_mended_once(damage: str, tmp_path: Path, cache: Path) -> None
         file.write_bytes(content[:200] + bytes([content[200] ^ 1]) + content[201:])
     else:
         file.write_bytes(b"" if damage == "empty" else file.read_bytes()[:-50])
-    told = "some compiled kernels were damaged; they are thrown away, and made again"
+    told = "some compiled kernels were damaged; they are discarded and compiled again"
     assert told in again(tmp_path, cache)
     assert kernels(cache).keys() == whole.keys()
     assert again(tmp_path, cache) == ""

@@ -51,22 +51,22 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
     @ti.kernel
     def normal(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
         for k in range(e.shape[0]):
-            out[k] = law.normal_stress(c, e[k], e_min, broken)
+            out[k] = law.normal_stress(c, e[k], law.History(worst=e_min), broken)
 
     @ti.kernel
     def stored(c: law.Constants, e: Array, e_min: ti.f64, broken: ti.i32, out: Array):
         for k in range(e.shape[0]):
-            out[k] = law.stored_energy(c, e[k], e_min, broken)
+            out[k] = law.stored_energy(c, e[k], law.History(worst=e_min), broken)
 
     @ti.kernel
     def flowed(c: law.Constants, e: Array, e_min: ti.f64, time: ti.f64, out: Array):
         for k in range(e.shape[0]):
-            out[k] = law.flowed(c, e[k], e_min, time)
+            out[k] = law.flowed(c, e[k], law.History(worst=e_min), time, 1.0).worst
 
     @ti.kernel
     def densified(c: law.Constants, e: Array, out: Array):
         for k in range(e.shape[0]):
-            out[k] = law.stiffening(c, e[k], 0.0, 0)[1]
+            out[k] = law.stiffening(c, e[k], law.History(), 0)[1]
 
     @ti.kernel
     def elastic(c: law.Constants) -> ti.f64:
@@ -88,7 +88,8 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
         c: law.Constants, e: ti.f64, sigma_e: ti.f64, tau: ti.f64, e_min: ti.f64, size: ti.f64,
         strength: ti.f64,
     ) -> ti.i32:  # fmt: skip
-        return law.fails(c, e, sigma_e, tau, e_min, size, strength, strength)
+        history = law.History(worst=e_min)
+        return law.fails(c, e, sigma_e, tau, history, size, strength, strength)
 
     return SimpleNamespace(**locals())
 

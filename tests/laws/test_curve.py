@@ -53,7 +53,7 @@ def test_energy_efficiency_and_what_follows() -> None:
         ([0.0, 0.05, 0.4, 0.8], [0, 0.1, 0.12, 0.4], "stresses are in pascals"),
         ([0.0, 0.05, 0.05, 0.8], [0, 1e5, 1e5, 4e5], "strain[2] = 0.05: repeats"),
         ([0.0, 0.4, 0.05, 0.8], [0, 1e5, 1e5, 4e5], "strain[2] = 0.05: is below"),
-        ([-0.1, 0.05, 0.4], [0, 1e5, 1e5], "strains of both signs"),
+        ([-0.1, 0.05, 0.4], [0, 1e5, 1e5], "the strains have both signs"),
         ([0.0, 0.05, 0.4], [0, 1e5], "3 strains and 2 stresses"),
         ([0.0, 0.02], [0, 1e5], "must reach at least 0.05"),
         ([0.3], [1e5], "1 points; must be 2 to 2,000"),

@@ -11,12 +11,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 from bench import small_scene
+from slipping_law import SlippingFoam
 
 import taichi_foam as tf
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.picture import raster
-from taichi_foam.scene import Base, Cylinder, Model, Numerics, Output, Start
+from taichi_foam.scene import Base, Cylinder, FlatBlock, Model, Numerics, Output, Start
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
@@ -91,6 +92,55 @@ def test_it_breaks_where_it_says(law: ModuleType) -> None:
         )
         first_steps = tf.run(scene).history.broken_bonds[:3]
         assert (first_steps.max() > 0) == broken
+
+
+def test_a_law_with_two_values_of_its_own_meets_its_closed_form(tmp_path: Path) -> None:
+    """A crosshead at the strain rate r: K min(r t, e_s) + K r T (1 - exp(-t / T)).
+
+    At 0.2 m/s inertia, rho c v, is 2 % of that. The block that is left, and the next run on it,
+    have the slip e_s less than the strain, and the creep r (t - T (1 - exp(-t / T))).
+    """
+    FOAMS.register(SlippingFoam)
+    try:
+        foam = SlippingFoam(youngs_modulus=2e6, slip_strain=0.01, relaxation_time=0.02)
+        scene = small_scene(
+            foam=foam,
+            impactor=FlatBlock(
+                width=0.08, velocity=0.2, motion="crosshead", travel=0.01, friction=0.0
+            ),
+            model=Model(self_contact=False, crushed_room=False),
+            numerics=Numerics(damping_time=4e-6),
+            output=Output(history_interval=2e-4, snapshot_interval=0.05, film=False),
+        )
+        block, rate = scene.block, 0.2 / (0.1 - 0.005)
+        upright = block.columns * (block.rows - 1) * block.dx * block.dy * block.depth
+
+        def creeping(time):
+            return rate * 0.02 * (1.0 - np.exp(-time / 0.02))  # strain of Maxwell's spring
+
+        def stored(time):
+            return 0.5 * 2e6 * (0.01**2 + creeping(time) ** 2) * upright
+
+        result = tf.run(scene)
+        time = result.history.time_s
+        force = 2e6 * (np.minimum(rate * time, 0.01) + creeping(time)) * block.width * block.depth
+        late = time > 0.01
+        np.testing.assert_allclose(result.history.contact_force_N[late], force[late], rtol=0.03)
+        assert result.history.strain_J[-1] == pytest.approx(stored(time[-1]), rel=0.01)
+        assert np.diff(result.history.crushing_J).min() > -1e-9 * stored(time[-1])
+        loaded = tf.load(result.save(tmp_path / "run"))
+        assert loaded.cushion is not None
+        strain = rate * time[-1]
+        own = {"slip_b": 0.01 - strain, "creep_b": creeping(time[-1]) - strain}
+        for name, expected in own.items():
+            np.testing.assert_allclose(loaded.cushion.own[name], expected, rtol=0.01)
+            np.testing.assert_allclose(loaded.snapshots[-1].own[name], expected, rtol=0.01)
+        again = tf.run(scene.with_values(numerics__end=2e-3, impactor__travel=None), after=loaded)
+        energy = again.history.strain_J
+        assert energy[0] == pytest.approx(result.history.strain_J[-1], rel=1e-9)
+        assert energy[-1] == pytest.approx(stored(time[-1] + 2e-3), rel=0.01)
+    finally:
+        FOAMS.remove("slipping")
 
 
 def test_scene_files_and_messages_know_the_law(law: ModuleType) -> None:

@@ -81,7 +81,7 @@ def test_a_scene_shows_how_it_starts_and_what_it_sets(cells: list) -> None:
     assert "impactor.velocity" in html
     assert "2.86" in html
     assert "block.columns" in html
-    assert "velocity at the start, downwards [m/s]" in html
+    assert "initial velocity, downwards [m/s]" in html
 
 
 def test_a_result_shows_instants_figures_and_a_film(cells: list, tmp_path: Path) -> None:
@@ -135,6 +135,6 @@ def test_what_is_assumed_is_a_line_that_opens(make_result) -> None:
     html = result_html(make_result(scene))
     line, opened = html.split("<summary>")[1].split("</summary>")
     assert scene.assumed is not None
-    assert line == f"assumed of the foam: {len(scene.assumed)}"
+    assert line == f"assumed values of the foam: {len(scene.assumed)}"
     assert all(each.key in opened for each in scene.assumed)
     assert "<summary>" not in result_html(make_result(load_scene("paper/wedge-2.86")))

@@ -187,7 +187,7 @@ def test_a_drop_at_its_end_is_kept_once_and_stays_in_view(
     scene = scene_of(end=0.002)
     begin(screen, scene)
     wait(screen, lambda: session.ended)
-    assert screen.state == "at its end"
+    assert screen.state == "ended"
     session.finish()
     assert not session.was_cut
     screen.update(0.5)

@@ -193,7 +193,7 @@ def test_keys_do_what_the_help_says_and_closing_keeps_what_there_is(
 
     code, _, err = window.close()
     assert code == 130, err
-    assert "closed before its end" in err
+    assert "closed before the end of the drop" in err
     result = Result.load(window.folder)
     assert result.run["interrupted"]
     assert len(result.snapshots) >= 2
@@ -224,7 +224,7 @@ def test_the_window_shows_what_it_saves_and_another_shape_and_speed_are_kept_bes
     assert not result.run["interrupted"]
     curve = Curve.of(result.history, last=0.01)
     peak, in_g = (result.summary[f"peak_deceleration_cfc180_{unit}"] for unit in ("m_s2", "g"))
-    note = f"at its end · peak {peak:.1f} m/s², {in_g:.1f} g (CFC 180) · H help"
+    note = f"ended · peak {peak:.1f} m/s², {in_g:.1f} g (CFC 180) · H help"
     last = raster.frame(result.snapshots[-1], result.scene, SIZE, note=note, curve=curve)
     assert share_that_differs(seen, last) < 0.01
 
@@ -235,7 +235,7 @@ def test_ctrl_c_closes_the_window_and_keeps_what_there_is(show: Callable[..., Sh
     window.process.send_signal(signal.SIGINT)
     _, err = window.process.communicate(timeout=PATIENCE)
     assert window.process.returncode == 130, err
-    assert "closed before its end" in err
+    assert "closed before the end of the drop" in err
     assert "Traceback" not in err
     assert Result.load(window.folder).run["interrupted"]
 
@@ -256,7 +256,9 @@ def test_what_is_killed_goes_on_with_the_same_command(show: Callable[..., Shown]
     window.wait_for_motion()
     window.process.send_signal(signal.SIGTERM)
     _, err = window.process.communicate(timeout=PATIENCE)
-    assert (window.process.returncode, "closed before its end" in err) == (143, True), err
+    assert (window.process.returncode, "closed before the end of the drop" in err) == (143, True), (
+        err
+    )
     cut = Result.load(window.folder)
     assert cut.run["interrupted"]
     assert cut.run["resumed"] == 1

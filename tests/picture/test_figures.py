@@ -212,7 +212,7 @@ def test_energy_that_a_start_gives_back_is_counted_from_its_lowest() -> None:
     names, layers, _ = figures.ledger_layers(history)
     assert names == [
         "foam, elastic and in motion",
-        "crushing, from its lowest",
+        "crushing, above its minimum",
         "friction and damping",
     ]
     np.testing.assert_allclose(layers[1], 3 - 3 * time)

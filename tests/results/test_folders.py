@@ -110,7 +110,10 @@ def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
 
 
 def test_a_folder_with_content_is_refused(old: Path) -> None:
-    with pytest.raises(UserError, match=r"not empty.*overwrite=True"), output_folder(old):
+    with (
+        pytest.raises(UserError, match=r"already holds a result.*overwrite=True"),
+        output_folder(old),
+    ):
         pytest.fail("the block must not run")
     assert contents(old) == {"summary.json": "precious"}
 
@@ -137,7 +140,7 @@ def test_a_second_process_is_refused_before_it_computes(old: Path) -> None:
     with output_folder(old, overwrite=True) as folder:
         (folder / "ours").write_text("ours")
         for refused in (check_output_folder, lambda path, over: write(path, "x", "x", over)):
-            with pytest.raises(UserError, match="another process is at work"):
+            with pytest.raises(UserError, match="another process is working"):
                 refused(old, True)
     assert contents(old) == {"ours": "ours"}
 
@@ -147,7 +150,9 @@ def test_what_somebody_puts_there_meanwhile_is_not_lost_nor_is_the_result(tmp_pa
     ours = output_folder(target)
     (ours.__enter__() / "history.csv").write_text("ours")
     (target / "history.csv").write_text("theirs")
-    with pytest.raises(UserError, match=r"history\.csv: somebody has put that there meanwhile"):
+    with pytest.raises(
+        UserError, match=r"history\.csv: another program has put this here in the meantime"
+    ):
         ours.__exit__(None, None, None)
     assert (target / "history.csv").read_text() == "theirs"
     assert "ours" in contents(target).values()
@@ -177,7 +182,7 @@ def test_a_good_folder_passes_and_nothing_is_made(tmp_path: Path) -> None:
 
 def test_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(UserError, match="that is a file"):
+    with pytest.raises(UserError, match=r"file: is a file\. Fix"):
         check_output_folder(tmp_path / "file", overwrite=True)
     with pytest.raises(UserError, match="a file, not a folder"):
         check_output_folder(tmp_path / "file" / "run")
@@ -210,7 +215,7 @@ def test_only_a_result_is_replaced_and_of_it_only_what_was_written(
     monkeypatch.chdir(project)
     before = contents(work)
     for folder in (work, work / "projects", project, Path(".."), work / UNFINISHED):
-        with pytest.raises(UserError, match="not empty, and holds no result"):
+        with pytest.raises(UserError, match="not empty, but holds no result"):
             write(folder, "new", "new", overwrite=True)
     assert contents(work) == before
     # what lies beside a result stays when the result is replaced
@@ -255,7 +260,7 @@ def test_too_little_room_is_told_before_the_run(tmp_path: Path) -> None:
 def test_proc_and_devices_are_refused() -> None:
     with pytest.raises(UserError, match="cannot be written"):
         check_output_folder("/proc/taichi-foam-run")
-    with pytest.raises(UserError, match="that is a file"):
+    with pytest.raises(UserError, match=r"full: is a file\. Fix"):
         check_output_folder("/dev/full")
     with pytest.raises(UserError, match="a file, not a folder"):
         check_output_folder("/dev/full/run")

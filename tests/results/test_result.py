@@ -131,7 +131,7 @@ def test_an_existing_result_is_kept_unless_overwritten(
     first = noisy_result(make_result, make_snapshot)
     second = make_result()
     first.save(tmp_path / "run")
-    with pytest.raises(UserError, match="not empty"):
+    with pytest.raises(UserError, match="already holds a result"):
         second.save(tmp_path / "run")
     assert_same(Result.load(tmp_path / "run"), first)
     second.save(tmp_path / "run", overwrite=True)
@@ -203,7 +203,7 @@ def test_a_result_whose_block_remembers_less_loads_without_it(tmp_path: Path) ->
     result = Result.load(run)
     assert result.cushion is None
     assert result.snapshots[-1].time == result.history.time_s[-1]
-    with pytest.raises(UserError, match=r"leaves no block to go on with.*with this version"):
+    with pytest.raises(UserError, match=r"left no block to continue with.*with this version"):
         After.of(result.scene, run)
 
 
@@ -249,7 +249,7 @@ def test_snapshots_of_another_lattice_are_told(tmp_path: Path, make_result, make
     noisy_result(make_result, make_snapshot).save(tmp_path / "a")
     noisy_result(make_result, make_snapshot, columns=8).save(tmp_path / "b")
     os.replace(tmp_path / "b" / "snapshots.npz", tmp_path / "a" / "snapshots.npz")
-    with pytest.raises(UserError, match=r"not as it was written: snapshots\.npz"):
+    with pytest.raises(UserError, match=r"not as they were written: snapshots\.npz"):
         Result.load(tmp_path / "a")
     Manifest.of(tmp_path / "a").write(tmp_path / "a")
     with pytest.raises(UserError, match="shape"):
@@ -261,7 +261,7 @@ def test_a_cut_history_is_noticed(tmp_path: Path, make_result, make_snapshot) ->
     noisy_result(make_result, make_snapshot).save(tmp_path / "run")
     file = tmp_path / "run" / "history.csv"
     file.write_text("".join(file.read_text().splitlines(keepends=True)[:-1]))
-    with pytest.raises(UserError, match=r"not as it was written: history\.csv"):
+    with pytest.raises(UserError, match=r"not as they were written: history\.csv"):
         Result.load(tmp_path / "run")
 
 

@@ -161,7 +161,11 @@ BAD = [
     (RECTANGULAR, "foam.strength_scatter=20", ["foam.strength_scatter = 20", "at most 0.5"]),
     (RECTANGULAR, "foam.strength_scatter=nan", ["foam.strength_scatter = nan", "a finite number"]),
     (RECTANGULAR, "foam.strength_scatter=true", ["foam.strength_scatter = True", "a number"]),
-    (RECTANGULAR, "foam.strength_seed=-1", ["foam.strength_seed = -1", "at least 0", "draws"]),
+    (
+        RECTANGULAR,
+        "foam.strength_seed=-1",
+        ["foam.strength_seed = -1", "at least 0", "other strengths"],
+    ),
     (
         RECTANGULAR,
         "foam.strength_seed=4294967296",
@@ -197,7 +201,7 @@ BAD = [
         ["support.pitch: missing", "support.kind = 'ribs' needs it"],
     ),
     (RECTANGULAR, "support.pitch=-1", ["support.pitch = -1", "above 0", "metres"]),
-    (RECTANGULAR, "support.pitch=0.02", ["support.pitch = 0.02", "that is 'floor'"]),
+    (RECTANGULAR, "support.pitch=0.02", ["support.pitch = 0.02", "the kind is 'floor'"]),
     (RECTANGULAR, "support.outline=[[0,0],[0,9],[1,1]]", ["support.outline[1][1] = 9", "metres"]),
     # cuts
     (RECTANGULAR, "start.cuts=[[0,0,1]]", ["start.cuts[0][3]: missing", "lines of four numbers"]),
@@ -359,9 +363,9 @@ def test_an_outline_comes_from_a_file_beside_its_scene(tmp_path):
         ("x [furlong],y [furlong]\n0,0\n6,0\n0,6\n", "", "unit 'furlong': must be one of m, mm"),
         ("0,0\n60,0\n60,40\n", "", r"vertices\[1\]\[0\] = 60.*lengths are in metres"),
         ("0,0\n0.1,nan\n0,0.1\n", "", "line 2: nan in column 2: must be finite"),
-        ("0,0\n0.1,0\n0,0.1\n", 'shape = "flat"', "impactor.shape = 'flat': must be outline"),
+        ("0,0\n0.1,0\n0,0.1\n", 'shape = "flat"', "impactor.shape = 'flat'; must be outline"),
         ("0,0\n0.1,0\n0,0.1\n", "vertices = [[0, 0]]", "leave one of them out"),
-        ("", "", "empty; needs lines of x and y"),
+        ("", "", "empty; must have lines of x and y"),
         (None, "", "cannot be read"),
     ],
 )

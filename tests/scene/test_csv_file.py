@@ -51,5 +51,5 @@ def test_units_that_text_parts_from_the_numbers_are_not_passed_over(
 def test_a_file_that_is_cut_off_within_a_character(tmp_path: Path) -> None:
     whole = "strain,stress [kPa]\n0,0\n0.1,100\n0.5,120\n".encode("utf-16")
     (tmp_path / "test.csv").write_bytes(whole[:-1])
-    with pytest.raises(UserError, match="no whole UTF-16"):
+    with pytest.raises(UserError, match="not complete UTF-16 text"):
         read_test(tmp_path / "test.csv")

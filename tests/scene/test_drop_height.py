@@ -95,7 +95,7 @@ def test_a_written_scene_reads_back(fallen: Scene, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"impactor.velocity": 2.0}, "comes to 3.132 m/s; give one of the two"),
+        ({"impactor.velocity": 2.0}, "gives 3.132 m/s; give one of the two"),
         ({"numerics.gravity": 0.0}, "nothing falls without gravity"),
         ({"impactor.gap": 0.6}, "must be at most impactor.drop_height = 0.5 m"),
     ],

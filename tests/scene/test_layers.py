@@ -233,8 +233,8 @@ TABLE = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
     [
         ([{"bottom": 0.02, "top": 0.01}], "block.layers[0].top = 0.01: must be above its bottom"),
         ([{"bottom": 0.02, "top": 0.06}], "block.layers[0].top = 0.06: above the block"),
-        ([BAND, {"bottom": 0.01, "top": 0.03}], "block.layers[1].bottom = 0.01: inside of"),
-        ([{"bottom": 0.0201, "top": 0.0224}], "take block.rows = 22 or more"),
+        ([BAND, {"bottom": 0.01, "top": 0.03}], "block.layers[1].bottom = 0.01: lies inside"),
+        ([{"bottom": 0.0201, "top": 0.0224}], "set block.rows = 22 or more"),
         ([{"bottom": 0.0}], "block.layers[0].top: missing"),
         ([{**BAND, "foam": "nothing"}], "block.layers[0].foam = 'nothing': not in the library"),
         ([{**BAND, "foam": "epe-30"}], "resilient foam springs back"),
@@ -242,7 +242,7 @@ TABLE = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
         ([{**BAND, "foam": {"shear_strain": -1}}], "block.layers[0].foam.shear_strain = -1: must"),
         ([{**BAND, "foam": {"plateau_stress": 0.1}}], "block.layers[0].foam.plateau_stress = 0.1"),
         ([{**BAND, "foam": {"law": "hookes"}}], "block.layers[0].foam.law = 'hookes': must be one"),
-        ([{**BAND, "foam": {"rate": 3000.0}}], "foam: not read as [foam] is: different in rate,"),
+        ([{**BAND, "foam": {"rate": 3000.0}}], "not match [foam], as it is different in rate"),
         ([{**BAND, "foam": {"curve": TABLE}}], "of the law tabulated; all foams"),
         ([{**BAND, "interface": "glue"}], "block.layers[0].interface = 'glue': must be 'bonded'"),
         ([{**BAND, "density": 0}], "block.layers[0].density = 0: must be"),
@@ -261,7 +261,7 @@ def test_layers_that_cannot_be_are_refused(layers: Any, fragment: str) -> None:
 def test_a_layer_without_foam_is_refused() -> None:
     half = {"outline": [[-0.05, 0], [0.05, 0], [0.05, 0.02], [-0.05, 0.02]]}
     layers = [{"bottom": 0.03, "top": 0.04, "foam": STIFF}]
-    with pytest.raises(UserError, match=r"block.layers\[0\]: 0.03 to 0.04 m has no foam"):
+    with pytest.raises(UserError, match=r"block.layers\[0\]: 0.03 to 0.04 m contains no foam"):
         Scene.checked({"block": {**SIZE, **half, "layers": layers}, **DROP}, "scene")
 
 
@@ -275,10 +275,10 @@ def test_a_turned_lattice_has_no_layers() -> None:
 @pytest.mark.parametrize(
     ("key", "told_of"),
     [
-        ("block.layers[3].density", "which has 1, counted from"),
+        ("block.layers[3].density", "length 1, counted from"),
         ("block.layers.density", "a list has no keys"),
         ("block.rows[0]", "no keys of its own"),
-        ("block[0].rows", "only lists have places"),
+        ("block[0].rows", "only lists have entries"),
         ("block.layers[0].bottom.x", "no keys of its own"),
     ],
 )

@@ -90,7 +90,7 @@ def test_a_long_test_is_read_as_means_of_parts(csv) -> None:
         ("strain,stress\n0,0\n0.1,high\n0.5,3e5", "line 3: 'high' in column 2: must be a number"),
         ("strain,stress\n0,0\n0.1,\n0.5,3e5", "line 3: '' in column 2: must be a number"),
         ("strain,stress\n0,0\n0.1,nan\n0.5,3e5", "line 3: nan in column 2: must be finite"),
-        ("strain,stress\n0,0\n0.3,2e5\n0.2,2e5\n0.5,3e5", "line 4: a smaller strain"),
+        ("strain,stress\n0,0\n0.3,2e5\n0.2,2e5\n0.5,3e5", "line 4: the strain is smaller"),
         ("strain,stress\n0.5,3e5\n0.3,1e4\n0,0", "line 2: the largest strain is on the first"),
         ("strain,stress\n0,broken\n0.3,2e5\n0.5,3e5", "line 2: 'broken' in column 2"),
         ("strain,stress\n0,0\n0.5," + 200_000 * "1", "line 3: not CSV"),
@@ -168,7 +168,9 @@ def test_unloading_branches_are_told_apart(csv, sign: int) -> None:
 def test_a_strain_that_goes_back_without_unloading_is_a_mistake(csv) -> None:
     rows = [(0.0, 0.0), (0.05, 1e5), (0.4, 1.2e5), (0.1, 1.3e5), (0.6, 1.6e5), (0.8, 8e5)]
     path = csv("strain,stress\n" + "\n".join(f"{e:g},{s:g}" for e, s in rows))
-    with pytest.raises(UserError, match=r"line 5: a smaller strain .* \(0\.4\).*does not fall"):
+    with pytest.raises(
+        UserError, match=r"line 5: the strain is smaller .* \(0\.4\).*does not fall"
+    ):
         read_curve(path)
 
 
@@ -213,8 +215,8 @@ def test_strain_beside_force(csv) -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({}, "strain needs the specimen's height [m] too: give --height to `foam import`"),
-        ({"height": 0.05}, "stress needs the specimen's area [m2] too: give --area"),
+        ({}, "strain also needs the specimen's height [m]: give --height to `foam import`"),
+        ({"height": 0.05}, "stress also needs the specimen's area [m2]: give --area"),
         ({"height": 50.0, "area": 1e-3}, "height = 50.0: must be a number from 0.0001 to 5 m"),
         ({"height": 0.05, "area": 2500}, "area = 2500: must be a number from 1e-06 to 25 m2"),
         ({"height": "5 cm", "area": 1e-3}, "height = '5 cm': must be a number"),

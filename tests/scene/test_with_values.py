@@ -137,12 +137,12 @@ def test_an_assignment_says_how_to_get_a_changed_scene(
 ) -> None:
     owner = SCENE if part is None else getattr(SCENE, part)
     before = getattr(owner, name)
-    with pytest.raises(ValidationError, match="scenes do not change") as caught:
+    with pytest.raises(ValidationError, match="scenes cannot be changed") as caught:
         setattr(owner, name, value)
     assert instead in str(caught.value)
     assert getattr(owner, name) == before
     key = name if part is None else f"{part}.{name}"
-    assert explain(caught.value, Scene).startswith(f"{key}: scenes do not change; {instead}")
+    assert explain(caught.value, Scene).startswith(f"{key}: scenes cannot be changed; {instead}")
     changed = eval(instead, {"scene": SCENE})
     assert getattr(changed if part is None else getattr(changed, part), name) == value
 
@@ -150,7 +150,7 @@ def test_an_assignment_says_how_to_get_a_changed_scene(
 def test_an_assignment_to_one_of_several_parts_says_which_key_is_that_of_which() -> None:
     layers = [{"bottom": 0.0, "top": 0.05}, {"bottom": 0.05, "top": 0.1, "foam": Foam()}]
     block = Scene(block={"layers": layers}, numerics={"end": 0.01}).block
-    with pytest.raises(ValidationError, match=r"that is meant, block\.layers\[N\]\.density"):
+    with pytest.raises(ValidationError, match=r"that you mean, block\.layers\[N\]\.density"):
         block.layers[1].density = 30.0
     with pytest.raises(ValidationError, match=r"foam\.softening or block\.layers\[N\]\.foam\."):
         block.layers[1].foam.softening = False

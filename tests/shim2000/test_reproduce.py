@@ -152,7 +152,7 @@ def test_the_same_call_goes_on_where_ctrl_c_came(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt, match="no case had finished"):
         reproduce(tmp_path / "cut", CASES, bars=Pressed(), **given)
     assert os.listdir(tmp_path / "cut") == [UNFINISHED]
-    with pytest.raises(UserError, match=r"of another request, impactor\.mass = 5\.0 instead"):
+    with pytest.raises(UserError, match=r"of another command, with impactor\.mass = 5\.0 instead"):
         reproduce(tmp_path / "cut", CASES, overrides=SMALL, films=False)
     for out in ("cut", "whole"):
         content = reproduce(tmp_path / out, CASES, **given)

@@ -158,9 +158,9 @@ def test_an_interrupted_run_after_another_goes_on(
     cut = run(BREAKING, press, after=broken, checkpoint=tmp_path)
     assert cut.ending is Ending.INTERRUPTED
     assert cut.cushion is None
-    with pytest.raises(UserError, match="unfinished work of another request, after = "):
+    with pytest.raises(UserError, match="unfinished work of another command, with after = "):
         run(BREAKING, checkpoint=tmp_path)
-    with pytest.raises(UserError, match="leaves no block"):
+    with pytest.raises(UserError, match="left no block"):
         run(BREAKING, after=cut)
     assert_equal(resume(tmp_path), again)
 

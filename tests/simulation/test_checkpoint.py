@@ -263,7 +263,7 @@ def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
 def test_a_result_saved_where_its_checkpoint_lies_takes_that_away(tmp_path: Path) -> None:
     scene = impact(end=1e-3)
     cut_off(tmp_path)
-    with pytest.raises(UserError, match="unfinished work of another request"):
+    with pytest.raises(UserError, match="unfinished work of another command"):
         run(scene).save(tmp_path)
     kept = tmp_path / "kept"
     result = run(scene, checkpoint=kept)

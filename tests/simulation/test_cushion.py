@@ -193,7 +193,7 @@ def test_crush_beyond_the_test_is_said() -> None:
         model=Model(self_contact=False),
         output=Output(film=False),
     )
-    assert any("where the test of the foam's curve ends" in text for text in tf.run(scene).warnings)
+    assert any("where the foam's test curve ends" in text for text in tf.run(scene).warnings)
 
 
 def test_lattices_of_a_batch_have_a_curve_each() -> None:

@@ -144,13 +144,16 @@ def test_a_sample_is_gathered_into_bins(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        ({"measure": "max_displacment_m"}, "no column of the table; did you mean max_displ"),
+        ({"measure": "max_displacment_m"}, "is not a column of the table; did you mean max_displ"),
         # a guided impactor has no peak of its resultant
         ({"measure": "peak_g"}, "mean peak_deceleration_g or peak_deceleration_cfc180_g?"),
-        ({"measure": "peak_resultant_g"}, "peak_resultant_g: no drop has an answer"),
-        ({"measure": "warnings"}, "warnings: holds words"),
-        ({"measure": "pieces", "x": "block.rows"}, "no axis of the sweep; there are impactor.v"),
-        ({"measure": "pieces", "by": "impactor.velocity"}, "no axis of the sweep"),
+        ({"measure": "peak_resultant_g"}, "peak_resultant_g: has no value in any drop"),
+        ({"measure": "warnings"}, "warnings: holds text"),
+        (
+            {"measure": "pieces", "x": "block.rows"},
+            "is not an axis of the sweep; its axes are impactor.v",
+        ),
+        ({"measure": "pieces", "by": "impactor.velocity"}, "is not an axis of the sweep"),
     ],
 )
 def test_what_cannot_be_shown_is_refused(swept: Sweep, asked: dict, says: str) -> None:

@@ -105,7 +105,7 @@ def test_a_cluster_that_runs_already_writes_the_same_until_it_is_lost(
     assert client.returncode == 1, err
     assert len(err.splitlines()) == 1, err
     (line,) = err.splitlines()
-    assert line.startswith("error: the scheduler is gone; what is complete is in ")
+    assert line.startswith("error: the scheduler no longer answers; what is complete is in ")
     half = Sweep.open(tmp_path / "t")
     # the worker may have completed a chunk after its scheduler, and the client, had gone
     assert 4 <= len(half.to_pandas()) <= half.standing.done < 40
@@ -223,7 +223,7 @@ def test_ctrl_c_at_a_terminal_ends_client_and_workers_with_130(tmp_path: Path) -
     assert out == ""
     (line,) = err.splitlines()
     assert line.startswith("interrupted: 0 of 500 drops are in ")
-    assert line.endswith("; the same command goes on")
+    assert line.endswith("; the same command continues")
     assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["chunks", "sweep.json"]
     until = time.monotonic() + sweeps.PATIENCE_S
     while sweeps.session(client.pid):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from taichi_foam.backend import ti
+from taichi_foam.laws import elementary
 from taichi_foam.parts import Part, quantity
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5
@@ -98,7 +99,7 @@ class BondFoam(Part):
     """
     source: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
         default=None,
-        description="where its values are from: a foam's name, a test, a publication",
+        description="origin of its values: the name of a foam, a test, a publication",
         json_schema_extra={"allowed": "none, or 1 to 1,000 characters", "fix": "shorten it"},
     )
 
@@ -114,14 +115,14 @@ class BondFoam(Part):
     crush_band: Annotated[float, Field(ge=1e-5, le=1)] | None = quantity(
         None,
         "m",
-        "width of the bands in which foam crushes and shears: dashpots and rate take strain rates "
-        "over this length, whatever the cell; none: over a cell",
+        "width of the bands in which foam crushes and shears: dashpots and rate dependence use "
+        "strain rates over this length, whatever the cell size; none: over one cell",
         allowed="none, or at least 1e-5 and at most 1 m",
     )
     strength_scatter: float = quantity(
         0.0,
         "-",
-        "scatter of the bonds' strength in tension and shear, Weibull: standard deviation "
+        "scatter of the bonds' strengths in tension and shear (Weibull), as standard deviation "
         "over mean; 0: all are equally strong",
         at_least=0,
         at_most=0.5,
@@ -129,10 +130,10 @@ class BondFoam(Part):
     strength_seed: int = quantity(
         0,
         "count",
-        "which strengths the scatter draws",
+        "seed of the random strengths",
         at_least=0,
         at_most=2**32 - 1,
-        fix="any other whole number draws others",
+        fix="each whole number gives other strengths",
     )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:
@@ -188,6 +189,13 @@ class BondFoam(Part):
         raise NotImplementedError
 
 
+@ti.dataclass
+class History:
+    """What a bond remembers: its most compressive strain so far, <= 0."""
+
+    worst: ti.f64
+
+
 class BondLaw:
     """A law's functions for kernels. Equal laws share compiled kernels.
 
@@ -196,21 +204,26 @@ class BondLaw:
     function takes as its first argument (`c`). In a block of several foams its members are vectors,
     one component per bond, except in the functions that take scalars only.
 
-    A bond stores one history variable: its most compressive strain so far (`worst`, <= 0).
-    Functions that a Runge-Kutta stage needs take scalars, or vectors with one component per bond,
-    and have no branches on values.
+    What a bond remembers is a `History`, of which functions get that of the last accepted state, or
+    that which `met` makes of it at the present strain; so a function that must include the present
+    strain calls `met`. Functions that a Runge-Kutta stage needs take scalars, or vectors with one
+    component per bond, and have no branches on values.
     """
 
     Constants: ClassVar[Any]
     """Taichi dataclass of the law's constants, SI units."""
+    History: ClassVar[Any] = History
+    """Taichi dataclass of what a bond remembers, all in 64 bits. The first member is `worst`, the
+    most compressive strain so far, which cells, contact, pictures and measures read; the others are
+    the law's own. All are 0 in foam that has met nothing. The state, checkpoints, snapshots and the
+    next impact on the same block keep them."""
 
     tabulated: bool = False
     """Whether its functions read `table`, at [c.place, row]."""
     table: Any = None
     """Field (foams, TABLE_ROWS) of TABLE_COLUMNS numbers, set by `with_table`."""
     heeds_rate: bool = False
-    """Whether the law is rate-dependent: `worst` is then frozen during a step, and `flowed` updates
-    it before the step."""
+    """Whether a history also changes in time: `flowed` updates it before each step."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -223,7 +236,17 @@ class BondLaw:
         return law
 
     @ti.func
-    def stress_fraction(self, c: ti.template(), e, worst, broken):
+    def met(self, c: ti.template(), e, history: ti.template()):
+        """The history of a bond that had `history` and is now at strain `e`; no time passes.
+
+        Every stage of a step asks this of the history at its start. Twice must be as once.
+        """
+        now = history
+        now.worst = elementary.smaller(e, history.worst)
+        return now
+
+    @ti.func
+    def stress_fraction(self, c: ti.template(), e, history: ti.template(), broken):
         """Engineering stress [Pa] at strain `e`, without stiffening, as (numerator, divisor > 0).
 
         A caller that also divides by a length then needs only one division.
@@ -231,7 +254,7 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def stiffens_at(self, e, worst):
+    def stiffens_at(self, e, history: ti.template()):
         """The strain to compare with `stiffens_below`."""
         return e
 
@@ -241,32 +264,45 @@ class BondLaw:
         return -1.0
 
     @ti.func
-    def stiffening(self, c: ti.template(), e, worst, broken):
+    def stiffening(self, c: ti.template(), e, history: ti.template(), broken):
         """Stress [Pa] that stiffening adds, and its slope [Pa]; zeros above `stiffens_below`."""
         return 0.0 * e, 0.0 * e
 
     @ti.func
-    def normal_stress(self, c: ti.template(), e, worst, broken):
-        """Engineering stress [Pa] at strain `e` with the history `worst`, intact or broken."""
-        numerator, divisor = self.stress_fraction(c, e, worst, broken)
+    def normal_stress(self, c: ti.template(), e, history: ti.template(), broken):
+        """Engineering stress [Pa] at strain `e`, intact or broken."""
+        numerator, divisor = self.stress_fraction(c, e, history, broken)
         stress = numerator / divisor
         if ti.static(self.stiffens):
-            added, _ = self.stiffening(c, e, worst, broken)
+            added, _ = self.stiffening(c, e, history, broken)
             stress += added
         return stress
 
     @ti.func
-    def flowed(self, c: ti.template(), e, worst, time):
-        """The worst strain after `time` [s] at strain `e` (`heeds_rate` only)."""
-        return worst
+    def flows(self, c: ti.template(), e, history: ti.template()):
+        """Whether the history changes in time at strain `e` (`heeds_rate` only)."""
+        return e < history.worst
 
     @ti.func
-    def stored_energy(self, c: ti.template(), e: ti.f64, worst: ti.f64, broken: ti.i32) -> ti.f64:
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+        """The history after `time` [s] at strain `e` (`heeds_rate` only).
+
+        `slowed` is a time over `time`: that in which foam flows if only part of the strain rate
+        counts, see `BondFoam.crush_band`.
+        """
+        return history
+
+    @ti.func
+    def stored_energy(
+        self, c: ti.template(), e: ti.f64, history: ti.template(), broken: ti.i32
+    ) -> ti.f64:
         """Energy per reference volume [J/m3] released on unloading from `e` to zero stress."""
         raise NotImplementedError
 
     @ti.func
-    def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, worst: ti.f64) -> ti.f64:
+    def energy_lost_by_breaking(
+        self, c: ti.template(), e: ti.f64, history: ti.template()
+    ) -> ti.f64:
         """Stored energy per reference volume [J/m3] that is lost when a bond breaks."""
         raise NotImplementedError
 
@@ -281,7 +317,9 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def fails(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
+    def fails(
+        self, c: ti.template(), e, sigma_e, tau, history: ti.template(), size, tensile, strength
+    ):
         """Whether an intact bond in this state breaks, in tension or in shear.
 
         `sigma_e` is its engineering stress without stiffening, `size` the product of the lengths of
@@ -291,7 +329,9 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def overload(self, c: ti.template(), e, sigma_e, tau, worst, size, tensile, strength):
+    def overload(
+        self, c: ti.template(), e, sigma_e, tau, history: ti.template(), size, tensile, strength
+    ):
         """Strain over the limit in tension, and shear stress over the strength; see `fails`.
 
         Called in addition to `fails` where bonds soften beyond their limits, see `BondFoam.limits`.

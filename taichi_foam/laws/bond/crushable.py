@@ -75,19 +75,19 @@ class Foam(CrushingFoam):
         0.5, "-", "constant a of Eq. 26: how steeply the stress rises", above=0, at_most=10
     )
     densification_b: float = quantity(
-        1.0, "-", "constant b of Eq. 26: the power of the distance to locking", above=0, at_most=5
+        1.0, "-", "constant b of Eq. 26: exponent of the distance to locking", above=0, at_most=5
     )
     rate: Annotated[float, Field(ge=1, le=1e9)] | None = quantity(
         None,
         "1/s",
-        "strain rate D at which the plateau's stress is twice its static one (Cowper & Symonds); "
-        "none: the foam does not depend on the rate",
+        "strain rate D at which the plateau stress is twice the static one (Cowper & Symonds); "
+        "none: no rate dependence",
         allowed="none, or at least 1 and at most 1e9 1/s",
     )
     rate_exponent: float = quantity(
         1.0,
         "-",
-        "exponent q: the plateau's stress grows by the part (rate / D)^(1/q)",
+        "exponent q: the plateau stress grows by the fraction (rate / D)^(1/q)",
         at_least=1,
         at_most=20,
     )
@@ -119,7 +119,7 @@ class Foam(CrushingFoam):
         if isinstance(given, int | float) and abs(given - strain) > 1e-9 * abs(strain):
             raise ValueError(
                 f"foam.plateau_stress = {stress:g}: with foam.youngs_modulus = {young:g} Pa it "
-                f"comes to foam.yield_strain = {strain:.4g}, not {given:g}; give one of the two"
+                f"gives foam.yield_strain = {strain:.4g}, not {given:g}; give one of the two"
             )
         return {**rest, "yield_strain": strain}
 
@@ -270,12 +270,20 @@ class Crushable(Crushing):
         return stress + slope * (e - inside), slope
 
     @ti.func
-    def stiffening(self, c: ti.template(), e, e_min, broken):
+    def met(self, c: ti.template(), e, history: ti.template()):
+        """Rate-dependent foam only flows; see `flowed`."""
+        now = history
+        if ti.static(not self.heeds_rate):
+            now.worst = elementary.smaller(e, history.worst)
+        return now
+
+    @ti.func
+    def stiffening(self, c: ti.template(), e, history: ti.template(), broken):
         """Stress that densification adds to the plateau, and its slope [Pa]; 0 above e_d."""
         stress, slope = self.densified(c, elementary.smaller(e, c.densification_strain))
         acts = e < c.densification_strain
         if ti.static(self.broken_contact == "jump"):
-            acts = ti.select(broken, acts & (e <= e_min), acts)
+            acts = ti.select(broken, acts & (e <= history.worst), acts)
         added = stress - c.youngs_modulus * c.yield_strain
         return ti.select(acts, added, 0.0), ti.select(acts, slope, 0.0)
 
@@ -291,17 +299,17 @@ class Crushable(Crushing):
         return turn - c.yield_strain, c.youngs_modulus
 
     @ti.func
-    def flowed(self, c: ti.template(), e, e_min, time):
-        """The e_min of rate-dependent foam after `time` [s] at strain `e`.
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+        """The history of rate-dependent foam after `time` [s] at strain `e`.
 
         In flow at the rate r the plateau stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
         1957, as Perzyna's overstress): while e_min lags behind e by y, its rate is
         D (y / |e_y|)^q. At a constant strain this has a closed-form solution for any time.
         """
         elastic = elementary.larger(e, c.yield_strain)
-        start = elementary.smaller(elastic, e_min)
+        start = elementary.smaller(elastic, history.worst)
         short = elementary.larger(start - e, 0.0)
-        times = c.rate * time / -c.yield_strain
+        times = c.rate * (time * slowed) / -c.yield_strain
         left = short * elementary.exp(-times)
         if ti.static(not self.linear_flow):
             power = c.rate_exponent - 1.0
@@ -309,7 +317,9 @@ class Crushable(Crushing):
             share = elementary.larger(short / -c.yield_strain, 1e-30)
             slowed = 1.0 + power * times * elementary.power(share, power)
             left = short * elementary.power(slowed, -1.0 / power)
-        return start - (short - left)
+        now = history
+        now.worst = start - (short - left)
+        return now
 
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):

@@ -26,9 +26,9 @@ ROUNDING = 1e-9
 CELL = 0.005
 
 UNLESS_GIVEN = {
-    "fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
-    "shear_fracture_energy": "what it is in cells of 5 mm whose bonds break at once",
-    "crush_band": "dashpots take strain rates over a cell, of whatever size",
+    "fracture_energy": "its value in 5 mm cells whose bonds break at once",
+    "shear_fracture_energy": "its value in 5 mm cells whose bonds break at once",
+    "crush_band": "dashpots use strain rates over one cell, whatever its size",
 }
 """See `BondFoam.unless_given`."""
 
@@ -42,7 +42,7 @@ class CrushingFoam(BondFoam):
     shear_strain: float = quantity(
         0.10,
         "tension",
-        "shear strain at which a bond breaks, either way",
+        "shear strain at which a bond breaks, in either direction",
         above=0,
         at_most=2,
         fix="strains are fractions (10 % is 0.10)",
@@ -50,27 +50,27 @@ class CrushingFoam(BondFoam):
     fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as it opens, over its area; none: as in cells of 5 mm whose "
-        "bonds break at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
+        "energy per area that an opening crack absorbs; none: as in 5 mm cells whose bonds break "
+        "at once at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
         None,
         "J/m2",
-        "energy that a crack takes as its faces slide without pressure, over its area; none: as in "
-        "cells of 5 mm whose bonds break at shear_strain, "
-        "shear_modulus * shear_strain^2 * 5 mm",
+        "energy per area that a crack absorbs as its faces slide without pressure; none: as in 5 "
+        "mm cells whose bonds break at once at shear_strain, shear_modulus * shear_strain^2 * 5 "
+        "mm",
         allowed="none, or above 0 and at most 1e6 J/m2",
     )
     softening: bool = choice(
         True,
-        "beyond its limit in tension or shear a bond loses its stress gradually; false: it breaks "
-        "at once, and a crack costs about as much",
+        "true: a bond beyond its limit in tension or shear loses its stress gradually; false: it "
+        "breaks at once, and a crack takes about as much energy",
     )
     crushed_tensile_fraction: float = quantity(
         0.5,
         "-",
-        "a crushed bond breaks at this fraction of tensile_strain",
+        "fraction of tensile_strain at which a crushed bond breaks",
         above=0,
         at_most=1,
     )
@@ -140,9 +140,12 @@ class Crushing(BondLaw):
     stiffens = True
 
     @ti.func
-    def met(self, e, e_min):
-        """The `e_min` of a bond now at strain `e`; for a level plateau the earlier one suffices."""
-        return e_min
+    def turn_at(self, e, history: ti.template()):
+        """The e_min from which a bond now at strain `e` unloads.
+
+        For a level plateau an earlier one gives the same stress.
+        """
+        return history.worst
 
     @ti.func
     def unloading(self, c: ti.template(), e_min):
@@ -153,6 +156,21 @@ class Crushing(BondLaw):
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):
         """Elastic part of a compressive strain, without that due to `stiffening`."""
         raise NotImplementedError
+
+    @ti.func
+    def elastic_stress(self, c: ti.template(), e, e_min, permanent, slope):
+        """Stress [Pa] of a bond with this `e_min`, without `stiffening`: compressed, or whole.
+
+        `permanent` and `slope` are those of `unloading`.
+        """
+        return slope * self.elastic_strain(c, e, e_min, permanent)
+
+    @ti.func
+    def elastic_energy(
+        self, c: ti.template(), e: ti.f64, e_min: ti.f64, permanent: ti.f64, slope: ti.f64
+    ) -> ti.f64:
+        """Energy stored by `elastic_stress` in compression [J/m3]."""
+        return 0.5 * slope * self.elastic_strain(c, e, e_min, permanent) ** 2
 
     @ti.func
     def stiffening_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
@@ -199,38 +217,40 @@ class Crushing(BondLaw):
         return PACKED * c.youngs_modulus
 
     @ti.func
-    def stress_fraction(self, c: ti.template(), e, e_min, broken):
+    def stress_fraction(self, c: ti.template(), e, history: ti.template(), broken):
         """The stress as if the plateau had no end, as (numerator, divisor > 0)."""
-        met = self.met(e, e_min)
-        permanent, slope = self.unloading(c, met)
+        turn = self.turn_at(e, history)
+        permanent, slope = self.unloading(c, turn)
         stretch = e - permanent
-        elastic = slope * self.elastic_strain(c, e, met, permanent)
-        crushed = met < c.yield_strain
+        elastic = self.elastic_stress(c, e, turn, permanent, slope)
+        crushed = turn < c.yield_strain
         weak = ti.select(crushed, c.crushed_tensile_stress * stretch, elastic)
         reach = ti.select(crushed, c.crushed_tensile_strain - permanent, 1.0)
         numerator = ti.select(stretch > 0.0, weak, elastic)
         divisor = ti.select(stretch > 0.0, reach, 1.0)
         kept = elementary.smaller(numerator, 0.0)
         if ti.static(self.broken_contact == "jump"):
-            kept = ti.select(e > e_min, 0.0, kept)
+            kept = ti.select(e > history.worst, 0.0, kept)
         return ti.select(broken, kept, numerator), divisor
 
     @ti.func
-    def stored_energy(self, c: ti.template(), e: ti.f64, e_min: ti.f64, broken: ti.i32) -> ti.f64:
+    def stored_energy(
+        self, c: ti.template(), e: ti.f64, history: ti.template(), broken: ti.i32
+    ) -> ti.f64:
         """Energy per reference volume [J/m3] released on unloading from `e` to zero stress.
 
         With broken_contact = "jump" a broken bond releases none: its stress drops at once.
         """
-        met = self.met(e, e_min)
-        permanent, slope = self.unloading(c, met)
+        turn = self.turn_at(e, history)
+        permanent, slope = self.unloading(c, turn)
         energy = 0.0
         if e > permanent:
             if not broken:
-                numerator, divisor = self.stress_fraction(c, e, e_min, broken)
+                numerator, divisor = self.stress_fraction(c, e, history, broken)
                 energy = 0.5 * (e - permanent) * numerator / divisor
         elif not (broken and ti.static(self.broken_contact == "jump")):
-            energy = 0.5 * slope * self.elastic_strain(c, e, met, permanent) ** 2
-            energy += self.stiffening_energy(c, e, e_min)
+            energy = self.elastic_energy(c, e, turn, permanent, slope)
+            energy += self.stiffening_energy(c, e, history.worst)
         return energy
 
     @ti.func
@@ -269,14 +289,16 @@ class Crushing(BondLaw):
         )
 
     @ti.func
-    def energy_lost_by_breaking(self, c: ti.template(), e: ti.f64, e_min: ti.f64) -> ti.f64:
+    def energy_lost_by_breaking(
+        self, c: ti.template(), e: ti.f64, history: ti.template()
+    ) -> ti.f64:
         """Stored energy per reference volume [J/m3] that is lost when a bond breaks.
 
         With broken_contact = "reload" the energy stored in compression is kept, with "jump" none.
         """
-        lost = self.stored_energy(c, e, e_min, 0)
+        lost = self.stored_energy(c, e, history, 0)
         if ti.static(self.broken_contact == "reload"):
-            permanent, _ = self.unloading(c, self.met(e, e_min))
+            permanent, _ = self.unloading(c, self.turn_at(e, history))
             if e <= permanent:
                 lost = 0.0
         return lost
@@ -304,17 +326,21 @@ class Crushing(BondLaw):
         return ti.select(e < 0.0, pressed, pulled)
 
     @ti.func
-    def fails(self, c: ti.template(), e, sigma_e, tau, e_min, size, tensile, strength):
+    def fails(
+        self, c: ti.template(), e, sigma_e, tau, history: ti.template(), size, tensile, strength
+    ):
         """Whether an intact bond in this state breaks, in tension or in shear (Section 4.6).
 
         `tensile` and `strength` are the bond's limits in tension and shear over the law's; `size`
         as in `shear_strength`.
         """
-        in_tension = e > tensile * self.tensile_limit(c, e_min)
+        in_tension = e > tensile * self.tensile_limit(c, history.worst)
         return in_tension | (ti.abs(tau) > strength * self.shear_strength(c, e, sigma_e, size))
 
     @ti.func
-    def overload(self, c: ti.template(), e, sigma_e, tau, e_min, size, tensile, strength):
+    def overload(
+        self, c: ti.template(), e, sigma_e, tau, history: ti.template(), size, tensile, strength
+    ):
         """Strain and shear stress over the limits of `fails`."""
-        in_tension = e / (tensile * self.tensile_limit(c, e_min))
+        in_tension = e / (tensile * self.tensile_limit(c, history.worst))
         return in_tension, ti.abs(tau) / (strength * self.shear_strength(c, e, sigma_e, size))

@@ -75,7 +75,7 @@ class Curve(Part):
         },
     )
     stress: tuple[float, ...] = Field(
-        description="engineering stresses in compression there [Pa]",
+        description="engineering stresses in compression at these strains [Pa]",
         json_schema_extra={
             "allowed": "as many numbers as strains",
             "fix": "stresses are in pascals (0.12 MPa is 0.12e6)",
@@ -85,7 +85,7 @@ class Curve(Part):
     smoothing: float = Field(
         default=0.0,
         ge=0,
-        description="by how much a stress was changed at most, so that none falls [Pa]",
+        description="largest change that was made to a stress so that no stress falls [Pa]",
         json_schema_extra={"allowed": "at least 0 Pa", "unit": "Pa"},
     )
 
@@ -162,12 +162,12 @@ class Curve(Part):
             word = "repeats" if strain[at] == strain[at - 1] else "is below"
             return (
                 f".strain[{at}] = {strain[at]:g}: {word} the one before, {strain[at - 1]:g}; "
-                "strains must rise from point to point; sort them, or cut the unloading off"
+                "strains must rise from point to point; sort them, or remove the unloading"
             )
         if strain[0] < 0.0:
             return (
-                f".strain[0] = {strain[0]:g}: strains of both signs; must be from 0 up, all in "
-                "compression; cut off what is before contact"
+                f".strain[0] = {strain[0]:g}: the strains have both signs; all must be at least 0, "
+                "in compression; remove the points before contact"
             )
         if strain[-1] >= 1.0:
             return (

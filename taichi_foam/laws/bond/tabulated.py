@@ -65,28 +65,28 @@ class TabulatedFoam(CrushingFoam):
             "shear_modulus": "3/8 of Young's modulus (Gibson & Ashby 1997)",
             "densification_strain": "where the energy efficiency of the curve is largest",
             "locking_strain": "three quarters of the way from the end of the curve to -1",
-            "tensile_strain": "that of the plateau's stress: as strong in tension as there",
-            "shear_strain": "that of 0.6 of the plateau's stress, as of the paper's foam",
+            "tensile_strain": "that of the plateau stress: as strong in tension as on the plateau",
+            "shear_strain": "that of 0.6 times the plateau stress, as for the paper's foam",
             "crushed_tensile_fraction": "that of the paper's foam",
         }
         | UNLESS_GIVEN
     )
 
     curve: Curve = Field(
-        description="stress over strain of its compression test: a CSV file, with `strain_unit` "
-        "and `stress_unit` where its header has none, `strain` and `stress` for its columns, and "
-        "the specimen's `area` [m2] and `height` [m] where these are force and displacement; or "
-        "lists",
+        description="stress over strain in its compression test: a CSV file, with `strain_unit` "
+        "and `stress_unit` if its header has no units, `strain` and `stress` to choose its "
+        "columns, and the specimen's `area` [m2] and `height` [m] if these hold force and "
+        "displacement; or lists",
         json_schema_extra={
             "allowed": 'a file name, { file = "...", strain_unit = "%", ... }, or '
             "{ strain = [...], stress = [...] } in Pa",
-            "fix": "give the test of the foam",
+            "fix": "give a compression test of the foam",
         },
     )
     youngs_modulus: float = quantity(
         ...,
         "Pa",
-        "Young's modulus K, the least slope with which the foam unloads",
+        "Young's modulus K, the smallest slope with which the foam unloads",
         at_least=1000,
         at_most=1e11,
         unless=FROM_CURVE,
@@ -141,19 +141,19 @@ class TabulatedFoam(CrushingFoam):
         if self.youngs_modulus < steepest * (1.0 - 1e-9):
             problems.append(
                 f"foam.youngs_modulus = {self.youngs_modulus:g}: must be at least {steepest:g} Pa, "
-                "the steepest slope of foam.curve before densification, as foam unloads with it; "
-                "leave it out to take that"
+                "the steepest slope of foam.curve before densification, because the foam unloads "
+                "with this modulus; leave it out to use that slope"
             )
         if not -self.curve.tested <= self.densification_strain:
             problems.append(
                 f"foam.densification_strain = {self.densification_strain:g}: must be at least "
-                f"{-self.curve.tested:g}, where foam.curve ends; leave it out to take the strain "
-                "of its largest energy efficiency"
+                f"{-self.curve.tested:g}, where foam.curve ends; leave it out to use the strain of "
+                "the curve's largest energy efficiency"
             )
         if self.landmarks.crush_start <= self.densification_strain:
             problems.append(
                 f"foam.densification_strain = {self.densification_strain:g}: must be below "
-                f"{self.landmarks.crush_start:.4g}, where the foam of foam.curve begins to crush"
+                f"{self.landmarks.crush_start:.4g}, where crushing begins on foam.curve"
             )
         if not self.locking_strain < -self.curve.tested:
             problems.append(
@@ -297,22 +297,22 @@ class Tabulated(Crushing):
         return here + (along - ti.cast(row, ti.f64)) * rise, rise * (TABLE_ROWS - 1.0)
 
     @ti.func
-    def met(self, e, e_min):
-        return elementary.smaller(e, e_min)
+    def turn_at(self, e, history: ti.template()):
+        return elementary.smaller(e, history.worst)
 
     @ti.func
-    def stiffens_at(self, e, e_min):
+    def stiffens_at(self, e, history: ti.template()):
         """Foam keeps the stiffness of its most compressive strain when it unloads."""
-        return self.met(e, e_min)
+        return self.turn_at(e, history)
 
     @ti.func
     def stiffens_below(self, c: ti.template()):
         return c.stiffens_below
 
     @ti.func
-    def stiffening(self, c: ti.template(), e, e_min, broken):
+    def stiffening(self, c: ti.template(), e, history: ti.template(), broken):
         """No stress, since `unloading` includes all of it, and the slope of unloading."""
-        _, slope = self.unloading(c, self.met(e, e_min))
+        _, slope = self.unloading(c, self.turn_at(e, history))
         return 0.0 * e, slope
 
     @ti.func

@@ -55,26 +55,25 @@ class Impactor(Part):
     """Sizes that can be changed on a live page."""
 
     mass: float = quantity(6.0, "kg", "mass", above=0, at_most=1e6)
-    velocity: float = quantity(
-        3.03, "m/s", "velocity at the start, downwards", at_least=0, at_most=500
-    )
+    velocity: float = quantity(3.03, "m/s", "initial velocity, downwards", at_least=0, at_most=500)
     drop_height: float | None = quantity(
         None,
         "m",
-        "height of the fall that ends at first contact, in place of a velocity; gravity is then "
-        "9.80665 m/s2 unless it is given",
+        "height of the fall to first contact, instead of a velocity; gravity is then 9.80665 "
+        "m/s2 unless it is given",
         above=0,
         at_most=100,  # beyond that, air resistance matters
         fix="lengths are in metres (760 mm is 0.76); a faster impact is impactor.velocity, in m/s",
     )
     motion: Literal["free", "crosshead"] = choice(
         "free",
-        "free: what touches it slows it down; crosshead: it keeps its velocity, whatever the force",
+        "free: contact forces change its velocity; crosshead: it keeps its velocity, whatever "
+        "the force",
     )
     travel: float | None = quantity(
         None,
         "m",
-        "way from the start after which the run ends, in place of numerics.end (motion = "
+        "distance from the start after which the run ends, instead of numerics.end (motion = "
         "'crosshead' only)",
         above=0,
         at_most=10,
@@ -83,7 +82,7 @@ class Impactor(Part):
         0.14, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
     )
     x: float = quantity(
-        0.0, "m", "offset of the mid-width from that of the block", at_least=-5, at_most=5
+        0.0, "m", "offset of its mid-width from that of the block", at_least=-5, at_most=5
     )
     gap: float = quantity(
         0.0,
@@ -97,27 +96,27 @@ class Impactor(Part):
     rotation_deg: float = quantity(
         0.0,
         "deg",
-        "turn at the start, counter-clockwise; impactor.x and impactor.gap are then those of the "
-        "turned outline's mid-width and lowest level",
+        "initial rotation, counter-clockwise; impactor.x and impactor.gap then refer to the "
+        "mid-width and lowest level of the rotated outline",
         at_least=-180,
         at_most=180,
     )
     guided: bool = choice(
         True,
-        "true: guide rails, it moves straight down and does not turn; "
-        "false: it moves and turns freely in the plane",
+        "true: guide rails let it move only straight down, without rotation; false: it moves and "
+        "rotates freely in the plane",
     )
     spin: float = quantity(
         0.0,
         "rad/s",
-        "turn per time at the start, counter-clockwise (guided = false only)",
+        "initial angular velocity, counter-clockwise (guided = false only)",
         at_least=-1000,
         at_most=1000,
     )
     velocity_x: float = quantity(
         0.0,
         "m/s",
-        "sideways velocity at the start, to the right (guided = false only)",
+        "initial sideways velocity, to the right (guided = false only)",
         at_least=-500,
         at_most=500,
         fix="speeds are in metres per second (3030 mm/s is 3.03)",
@@ -125,17 +124,17 @@ class Impactor(Part):
     inertia: float | None = quantity(
         None,
         "kg m2",
-        "moment of inertia about the centre of mass; none: that of a uniform plate with the "
-        "outline and the mass, about its centroid (guided = false only)",
+        "moment of inertia about the centre of mass; none: that of a uniform plate with this "
+        "outline and mass, about its centroid (guided = false only)",
         above=0,
         at_most=1e6,
     )
     centre: Corner | None = quantity(
         None,
         "m",
-        "centre of mass [x, y], in the frame of the shape's corners, or about the mid-width and "
-        "lowest level of a shape that has none, in either case before the turn by "
-        "impactor.rotation_deg; none: the centroid of the outline (guided = false only)",
+        "centre of mass [x, y] before the rotation by impactor.rotation_deg, in the coordinates "
+        "of the shape's corners or, for a shape without corners, relative to its mid-width and "
+        "lowest level; none: the centroid of the outline (guided = false only)",
         allowed="none, or two numbers [x, y], each from -5 to 5 m",
     )
     shape: str
@@ -147,7 +146,7 @@ class Impactor(Part):
             moves |= {"inertia": self.inertia, "centre": self.centre}
             problems = [
                 f"impactor.{key} = {list(value) if isinstance(value, tuple) else f'{value:g}'}: "
-                "guide rails let the impactor only move straight down; set impactor.guided = "
+                "guide rails only let the impactor move straight down; set impactor.guided = "
                 "false, or leave it out"
                 for key, value in moves.items()
                 if value

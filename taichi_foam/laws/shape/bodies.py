@@ -32,7 +32,7 @@ class FlatBlock(Impactor):
     label: ClassVar[str] = "flat block"
     controls: ClassVar[tuple[Control, ...]] = (Control("width", "width", 10, 150, 1, "mm", 1e-3),)
     width: float = quantity(
-        0.05, "m", "width of the face, before turning", at_least=1e-4, at_most=5
+        0.05, "m", "width of the face, before any rotation", at_least=1e-4, at_most=5
     )
     height: float = quantity(0.10, "m", "height", at_least=1e-4, at_most=5)
 
@@ -132,7 +132,7 @@ class Wedge(Impactor):
             raise ValueError(
                 f"impactor.height = {self.height:g}: must be above {self.tip_depth:.4g} m, the "
                 f"depth of a tip of {self.angle_deg:g} degrees and {self.shank_width:g} m width; "
-                "raise it, or take a larger impactor.angle_deg"
+                "increase it, or use a larger impactor.angle_deg"
             )
         return self
 
@@ -163,8 +163,8 @@ class Ellipse(Impactor):
         Control("width", "width", 10, 150, 1, "mm", 1e-3),
         Control("height", "height", 10, 150, 1, "mm", 1e-3),
     )
-    width: float = quantity(0.05, "m", "width before any turn", at_least=1e-4, at_most=5)
-    height: float = quantity(0.03, "m", "height before any turn", at_least=1e-4, at_most=5)
+    width: float = quantity(0.05, "m", "width before any rotation", at_least=1e-4, at_most=5)
+    height: float = quantity(0.03, "m", "height before any rotation", at_least=1e-4, at_most=5)
 
     def corners(self) -> np.ndarray:
         """Return a polygon on the ellipse, about its middle [m], for drawing."""
@@ -264,11 +264,11 @@ class IShape(Edged):
         if self.web >= self.width:
             problems.append(
                 f"impactor.web = {self.web:g}: must be below impactor.width = {self.width:g} m, "
-                "that of the flanges; take shape = 'flat' for a plain block"
+                "the width of the flanges; use shape = 'flat' for a plain block"
             )
         if 2 * self.flange >= self.height:
             problems.append(
-                f"impactor.flange = {self.flange:g}: two flanges must be less than "
+                f"impactor.flange = {self.flange:g}: the two flanges together must be below "
                 f"impactor.height = {self.height:g} m; make them thinner"
             )
         if problems:

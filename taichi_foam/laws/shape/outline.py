@@ -34,7 +34,8 @@ def problems_of_corners(key: str, corners: Sequence[tuple[float, float]]) -> lis
             ]
     if len(convex_hull(points)) < 3:
         return [
-            f"{key}: encloses no area, its corners are all on one line; move one of them off it"
+            f"{key}: encloses no area: its corners are all on one line; move one of them off that "
+            "line"
         ]
     return []
 

@@ -30,7 +30,7 @@ class Polygon(Impactor):
     ] = quantity(
         ...,
         "m",
-        "corners (x, y), in any order and about any origin",
+        "corners (x, y), in any order and relative to any origin",
         allowed=f"3 to {MOST_VERTICES} corners [x, y], each from -2 to 2 m",
         fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
         "[0.05, 0.05], [0, 0.05]]",
@@ -46,8 +46,8 @@ class Polygon(Impactor):
             if geometry.distance_inside(hull, vertex) > least:
                 raise ValueError(
                     f"impactor.vertices[{k}] = {list(self.vertices[k])}: lies inside the others' "
-                    "outline; the polygon must be convex; move it outwards, or take "
-                    "impactor.shape = 'outline' with the corners in order"
+                    "outline; the polygon must be convex; move it outwards, or use impactor.shape "
+                    "= 'outline' with the corners in order"
                 )
         return self
 
@@ -76,8 +76,9 @@ class Outline(Edged):
     ] = quantity(
         ...,
         "m",
-        "corners (x, y) in order along the outline, either way round, about any origin; in their "
-        "place `file` names a CSV file with a column of each, their unit in the header",
+        "corners (x, y) in order along the outline, in either direction, relative to any origin; "
+        "instead of them, `file` may name a CSV file with a column for x and one for y, and "
+        "their unit in the header",
         allowed=f"3 to {MOST_CORNERS} corners [x, y], each from -5 to 5 m",
         fix="lengths are in metres; a square of 50 mm is [[0, 0], [0.05, 0], "
         "[0.05, 0.05], [0, 0.05]]",

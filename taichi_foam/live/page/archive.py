@@ -89,7 +89,7 @@ class Archive:
         """Raise UserError if a result of this scene could not be saved."""
         if len(self._waiting()) >= MOST_WAITING:
             problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
-            raise UserError(f"{len(self._waiting())} drops wait to be saved; {problem}")
+            raise UserError(f"{len(self._waiting())} drops are waiting to be saved; {problem}")
         check_output_folder(self._next_folder(scene), needed_bytes=storage_bytes(scene))
 
     def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
@@ -230,7 +230,7 @@ class Films:
         try:
             await asyncio.shield(self._tasks[key])
         except asyncio.CancelledError:
-            raise UserError("the server ends; no film is drawn any more") from None
+            raise UserError("the server is shutting down and draws no more films") from None
         return path
 
     async def close(self) -> None:

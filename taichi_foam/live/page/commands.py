@@ -17,14 +17,12 @@ MOST = 10**12
 MOST_SECONDS, PACES = 0.1, (1e-6, 1.0)
 
 Word: TypeAlias = Annotated[str, Field(max_length=20)]
+Number: TypeAlias = (
+    Annotated[int, Field(ge=-MOST, le=MOST)] | Annotated[float, Field(ge=-MOST, le=MOST)]
+)
 #: Settings of controls by key, in SI units; None empties an optional one.
 Values: TypeAlias = Annotated[
-    dict[
-        Annotated[str, Field(max_length=60)],
-        Annotated[int, Field(ge=-MOST, le=MOST)]
-        | Annotated[float, Field(ge=-MOST, le=MOST)]
-        | None,
-    ],
+    dict[Annotated[str, Field(max_length=60)], Number | None],
     Field(max_length=64),
 ]
 
@@ -87,9 +85,30 @@ class Save:
     do: Literal["save"] = "save"
 
 
+@dataclass(frozen=True)
+class Cushion:
+    """Show the cushion chart of these conditions [SI]; static stresses may be left open."""
+
+    foam: Annotated[str, Field(max_length=60)]
+    thickness: Number
+    drop_height: Number
+    least: Number | None
+    most: Number | None
+    do: Literal["cushion"] = "cushion"
+
+
+@dataclass(frozen=True)
+class Point:
+    """Drop the scene of a point of the cushion chart of this number."""
+
+    chart: int
+    point: int
+    do: Literal["point"] = "point"
+
+
 #: What concerns the viewer alone, and what concerns all.
 Own: TypeAlias = Next | Watch
-Shared: TypeAlias = Set | Drop | Reset | Pause | Step | Pace | Look | Save
+Shared: TypeAlias = Set | Drop | Reset | Pause | Step | Pace | Look | Save | Cushion | Point
 Command: TypeAlias = Own | Shared
 
 #: Commands of one viewer, and of all, that may wait.
@@ -151,5 +170,7 @@ class Inbox:
 
 
 def _replaces(new: Shared, old: Shared) -> bool:
-    """Whether the newer command sets all that the older one sets, as a slider does that moves."""
-    return isinstance(new, Set) and isinstance(old, Set) and old.values.keys() <= new.values.keys()
+    """Whether the newer command does all that the older one does, as with a slider that moves."""
+    if isinstance(new, Set) and isinstance(old, Set):
+        return old.values.keys() <= new.values.keys()
+    return isinstance(new, Cushion) and isinstance(old, Cushion)

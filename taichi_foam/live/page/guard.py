@@ -42,7 +42,7 @@ _HEADERS = {
 
 #: For a page without a token, or with that of an earlier start; at most 123 bytes.
 _NO_TOKEN = (
-    "this page needs the token of the server that runs now: open the address that it printed"
+    "this page needs the token of the server that is running now: open the address that it printed"
 )
 
 
@@ -91,20 +91,20 @@ class Guard:
         host = headers.get("host", "")
         origin = headers.get("origin")
         if kind == "websocket" and origin is not None and not _is_at(origin, host):
-            return HTTPStatus.FORBIDDEN, "This page was opened by another one."
+            return HTTPStatus.FORBIDDEN, "This connection was opened from another site's page."
         if not self._is_open and _name(host) not in LOOPBACK:
             return (
                 HTTPStatus.FORBIDDEN,
-                "This server answers to its own machine only. Open it as localhost, or serve "
-                "it on another host and use the address that it prints.",
+                "This server only answers requests from its own machine. Open it as localhost, "
+                "or start it with another host and use the address that it prints.",
             )
         kept = cookie_parser(headers.get("cookie", "")).get(self._cookie)
         if not any(self._is_token(each) for each in (given, kept)):
             return (
                 HTTPStatus.UNAUTHORIZED,
-                "This page needs its token. Open the whole address that taichi-foam serve has "
-                "printed, with ?token= and what follows; the browser keeps it from then on. The "
-                "token is new each time that the server starts.",
+                "This page needs its token. Open the complete address that taichi-foam serve "
+                "printed, including ?token= and what follows; the browser remembers it from then "
+                "on. The token is new each time the server starts.",
             )
         return None
 

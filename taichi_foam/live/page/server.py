@@ -190,11 +190,11 @@ def open_browser(address: str) -> None:
 def _bound(host: str, port: int) -> socket.socket:
     """A socket on this address. Raises UserError if it cannot be had."""
     if not 0 <= port <= 65535:
-        raise UserError(f"port = {port}: must be 0 to 65535; 0 takes any that is free")
+        raise UserError(f"port = {port}: must be 0 to 65535; 0 takes any free port")
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (socket.gaierror, UnicodeError):
-        raise UserError(f"host = {host}: no such address here; try 127.0.0.1") from None
+        raise UserError(f"host = {host}: this machine has no such address; try 127.0.0.1") from None
     family, kind, protocol, _, address = found[0]
     bound = socket.socket(family, kind, protocol)
     if os.name == "posix":  # elsewhere it would let two servers have one port
@@ -209,7 +209,7 @@ def _bound(host: str, port: int) -> socket.socket:
     except OSError as error:
         bound.close()
         if error.errno == errno.EADDRINUSE:
-            what = f"port = {port}: in use; choose another, or 0 for any that is free"
+            what = f"port = {port}: in use; choose another, or 0 for any free port"
         elif error.errno == errno.EACCES:
             what = f"port = {port}: not allowed; choose one above 1023"
         else:
@@ -246,7 +246,7 @@ def _app_of(view: PageView) -> Starlette:
         is_number = number.isascii() and number.isdecimal() and len(number) < 10
         drop = view.archive.find(int(number)) if is_number else None
         if drop is None or drop.folder is None or name not in (*FILES, *FILMS):
-            return PlainTextResponse("there is no such file of a drop that is saved", 404)
+            return PlainTextResponse("no saved drop has such a file", 404)
         path = drop.folder / name
         try:
             if name in FILMS:
@@ -254,7 +254,7 @@ def _app_of(view: PageView) -> Starlette:
         except UserError as error:
             return PlainTextResponse(str(error), 503)
         if not path.is_file():
-            return PlainTextResponse(f"{path} is not there any more", 410)
+            return PlainTextResponse(f"{path} no longer exists", 410)
         return FileResponse(path, filename=f"{drop.folder.name}-{name}")
 
     return Starlette(

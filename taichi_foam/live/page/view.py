@@ -21,6 +21,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.live.controls import Controls, Value, heading
 from taichi_foam.live.messages import Frame, Pace, Pause, Step
 from taichi_foam.live.page import archive, commands
+from taichi_foam.live.page.cushion import Charts
 from taichi_foam.live.page.numbers import ENERGIES, FIGURES, Curve, Numbers, shown
 from taichi_foam.live.session import PACES, Outcome, Session
 from taichi_foam.picture import raster
@@ -112,6 +113,7 @@ class PageView:
         self.controls = Controls(scene)
         self.archive = archive.Archive(out, self._post_drops)
         self.session = Session(scene, self._keep, arch=arch, threads=threads)
+        self.charts = Charts(scene)
         self.watchers = 0  # viewers who are there; set by `viewers.Viewers`
         self._shape, self._draft = self.controls.shape, dict(self.controls.defaults)
         self._look, self._theme = Look(scene.output.mode, words=False), "auto"
@@ -134,7 +136,7 @@ class PageView:
         A viewer uses the same `reply` each time.
         """
         if not self._inbox.put(command, reply):
-            reply("too much at once; try again")
+            reply("too many commands at once; try again")
 
     def close(self) -> bool:
         """End the drop and have kept what it gave; whether this has cut it short."""
@@ -151,6 +153,7 @@ class PageView:
         while not self._is_closing.is_set():
             if not self._try(self._turn):
                 self._is_closing.wait(NUMBER_SECONDS)
+        self.charts.close()
         self._was_cut = self.session.finish()
         self.session.close()
 
@@ -186,6 +189,8 @@ class PageView:
         for event in events:
             if isinstance(event, Frame) and event.drop == self._numbers.drop:
                 self._numbers.take(event)
+        if self.charts.take():
+            self._post_chart()
         self._draw()
         now = time.monotonic()
         if now >= self._next_numbers:
@@ -196,7 +201,10 @@ class PageView:
             self._next_numbers = now + min(max(usual, 5.0 * took), IDLE_SECONDS)
 
     def _keep(self, outcome: Outcome) -> None:
-        about = list(self.controls.changes(outcome.result.scene).values())
+        scene, controls = outcome.result.scene, self.controls
+        about = [scene.name]
+        if controls.describes(scene):
+            about = list(controls.changes(scene).values())
         self.archive.add(outcome.drop, about, outcome.ended, outcome.result)
 
     # what viewers want
@@ -228,6 +236,17 @@ class PageView:
                 self._drop(shape, {**self._draft, **values})
             case commands.Reset():
                 self._drop(self.controls.shape, self.controls.defaults)
+            case commands.Cushion():
+                self.charts.ask(
+                    command.foam,
+                    command.thickness,
+                    command.drop_height,
+                    command.least,
+                    command.most,
+                )
+                self._post_chart()
+            case commands.Point(chart=chart, point=point):
+                self._begin(self.charts.scene(chart, point))
             case Pause() | Step() | Pace():
                 self.session.tell(command)
             case commands.Look(mode=mode, theme=theme, grid=grid):
@@ -237,10 +256,13 @@ class PageView:
                 self.archive.try_again()
 
     def _drop(self, shape: str, values: dict[str, Value]) -> None:
-        scene = self.controls.scene_of(shape, values)
+        self._begin(self.controls.scene_of(shape, values))
+        self._shape, self._draft = shape, dict(values)
+
+    def _begin(self, scene: Scene) -> None:
+        """Drop a scene, once the drop before is saved. Raises UserError."""
         self.archive.check(scene)
         self.session.drop(scene, finish_current=True)
-        self._shape, self._draft = shape, dict(values)
 
     # what viewers see
 
@@ -267,9 +289,12 @@ class PageView:
         self.view_state.post("numbers", told | self._numbers.told())
 
     def _post_scene(self) -> None:
-        scene, given = self.session.scene, self.controls.given
+        scene, controls = self.session.scene, self.controls
         known = reference_of(scene)
-        title, changes = heading(scene, given, self.controls.changes(scene))
+        is_described = controls.describes(scene)
+        title, changes = scene.name, []
+        if is_described:
+            title, changes = heading(scene, controls.given, controls.changes(scene))
         told = {
             "drop": self.session.number,
             "name": title,
@@ -279,8 +304,14 @@ class PageView:
             "measured": {"test": known.name, **known.figures} if known else None,
             "nodes": [scene.block.columns, scene.block.rows],
             "falls": scene.impactor is not None,
+            "controlled": is_described,
         }
         self.view_state.post("scene", told)
+        self._post_chart()
+
+    def _post_chart(self) -> None:
+        if self.charts.chart is not None:
+            self.view_state.post("chart", self.charts.chart.told(self.session.scene))
 
     def _post_settings(self) -> None:
         told = {
@@ -308,6 +339,7 @@ class PageView:
             "figures": FIGURES,
             "energies": [words for words, _ in ENERGIES],
             "drop_figures": shown(archive.FIGURES),
+            "cushion": self.charts.told(),
             "files": [[name, *words] for name, words in files.items() if any(words)],
         }
 

@@ -19,5 +19,5 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     yield server
     # whatever has been done to it
     code, said = server.stop()
-    assert (code, said) == (130, f"interrupted: what there was is in {out}\n")
+    assert (code, said) == (130, f"interrupted: what was computed is in {out}\n")
     assert Result.load(out / "paper-wedge-2.86-001").run["interrupted"]

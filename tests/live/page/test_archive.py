@@ -82,7 +82,7 @@ def test_what_a_disk_refuses_is_kept_and_saved_later(
     wait_until(lambda: all(drop["problem"] for drop in archive.told()["drops"]))
     assert "a file, not a folder" in archive.told()["drops"][0]["problem"]
     # no further drop begins, so that no result has to be thrown away
-    with pytest.raises(UserError, match="4 drops wait to be saved"):
+    with pytest.raises(UserError, match="4 drops are waiting to be saved"):
         archive.check(SCENE)
     out.unlink()
     archive.try_again()
@@ -146,7 +146,7 @@ def test_who_waits_for_a_film_when_the_server_ends_is_told(
             asking = asyncio.create_task(films.film(drop, "film.gif"))
             await asyncio.sleep(0.01)
             await end(asking)
-            with pytest.raises(UserError, match="the server ends"):
+            with pytest.raises(UserError, match="the server is shutting down"):
                 await asking
         await films.close()
 

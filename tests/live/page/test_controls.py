@@ -31,7 +31,7 @@ def test_ranges_and_words_are_those_of_the_fields(controls: Controls) -> None:
     told = {knob["key"]: knob for knob in controls.told()["knobs"]}
     velocity = told["impactor.velocity"]
     assert (velocity["min"], velocity["max"], velocity["open"]) == (0, 500, [])
-    assert velocity["about"] == "velocity at the start, downwards"
+    assert velocity["about"] == "initial velocity, downwards"
     assert velocity["allowed"] == "0 to 500 m/s"
     modulus = told["foam.youngs_modulus"]
     assert (modulus["min"], modulus["max"], modulus["unit"]) == (1e-3, 1e5, "MPa")
@@ -140,7 +140,7 @@ def test_a_scene_without_an_impactor_may_get_one() -> None:
         ("wedge", {"foam.yield_strain": 0}, "must be at least -0.5 and below 0; strains are"),
         ("wedge", {"foam.rate": 0.5}, "foam.rate = 0.5: must be none, or at least 1"),
         ("wedge", {"foam.densification_strain": -0.01}, "must be below foam.yield_strain"),
-        ("wedge", {"block.rows": 5000}, "200,000 mass points; here at most 100,000"),
+        ("wedge", {"block.rows": 5000}, "200,000 mass points; at most 100,000 here"),
     ],
 )
 def test_what_cannot_be_is_said_in_the_house_s_words(

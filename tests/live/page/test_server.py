@@ -394,7 +394,7 @@ def test_a_closed_terminal_or_the_end_of_a_service_loses_nothing(tmp_path: Path)
                 os.killpg(server.process.pid, number)
                 time.sleep(0.01)
         code, said = server.wait()
-        assert (code, said) == (130, f"interrupted: what there was is in {tmp_path}\n")
+        assert (code, said) == (130, f"interrupted: what was computed is in {tmp_path}\n")
         assert Result.load(tmp_path / "paper-wedge-2.86-001").run["interrupted"]
 
 
@@ -408,7 +408,7 @@ def test_what_could_not_be_saved_is_told_at_the_end(tmp_path: Path) -> None:
             viewer.wait_for("numbers", lambda m: m["state"] == "died")
         code, said = server.stop()
         assert code == 2
-        assert "not saved: drop 1: the process that computes was ended by signal 9" in said
+        assert "not saved: drop 1: the computing process ended by signal 9" in said
         assert list(tmp_path.iterdir()) == []
 
 
@@ -441,7 +441,7 @@ def test_elsewhere_any_name_of_the_machine_will_do(tmp_path: Path) -> None:
         assert server.get_as_stranger("/", {"Host": "lab-machine:80"}).status_code == 401
         code, said = server.stop(signal.SIGTERM)
     assert code in (0, 130)  # whether there was something to cut short yet
-    assert "warning: whoever reaches 0.0.0.0" in said
+    assert "warning: anyone who can reach 0.0.0.0" in said
 
 
 def test_silent_strangers_do_not_lock_the_owner_out(served: Served) -> None:

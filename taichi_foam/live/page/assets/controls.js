@@ -1,11 +1,10 @@
 // The controls of the next drop. A slider covers what is usual, its number field all that may be.
-import { typed } from "./typed.js";
+import { DIGITS, fitted, mark } from "./typed.js";
 
 const $ = (id) => document.getElementById(id);
 const GROUPS = { impactor: "Impactor", block: "Block", foam: "Foam" };
 const SOON = 150; // after the last movement of a slider the others are told [ms]
 const NOTCHES = 1000; // of a slider that goes by ratios
-const DIGITS = 12; // of a number as it is shown and read: a factor's rounding is beyond them
 
 export class Controls {
   constructor(send) {
@@ -32,8 +31,8 @@ export class Controls {
   order(message) {
     this.unsent = !this.send(message);
     if (this.unsent) {
-      this.problem("Nothing is dropped: the page has no connection to the program (taichi-foam serve). " +
-        "It keeps trying, and what is set here stays; press again once it is connected.");
+      this.problem("Nothing was dropped: the page has no connection to taichi-foam serve. " +
+        "It keeps trying to reconnect, and your settings are kept; press the button again once it is connected.");
     }
     return !this.unsent;
   }
@@ -100,22 +99,9 @@ export class Controls {
 
   // What stands in a field [SI], null for none. What cannot be is marked, and undefined.
   read(knob) {
-    const { value: shown, problem } = typed(knob.number.value);
-    const open = (word) => knob.open.includes(word), min = knob.min ?? -Infinity, max = knob.max ?? Infinity;
-    const fits = problem === undefined && (shown === null ? knob.optional
-      : Number.isFinite(shown) && !(shown < min || shown > max || (open("above") && shown <= min) ||
-          (open("below") && shown >= max) || (knob.whole && !Number.isInteger(shown))));
-    const text = knob.number.value.trim().slice(0, 30) || "nothing";
-    const allowed = `must be ${knob.allowed}${knob.whole ? ", a whole number" : ""}`;
-    this.mark(knob, fits ? "" : `${text}${problem ? ` ${problem}` : ""}: ${allowed}`);
-    if (!fits) return undefined;
-    return shown === null || knob.whole ? shown : Number((shown * knob.factor).toPrecision(DIGITS));
-  }
-
-  mark(knob, words) {
-    knob.number.setAttribute("aria-invalid", String(Boolean(words)));
-    knob.wrong.textContent = words;
-    knob.wrong.hidden = !words;
+    const { value, problem } = fitted(knob.number.value, knob);
+    mark(knob, problem ?? "");
+    return value;
   }
 
   touch(knob) {
@@ -156,7 +142,7 @@ export class Controls {
       if (value === undefined || this.own.has(key)) continue;
       const shown = value === null ? "" : String(this.shown(knob, value));
       if (knob.number.value !== shown) knob.number.value = shown; // else a caret would jump
-      this.mark(knob, "");
+      mark(knob, "");
       if (document.activeElement !== knob.slider || !message) this.slide(knob, value);
     }
     this.fit();
@@ -178,7 +164,7 @@ export class Controls {
       if (values[key] === undefined) wrong.push(knob);
     }
     if (wrong.length) {
-      this.problem(`Nothing is dropped. ${wrong.map(({ label, wrong: { textContent } }) => `${label} ${textContent}.`).join("\n")}`);
+      this.problem(`Nothing was dropped. ${wrong.map(({ label, wrong: { textContent } }) => `${label} ${textContent}.`).join("\n")}`);
       wrong[0].row.closest("details").open = true;
       wrong[0].number.focus();
       return;

@@ -1,9 +1,9 @@
 // The deceleration over time: the drop that goes on, the last ones as thin lines, what was measured.
 const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
 const SOME = 5000; // between two descriptions in words, which are read out [ms]
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-function roundUp(value) {
+export function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(Math.max(value, 1e-9)));
   return (NICE.find((n) => n * power >= value * (1 - 1e-9)) ?? 10) * power;
 }

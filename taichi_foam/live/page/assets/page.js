@@ -1,6 +1,7 @@
 // The page: one socket, the picture, the readouts and the transport. Numbers come in SI units.
 import { Controls } from "./controls.js";
 import { Curve } from "./curve.js";
+import { Cushion } from "./cushion.js";
 import { Tables, dash } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
@@ -13,6 +14,8 @@ let scene = null;
 let paces = [];
 let step = null; // [s]
 let state = "";
+const TABS = ["run", "cushion"];
+let tab = "run";
 
 // Whether it went: there may be no connection.
 const send = (message) => {
@@ -23,6 +26,7 @@ const send = (message) => {
 const controls = new Controls(send);
 const curve = new Curve($("curve"));
 const tables = new Tables(send);
+const cushion = new Cushion(send, () => openTab("run"));
 
 function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
@@ -45,11 +49,12 @@ function hear(message) {
       controls.connected();
       paces = message.paces;
       step = message.step;
-      $("step").title = `${Number((1e3 * step).toPrecision(3))} ms further, then stand still`;
+      $("step").title = `${Number((1e3 * step).toPrecision(3))} ms forward, then pause`;
       $("pace").replaceChildren(...paces.map((rate, n) => new Option(paceWords(rate), n)));
       $("mode").replaceChildren(...message.modes.map(([name, about]) => new Option(about, name)));
       controls.build(message.controls);
       tables.build(message);
+      cushion.build(message.cushion);
       break;
     case "settings": take(message); break;
     case "scene": show(message); break;
@@ -57,7 +62,8 @@ function hear(message) {
     case "curve": curve.add(message); break;
     case "curves": curve.former(message.curves); break;
     case "drops": tables.list(message.drops); break;
-    case "problem": controls.problem(message.text); break;
+    case "chart": cushion.take(message); break;
+    case "problem": (tab === "cushion" ? cushion : controls).problem(message.text); break;
   }
 }
 
@@ -84,10 +90,22 @@ function dress() {
   if (document.documentElement.dataset.theme === tone()) return;
   document.documentElement.dataset.theme = tone();
   curve.paint();
+  cushion.paint();
   watch();
 }
 
-const watch = () => send({ do: "watch", on: !document.hidden, tone: tone() });
+const watch = () => send({ do: "watch", on: !document.hidden && tab === "run", tone: tone() });
+
+// Show the one tab or the other.
+function openTab(name) {
+  tab = name;
+  for (const each of TABS) {
+    $(each).hidden = each !== name;
+    $(`${each}-tab`).setAttribute("aria-selected", String(each === name));
+    $(`${each}-tab`).tabIndex = each === name ? 0 : -1;
+  }
+  watch();
+}
 
 function show(message) {
   if (scene && scene.drop !== message.drop) controls.problem(""); // what was refused is another matter
@@ -105,6 +123,7 @@ function show(message) {
     tick.textContent = text;
     return tick;
   }));
+  $("apart").hidden = message.controlled;
   curve.begin(message);
   tables.begin(message);
 }
@@ -114,7 +133,9 @@ async function draw(data) {
   try {
     const start = 4 + new DataView(data).getUint32(0, true);
     const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, start - 4)));
-    const canvas = $("picture"), blob = new Blob([new Uint8Array(data, start)]);
+    const canvas = $("picture");
+    if (!canvas.clientWidth) return; // it is behind the other tab
+    const blob = new Blob([new Uint8Array(data, start)]);
     let image = await createImageBitmap(blob);
     const shown = Math.min(canvas.clientWidth, (canvas.clientHeight * image.width) / image.height);
     const width = Math.min(image.width, Math.round(shown * devicePixelRatio));
@@ -136,7 +157,7 @@ async function draw(data) {
   }
 }
 
-const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "at its end",
+const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "ended",
   "cut short": "cut short", failed: "failed", died: "stopped" };
 
 function tell(message) {
@@ -144,7 +165,7 @@ function tell(message) {
     state = message.state;
     $("state").dataset.state = state;
     $("state").textContent = WORDS[state];
-    $("pause").textContent = state === "paused" ? "Go on" : "Pause";
+    $("pause").textContent = state === "paused" ? "Resume" : "Pause";
     for (const id of ["pause", "step"]) $(id).disabled = !["running", "paused", "preparing"].includes(state);
   }
   const remedy = state === "died" ? ". Drop starts it again." : "";
@@ -157,8 +178,8 @@ function tell(message) {
 
 function speedWords({ pace, steps, steps_per_s }) {
   const words = [`${steps.toLocaleString("en")} steps`];
-  if (pace > 0) words.push(`goes at ${paceWords(pace)}`);
-  if (steps_per_s) words.push(`${Number(steps_per_s.toPrecision(2)).toLocaleString("en")} steps/s while it computes`);
+  if (pace > 0) words.push(`running at ${paceWords(pace)}`);
+  if (steps_per_s) words.push(`${Number(steps_per_s.toPrecision(2)).toLocaleString("en")} steps/s while computing`);
   return words.join(" · ");
 }
 
@@ -178,7 +199,7 @@ function lost(reason) {
   if (!reason) return;
   for (const id of ["pause", "step"]) $(id).disabled = true;
   $("state").dataset.state = "lost";
-  $("state").textContent = `${reason}; trying again`;
+  $("state").textContent = `${reason}; reconnecting`;
 }
 
 const look = () => send({ do: "look", mode: $("mode").value, theme: $("theme").value, grid: $("grid").checked });
@@ -189,6 +210,15 @@ $("slower").addEventListener("click", () => pace(Math.max(0, Number($("pace").va
 $("faster").addEventListener("click", () => pace(Math.min(paces.length - 1, Number($("pace").value) + 1)));
 $("pause").addEventListener("click", () => send({ do: "pause", on: state !== "paused" }));
 $("step").addEventListener("click", () => send({ do: "step", seconds: step }));
+for (const name of TABS) {
+  $(`${name}-tab`).addEventListener("click", () => openTab(name));
+  $(`${name}-tab`).addEventListener("keydown", ({ key }) => {
+    if (!["ArrowLeft", "ArrowRight"].includes(key)) return;
+    const other = TABS.find((each) => each !== name); // there are two: either way leads to the other
+    openTab(other);
+    $(`${other}-tab`).focus();
+  });
+}
 document.addEventListener("visibilitychange", watch);
 dark.addEventListener("change", dress);
 

@@ -3,7 +3,7 @@ const $ = (id) => document.getElementById(id);
 export const dash = (value, digits, factor = 1) =>
   (value === null || value === undefined ? "–" : (factor * value).toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
 
-function row(head, ...cells) {
+export function row(head, ...cells) {
   const tr = document.createElement("tr"), th = document.createElement("th");
   th.scope = "row";
   th.textContent = head;
@@ -50,7 +50,7 @@ export class Tables {
     $("energies").tBodies[0].replaceChildren(...this.energies.map(({ tr }) => tr));
     this.columns = drop_figures;
     this.links = files;
-    const heads = [["drop"], ["what is new"], ...drop_figures.map(([, label, unit]) => [label, unit]), ["ended by"], ["files"]];
+    const heads = [["drop"], ["changes"], ...drop_figures.map(([, label, unit]) => [label, unit]), ["ended by"], ["files"]];
     $("list").tHead.rows[0].replaceChildren(...heads.map((words) => {
       const th = document.createElement("th");
       th.scope = "col";
@@ -88,7 +88,7 @@ export class Tables {
   // Key figures take long to measure: while the run goes on they may be older than the picture.
   date() {
     $("figures").classList.toggle("stale", this.measured !== null && this.measured < this.shown);
-    $("figures-time").textContent = this.measured === null ? "" : `of t = ${dash(this.measured, 2, 1e3)} ms`;
+    $("figures-time").textContent = this.measured === null ? "" : `at t = ${dash(this.measured, 2, 1e3)} ms`;
   }
 
   instant({ time, energies }) {
@@ -126,7 +126,7 @@ export class Tables {
       const waits = Object.entries(films).filter(([, standing]) => standing !== "ready");
       says.className = waits.some(([, standing]) => !["waiting", "drawing"].includes(standing)) ? "bad" : "wait";
       says.textContent = waits.map(([name, standing]) =>
-        ({ waiting: `${name} waits for its turn…`, drawing: `drawing ${name}…` })[standing] ?? standing).join(" ");
+        ({ waiting: `${name} is waiting for its turn…`, drawing: `drawing ${name}…` })[standing] ?? standing).join(" ");
     } else if (problem) {
       const again = document.createElement("button");
       again.type = "button";

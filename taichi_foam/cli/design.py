@@ -1,0 +1,150 @@
+"""`taichi-foam design`: a pad for a product's mass, drop height and fragility."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from taichi_foam.cli.options import Arch, Overwrite, Threads
+from taichi_foam.cli.outcome import command
+
+if TYPE_CHECKING:
+    from taichi_foam.picture import document
+
+
+def design_command(
+    mass: Annotated[float, typer.Option(help="Mass of the product [kg; us: lb].")],
+    fragility: Annotated[
+        float, typer.Option(metavar="G", help="Largest deceleration that it survives [g].")
+    ],
+    drop: Annotated[
+        float | None,
+        typer.Option(help="Drop height [m; us: in]; default: that of ISTA 1A for the mass."),
+    ] = None,
+    dv_critical: Annotated[
+        float | None,
+        typer.Option(
+            metavar="V",
+            help="Critical velocity change [m/s; us: in/s]: below it no deceleration damages.",
+        ),
+    ] = None,
+    foam: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Foam of the library, foam file or compression test (CSV); repeatable; default: "
+            "all of the library.",
+        ),
+    ] = None,
+    max_thickness: Annotated[
+        float | None, typer.Option(metavar="T", help="Largest thickness with room [mm; us: in].")
+    ] = None,
+    max_area: Annotated[
+        float | None, typer.Option(metavar="A", help="Largest area of the pad [cm2; us: in2].")
+    ] = None,
+    stock: Annotated[
+        str | None,
+        typer.Option(
+            metavar="T,...", help="Thicknesses to choose from [mm; us: in]; default: usual ones."
+        ),
+    ] = None,
+    shape: Annotated[
+        str, typer.Option(metavar="flat|edge|rib|FILE.csv", help="Shape of the pad.")
+    ] = "flat",
+    drops: Annotated[
+        int, typer.Option(metavar="N", help="Falls on one cushion that it must survive.")
+    ] = 1,
+    runs: Annotated[
+        int, typer.Option(metavar="N", help="Runs that must all hold; 0: the formulas alone.")
+    ] = 16,
+    braced: Annotated[
+        bool, typer.Option("--braced", help="The pad is held at its sides: it does not buckle.")
+    ] = False,
+    temperature: Annotated[
+        float | None, typer.Option(metavar="C", help="Most extreme temperature of transport [C].")
+    ] = None,
+    tests: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Own cushion tests, to compare: height, thickness, static stress, peak, with "
+            "units in the header.",
+        ),
+    ] = None,
+    units: Annotated[
+        str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
+    ] = "si",
+    out: Annotated[
+        str | None, typer.Option(help="Folder for the report; default designs/MASS-FRAGILITY.")
+    ] = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Find a foam, a thickness and an area that protect a product, and verify them by runs."""
+    with command() as terminal:
+        from taichi_foam.cushions import design_report
+        from taichi_foam.cushions.checks import checks
+        from taichi_foam.cushions.design import design
+        from taichi_foam.cushions.shown import units as units_of
+        from taichi_foam.errors import UserError
+
+        used = units_of(units)
+
+        def si(kind: str, number: float | None) -> float | None:
+            return None if number is None else used.si(kind, number)
+
+        try:
+            sheets = (
+                [used.si("length", float(each)) for each in stock.split(",")] if stock else None
+            )
+        except ValueError:
+            raise UserError(
+                f"--stock {stock}: must be numbers with commas between them, such as 25,50"
+            ) from None
+        name = f"{mass:g}{used.unit('mass')}-{fragility:g}g"
+        folder = out or f"designs/{name}"
+        found = design(
+            used.si("mass", mass),
+            fragility,
+            si("height", drop),
+            foams=foam or (),
+            dv_critical=si("velocity", dv_critical),
+            max_thickness=si("length", max_thickness),
+            max_area=si("area", max_area),
+            stock=sheets,
+            shape=shape,
+            drops=drops,
+            runs=runs,
+            braced=braced,
+            temperature=temperature,
+            tests=tests,
+            units=units,
+            out=folder,
+            overwrite=overwrite,
+            arch=arch,
+            threads=threads,
+            bars=terminal.bars,
+        )
+        for text in design_report.lead(found):
+            terminal.show(text)
+        if found.pads:
+            terminal.show("", _terminal_table(design_report.candidates_table(found), "Candidates"))
+        if found.pad is not None:
+            made = design_report.checks_table(checks(found.pad, used, temperature))
+            terminal.show("", _terminal_table(made, "Checks"), "")
+        terminal.where(folder)
+
+
+def _terminal_table(found: document.Table, title: str) -> Table:
+    """A table of a report, for the terminal."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for place, head in enumerate(found.head):
+        justify = "left" if place == 0 or found.is_text else "right"
+        table.add_column(head.replace(" (", "\n("), justify=justify)
+    for row in found.rows:
+        table.add_row(*map(escape, row))
+    return table

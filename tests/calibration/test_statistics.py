@@ -1,0 +1,127 @@
+"""The emulator and the posterior, against closed forms and against scikit-learn itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sklearn.gaussian_process import GaussianProcessRegressor
+
+from taichi_foam.calibration.emulator import Emulator, emulator_of
+from taichi_foam.calibration.outcome import parameters_of
+from taichi_foam.calibration.posterior import RULED_OUT, Posterior, Target, next_points, sample
+from taichi_foam.calibration.space import Range, Space, sobol
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Linear:
+    """An emulator whose figures are linear in the parameters, with known deviations."""
+
+    slopes: Array  # (k, d)
+    deviation: Array  # (k,)
+
+    @property
+    def correlation(self) -> Array:
+        return np.eye(len(self.deviation))
+
+    def predict(self, unit: Array) -> tuple[Array, Array]:
+        mean = unit @ self.slopes.T
+        return mean, np.broadcast_to(self.deviation, mean.shape)
+
+    def success(self, unit: Array) -> Array:
+        return np.ones(len(unit))
+
+
+def target_at(truth: Array, slopes: Array, deviation: float, error: float) -> Target:
+    """Figures measured without luck, good or bad: the posterior is centred on the truth."""
+    size = len(slopes)
+    emulator = cast(Emulator, Linear(slopes, np.full(size, deviation)))
+    return Target(emulator, slopes @ truth, error**2 * np.eye(size), np.ones(size))
+
+
+def test_the_posterior_of_linear_figures_is_normal_with_the_covariance_of_least_squares() -> None:
+    slopes, truth = np.array([[1.0, 0.5], [0.0, 1.0], [1.0, -1.0]]), np.array([0.45, 0.55])
+    found = sample([target_at(truth, slopes, 0.03, 0.04)], 2, 0.0)
+    expected = np.linalg.inv(slopes.T @ slopes / 0.05**2)
+    # sampling errors: of a mean sd/sqrt(n), of a variance its sqrt(2/n) part
+    error = 4.0 / np.sqrt(found.independent)
+    assert found.independent > 500
+    assert found.unit.mean(axis=0) == pytest.approx(truth, abs=error * np.sqrt(expected.max()))
+    assert np.cov(found.unit.T) == pytest.approx(expected, abs=error * np.sqrt(2) * expected.max())
+
+
+def test_a_discrepancy_is_found_where_figures_contradict_each_other() -> None:
+    """Two figures that depend on the same parameter, 0.2 apart, with errors of 0.01."""
+    slopes = np.array([[1.0], [1.0]])
+    torn = Target(
+        cast(Emulator, Linear(slopes, np.full(2, 0.01))),
+        np.array([0.4, 0.6]), 1e-4 * np.eye(2), np.ones(2),
+    )  # fmt: skip
+    at_one = target_at(np.array([0.5]), slopes, 0.01, 0.01)
+    apart, together = sample([torn], 1, most=400), sample([at_one], 1, most=400)
+    assert np.quantile(apart.discrepancy, 0.05) > np.median(together.discrepancy)
+    assert apart.unit.std() > 2 * together.unit.std()
+
+
+def test_another_wave_goes_where_nothing_is_ruled_out() -> None:
+    target = target_at(np.array([0.3, 0.7]), np.eye(2), 0.02, 0.02)
+    points, part = next_points([target], 2, 64, 0.0, 0)
+    # two figures: the larger deviation counts, so that a square is left
+    reach = RULED_OUT * np.hypot(0.02, 0.02)
+    assert np.abs(points - [0.3, 0.7]).max() <= reach
+    assert part == pytest.approx((2 * reach) ** 2, rel=0.1)
+
+
+def test_the_emulator_predicts_what_scikit_learn_predicts(monkeypatch) -> None:
+    fitted: list[GaussianProcessRegressor] = []
+    fit = GaussianProcessRegressor.fit
+
+    def recorded(process, *data):
+        fitted.append(process)
+        return fit(process, *data)
+
+    monkeypatch.setattr(GaussianProcessRegressor, "fit", recorded)
+    unit = sobol(2, 32, 0)
+    noise = 0.05 * np.random.default_rng(0).normal(size=32)
+    figures = np.stack([np.sin(3 * unit[:, 0]) + noise, 50.0 + unit[:, 1] ** 2 + noise], axis=1)
+    emulator = emulator_of(unit, figures)
+    at = sobol(2, 16, 1)
+    mean, deviation = emulator.predict(at)
+    for k, process in enumerate(fitted):
+        expected = process.predict(at, return_std=True)
+        assert mean[:, k] == pytest.approx(expected[0], abs=1e-6)
+        assert deviation[:, k] == pytest.approx(expected[1] * emulator.widening[k], rel=1e-3)
+        # the noise is in the deviation once: no prediction is surer than the scatter allows
+        assert (deviation[:, k] > 0.5 * 0.05).all()
+
+
+def test_failed_runs_are_outside() -> None:
+    unit = sobol(2, 64, 0)
+    figures = unit.sum(axis=1, keepdims=True)
+    figures[unit[:, 0] > 0.7] = np.nan
+    success = emulator_of(unit, figures).success(np.array([[0.2, 0.5], [0.95, 0.5]]))
+    assert success[0] > 0.9
+    assert success[1] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("covariance", "verdicts"),
+    [
+        ([[1e-4, 0.0], [0.0, 10.0]], ["determined", "not determined"]),
+        ([[0.03, -0.0298], [-0.0298, 0.03]], ["only together with b", "only together with a"]),
+    ],
+)
+def test_what_the_data_do_not_determine_is_flagged(
+    covariance: list[list[float]], verdicts: list[str]
+) -> None:
+    """A parameter without influence, and two of which only the sum is known."""
+    drawn = np.random.default_rng(0).multivariate_normal([0.5, 0.5], covariance, 200_000)
+    inside = drawn[((drawn > 0) & (drawn < 1)).all(axis=1)]
+    space = Space((Range("a", 0.0, 1.0), Range("b", 1.0, 3.0)))
+    found = parameters_of(space, Posterior(inside, np.zeros(len(inside)), 1e3, 0.3))
+    assert [each.verdict for each in found] == verdicts
