@@ -224,7 +224,7 @@ def _one(curve: Curve, way: str, system: Units) -> str:
         return f"{Path(str(value)).stem} pad"
     if way == "thickness":
         return f"{system.text('length', value)} thick"
-    return f"drop from {system.text('height', value)}"
+    return f"from {system.text('height', value)}"
 
 
 def _words(curve: Curve, system: Units, among: Sequence[Curve] = ()) -> str:
