@@ -121,7 +121,7 @@ def test_what_was_computed_before_an_interruption_is_not_computed_again(
     expected = tf.cushion_curve(TEST, 0.05, [0.46, 0.76], runs=2, points=9)
     cut = Solver(limit=30)
     computed_by(cut, monkeypatch)
-    with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+    with pytest.raises(KeyboardInterrupt, match="the same command continues from there"):
         ask(runs=2)
     assert not (out / "cushion.csv").exists()
     rest = Solver()
