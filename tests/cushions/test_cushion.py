@@ -126,7 +126,7 @@ def test_what_was_computed_before_an_interruption_is_not_computed_again(
     assert not (out / "cushion.csv").exists()
     rest = Solver()
     computed_by(rest, monkeypatch)
-    with pytest.raises(UserError, match="unfinished work of another request, runs = 2"):
+    with pytest.raises(UserError, match="unfinished work of another command, with runs = 2"):
         ask(runs=3)
     found = ask(runs=2)
     assert found.table == expected.table
