@@ -420,7 +420,12 @@ def cushion_curve(
         with tempfile.TemporaryDirectory() as folder:
             return _found(asked, Path(folder), how, None)
     with claimed(out, {**asked.request, "units": units}, overwrite) as claim:
-        found = _found(asked, claim.work / "points", how, claim.folder)
+        try:
+            found = _found(asked, claim.work / "points", how, claim.folder)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"what is computed is in {out}; the same command continues from there"
+            ) from None
         with held_interrupts(), claim.publishing() as staging:
             write(found, staging, units)
         claim.finish()

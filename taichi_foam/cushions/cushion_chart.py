@@ -224,7 +224,7 @@ def _one(curve: Curve, way: str, system: Units) -> str:
         return f"{Path(str(value)).stem} pad"
     if way == "thickness":
         return f"{system.text('length', value)} thick"
-    return f"drop from {system.text('height', value)}"
+    return f"from {system.text('height', value)}"
 
 
 def _words(curve: Curve, system: Units, among: Sequence[Curve] = ()) -> str:
@@ -325,4 +325,4 @@ def _number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "–"
     rounded = float(f"{value:.3g}")
-    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:.3g}"
+    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:#.3g}"

@@ -21,7 +21,7 @@ from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.folders import check_writable, explained
 from taichi_foam.results.result import Result, storage_bytes
 from taichi_foam.scene import Scene
-from taichi_foam.sweeps.plan import Plan, work
+from taichi_foam.sweeps.plan import work
 from taichi_foam.sweeps.sampling import Design
 from taichi_foam.sweeps.store import MARK
 
@@ -168,11 +168,11 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
     return Estimate(found.drops, found.bytes, seconds)
 
 
-def check_room(folder: Path, plan: Plan) -> None:
+def check_room(folder: Path, design: Design) -> None:
     """Raise UserError if the disk cannot hold a sweep; the space it already takes is included."""
     there = bytes_in(folder) if (folder / MARK).is_file() else 0
     with explained(folder):
-        check_writable(folder, room(Design(plan)).bytes, "the sweep", "or keep less", there)
+        check_writable(folder, room(design).bytes, "the sweep", "or keep less", there)
 
 
 def bytes_in(folder: Path) -> int:

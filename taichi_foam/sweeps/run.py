@@ -122,10 +122,11 @@ def prepare(
     if workers is not None and not 1 <= workers <= 1000:
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)
-    Design(checked).check(MOST_CHECKED)
+    design = Design(checked)
+    design.check(MOST_CHECKED)
     resolved(out)  # refuses an invalid folder name
     folder = Path(out).absolute()
-    dealing.check_room(folder, checked)
+    dealing.check_room(folder, design)
     return folder, checked
 
 

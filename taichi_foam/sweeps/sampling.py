@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain
 from typing import Any
 
@@ -25,6 +25,9 @@ from taichi_foam.sweeps.plan import Axis, Plan
 
 # Seeds of scattered strengths are 32 bits wide.
 _SEEDS = 2**32
+
+# Members of a design that are kept, to be built once.
+_KEPT = 1024
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,8 @@ class Design:
             levels.append(([axis.key for axis in ranges], points))
         self._levels = sorted(levels, key=_changes_smoothly)
         self.keys = [axis.key for axis in plan.axes]
+        # drops of a sweep are checked, weighed and then computed: few are built three times
+        self._built = lru_cache(maxsize=_KEPT)(self._member)
 
     def __len__(self) -> int:
         return self.plan.count
@@ -101,6 +106,9 @@ class Design:
 
     def member(self, number: int) -> Member:
         """One drop. Raises UserError: its values make an invalid scene."""
+        return self._built(number)
+
+    def _member(self, number: int) -> Member:
         axes, repeat = self.axes(number)
         data = changed(self._data, axes)
         varied = None

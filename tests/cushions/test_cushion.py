@@ -121,12 +121,12 @@ def test_what_was_computed_before_an_interruption_is_not_computed_again(
     expected = tf.cushion_curve(TEST, 0.05, [0.46, 0.76], runs=2, points=9)
     cut = Solver(limit=30)
     computed_by(cut, monkeypatch)
-    with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+    with pytest.raises(KeyboardInterrupt, match="the same command continues from there"):
         ask(runs=2)
     assert not (out / "cushion.csv").exists()
     rest = Solver()
     computed_by(rest, monkeypatch)
-    with pytest.raises(UserError, match="unfinished work of another request, runs = 2"):
+    with pytest.raises(UserError, match="unfinished work of another command, with runs = 2"):
         ask(runs=3)
     found = ask(runs=2)
     assert found.table == expected.table
