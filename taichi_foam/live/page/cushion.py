@@ -36,6 +36,8 @@ POINTS, FINE = 10, 200
 #: The usual range of static stresses: from the formula's optimum over this to where the peak is so
 #: many times the least one.
 LOW, HIGH = 6.0, 3.0
+#: It ends at this part of the plateau's stress: under more the foam is crushed by the weight alone.
+STANDS = 0.95
 #: Strains at which the foam's stress is evaluated.
 STRAINS = 2001
 #: How long a chart may compute [s]: the time of a drop grows with the stiffness of the foam.
@@ -288,7 +290,9 @@ class Charts:
 def _chart(number: int, asked: Drops, about: str, least: float | None, most: float | None) -> Chart:
     """A chart with nothing simulated yet. Raises UserError."""
     thickness, height = asked.thickness, asked.drop_height
-    strain, stress = _curve(asked.scene(1e3))
+    scene = asked.scene(1e3)
+    strain, stress = _curve(scene)
+    plateau = scene.foam.landmarks.plateau_stress
     best, stop = energy.optimum(strain, stress, height, thickness)
 
     def peaks(statics: Any) -> np.ndarray:
@@ -300,9 +304,14 @@ def _chart(number: int, asked: Drops, about: str, least: float | None, most: flo
         inside = fine[peaks(fine) <= HIGH * stop.g]
         most = float(inside[-1]) if inside.size else best
         most = max(most, 1.2 * best) if least is None else max(most, 2.0 * least)
-        most = min(most, given.high * given.factor)
+        most = min(most, STANDS * plateau, given.high * given.factor)
     if least is None:
         least = max(min(best / LOW, 0.5 * most), given.low * given.factor)
+    if most >= plateau:
+        raise UserError(
+            f"most = {1e-3 * most:.6g} kPa: must be below the foam's plateau stress, "
+            f"{1e-3 * plateau:.4g} kPa; under more it is crushed by the weight alone"
+        )
     if not least < most:
         ends = f"{1e-3 * least:.6g} kPa"
         raise UserError(f"most = {1e-3 * most:.6g} kPa: must be above the least one, {ends}")

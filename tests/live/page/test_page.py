@@ -446,7 +446,7 @@ def test_a_point_of_the_cushion_chart_is_watched(browser: Chrome, tmp_path: Path
             lambda: page.text("#name").startswith("cushion, foam of paper/wedge-2.86, 50 mm")
         )
         assert page["#apart"].is_displayed()
-        page.until(lambda: page.text("#state") == "at its end")
+        page.until(lambda: page.text("#state") == "ended")
         raw = page.ask(
             "[...document.querySelectorAll('#figures tr')].find((tr) =>"
             " tr.textContent.startsWith('raw peak in g')).children[1].textContent"

@@ -98,7 +98,9 @@ export class Cushion {
     const { points, waits, problem, least } = this.chart;
     const done = points.filter(({ state }) => state === "simulated").length;
     const failed = points.filter(({ state }) => state === "failed");
-    const words = [`By formula the least is ${dash(least[1], 1)} g, at ${dash(least[0], 2, 1e-3)} kPa.`];
+    const way = least[0] < points[0].static ? "rises" : least[0] > points.at(-1).static ? "falls" : "";
+    const words = [way ? `By formula the peak ${way} throughout this range.`
+      : `By formula the least is ${dash(least[1], 1)} g, at ${shown(Number(least[0].toPrecision(3)), 1e-3)} kPa.`];
     words.push(waits ? `${done} of ${points.length} drops simulated, the others are being computed.` : `${done} of ${points.length} drops simulated.`);
     if (failed.length) words.push(`${failed.length} gave no peak: ${failed[0].why}.`);
     if (problem) words.push(`The others will not come: ${problem}.`);
