@@ -29,6 +29,18 @@ ALONE = "1"
 
 MOST_NODES = 5_000  # of the lattices that are computed
 
+# Flat cushions, of one foam of each law: what cushion curves and designs compute.
+CUSHIONS = ("eps-20", "rigid-pu-40")
+
+CUSHION = """
+import sys
+import taichi_foam as tf
+from taichi_foam.cushions.scenes import cushion_scene
+foam, counts = sys.argv[1:]
+for count in counts.split(","):
+    tf.run_many([cushion_scene(foam, 0.05, 0.76, 3000.0)] * int(count))
+"""
+
 COMPUTED = """
 import sys
 import taichi_foam as tf
@@ -54,6 +66,7 @@ def commands(folder: Path) -> list[list[str]]:
             [sys.executable, "-c", COMPUTED, name, counts, str(MOST_NODES), *values]
             for name, counts, *values in computed
         ),
+        *([sys.executable, "-c", CUSHION, foam, SIDE_BY_SIDE] for foam in CUSHIONS),
         [*program, "run", PAPER[2], "--out", str(folder / "drawn")],
     ]
 
