@@ -88,7 +88,8 @@ def main() -> int:
             done = subprocess.run(
                 command, env=settings, capture_output=True, text=True, check=False
             )
-            print(f"{'done' if done.returncode == 0 else 'FAILED'}: {' '.join(command[-3:])}")
+            told = " ".join(part for part in command[-3:] if "\n" not in part)
+            print(f"{'done' if done.returncode == 0 else 'FAILED'}: {told}")
             return done
 
         with ThreadPoolExecutor(max(1, (cpu_count() or 1))) as pool:

@@ -207,8 +207,12 @@ class _Study:
         with self.bars.counting("posterior", "posterior", 1, "chain") as advance:
             found = sample([target], len(self.space), self.given, self.seed)
             advance()
-        chosen = np.random.default_rng(self.seed).choice(len(found.unit), PREDICTIVE, replace=False)
-        plan = plan_at(self.scene, self.space, self.space.values(found.unit[chosen]), 0)
+        # a chain stays where a proposal was refused: each point once, as likely as it is frequent
+        points, counts = np.unique(found.unit, axis=0, return_counts=True)
+        chosen = np.random.default_rng(self.seed).choice(
+            len(points), PREDICTIVE, replace=False, p=counts / counts.sum()
+        )
+        plan = plan_at(self.scene, self.space, self.space.values(points[chosen]), 0)
         predicted = self._runs("predicted", plan)
         names = [*(self.reading.reader.names if self.reading else ()), *self.known]
         return Calibration(

@@ -29,8 +29,8 @@ LEAST_RUNS = 12
 """Fewest runs with figures that an emulator is made of."""
 
 _PURPOSE, _EXTRA = "calibrating", "taichi-foam[calibrate]"
-_LENGTHS = (0.05, 50.0)
-"""Bounds of a length, in ranges: a parameter with the longest has no influence."""
+_LONGEST = 50.0
+"""Longest length, in ranges: a parameter that has it has no influence."""
 
 _NO_SPREAD = 1e-9
 
@@ -115,12 +115,16 @@ class Emulator:
     explained    (k,) part of the variance of the runs that is predicted when each is left out
     widening     (k,) factor of the deviations, at least 1
     correlation  (k, k) of the errors
+    doubt        factor of the covariance of all figures together, since it is estimated from the
+                 runs: the inverse of an estimated covariance is too large on average, by
+                 (n - 1)/(n - k - 2) (Hartlap, Simon & Schneider 2007)
     """
 
     errors: Array
     explained: Array
     widening: Array
     correlation: Array
+    doubt: float
     _processes: _Processes
     _classifier: Any
 
@@ -166,13 +170,15 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         )
     inside, known = unit[good], figures[good]
     lengths: Any = np.full(unit.shape[1], 0.5)  # their type is declared as that of one
+    # what is finer than the runs are apart cannot be told from their scatter
+    finest = min(len(known) ** (-1.0 / unit.shape[1]), 0.5)
     fitted = []
     with warnings.catch_warnings():
         # a length or a noise at its bound is a finding, not a failure
         warnings.simplefilter("ignore", ConvergenceWarning)
         for column in known.T:
             kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(
-                lengths, _LENGTHS, nu=2.5
+                lengths, (finest, _LONGEST), nu=2.5
             ) + WhiteKernel(1e-2, (1e-6, 1.0))
             process = GaussianProcessRegressor(
                 kernel, alpha=1e-10, normalize_y=True, random_state=seed
@@ -194,6 +200,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         explained=1.0 - np.mean(off**2, axis=0),
         widening=np.maximum(1.0, np.sqrt(np.mean(errors**2, axis=0))),
         correlation=shared / np.outer(size, size),
+        doubt=(len(known) - 1) / max(len(known) - known.shape[1] - 2, 1),
         _processes=processes,
         _classifier=classifier,
     )

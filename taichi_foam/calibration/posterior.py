@@ -65,7 +65,8 @@ class Target:
     def log_likelihood(self, unit: Array, discrepancy: Array) -> Array:
         """Logarithm (m,) of the likelihood at points (m, d) with discrepancies (m,)."""
         mean, deviation = self.emulator.predict(unit)
-        simulated = deviation[:, :, None] * self.emulator.correlation * deviation[:, None, :]
+        shared = self.emulator.doubt * self.emulator.correlation
+        simulated = deviation[:, :, None] * shared * deviation[:, None, :]
         lacking = np.eye(len(self.size)) * ((discrepancy[:, None] * self.size) ** 2)[:, None, :]
         factor = np.linalg.cholesky(simulated + self.covariance + lacking)
         off = np.linalg.solve(factor, (self.measured - mean)[:, :, None])[:, :, 0]

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.analysis.bands import band
 from taichi_foam.cushions.refine import next_points
-from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene
+from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene, stress_curve
 from taichi_foam.cushions.shown import units as units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
@@ -81,8 +81,6 @@ LOW = 6.0
 
 WITHIN = 0.1
 """The range around the minimum is where the peak is larger by at most this part."""
-
-_STRAINS = 4001
 
 # Keys of a scene in which the points of one shape may differ.
 _KEYS = (
@@ -239,7 +237,7 @@ class CushionCurve:
         low, median, high = np.array(peaks, dtype=np.float64).T
         balance = None
         if number == 1 and pad.shape == FLAT:
-            e, s = curve_of(self.scene)
+            e, s = stress_curve(self.scene)
             balance = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, rising)
         return Curve(
             pad,
@@ -258,7 +256,7 @@ class CushionCurve:
         if pad.shape != FLAT:
             return None
         statics = [drop.static_stress for drop in self.drops if drop.pad == pad]
-        e, s = curve_of(self.scene)
+        e, s = stress_curve(self.scene)
         fine = np.geomspace(min(statics), max(statics), 400)
         g = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, fine)
         least, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
@@ -454,21 +452,6 @@ def write(found: CushionCurve, folder: Path, units: str = "si") -> None:
     found.report(folder / "report.html", units)
 
 
-def curve_of(scene: Scene) -> tuple[Array, Array]:
-    """(n,) strains and stresses [Pa] of a scene's foam, positive in compression, to its locking.
-
-    Raises UserError: its law states no stress.
-    """
-    strain = np.linspace(0.0, min(-scene.foam.landmarks.limit, 1.0), _STRAINS)
-    stress = scene.foam.loading(strain)
-    if stress is None:
-        raise UserError(
-            f"foam: its law, {scene.foam.law}, states no stress, so that there is no energy "
-            "balance. Fix: give a foam with a curve"
-        )
-    return strain, stress
-
-
 @dataclass(frozen=True)
 class _Asked:
     """A request, checked: the pads, and how each is computed."""
@@ -559,7 +542,7 @@ class _Asked:
         """
         flat = Pad(FLAT, pad.thickness, pad.drop_height)
         scene = replace(self, shapes={FLAT: FLAT}).scene(flat, _LIGHT)
-        e, s = curve_of(scene)
+        e, s = stress_curve(scene)
         best, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
         most = 0.95 * scene.foam.landmarks.plateau_stress
         fine = np.geomspace(best, max(most, 1.01 * best), 400)

@@ -16,10 +16,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.scene.library import read_corners
 from taichi_foam.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
 
 Corners = list[tuple[float, float]]
 
@@ -36,6 +41,8 @@ SHAPES = ("flat", "edge", "rib")
 
 LONGEST = 0.5
 """Longest time of a drop [s]; the run itself ends when the product has come to rest."""
+
+_STRAINS = 4001  # at which a foam's stress is evaluated
 
 
 def cushion_scene(
@@ -111,6 +118,21 @@ def cushion_scene(
         "output": {"film": False, "snapshot_interval": 0.005},
     }
     return Scene.checked(data, "cushion")
+
+
+def stress_curve(scene: Scene) -> tuple[Array, Array]:
+    """(n,) strains and stresses [Pa] of a scene's foam, positive in compression, to its locking.
+
+    Raises UserError: its law states no stress.
+    """
+    strain = np.linspace(0.0, min(-scene.foam.landmarks.limit, 1.0), _STRAINS)
+    stress = scene.foam.loading(strain)
+    if stress is None:
+        raise UserError(
+            f"foam: its law, {scene.foam.law}, states no stress, so that there is no energy "
+            "balance. Fix: give a foam with a curve"
+        )
+    return strain, stress
 
 
 def foam_data(foam: Any) -> Any:

@@ -24,6 +24,7 @@ class Linear:
 
     slopes: Array  # (k, d)
     deviation: Array  # (k,)
+    doubt: float = 1.0
 
     @property
     def correlation(self) -> Array:

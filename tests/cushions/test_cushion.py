@@ -14,7 +14,7 @@ import pytest
 import taichi_foam as tf
 from taichi_foam.analysis.balance import balance
 from taichi_foam.cushions import cushion
-from taichi_foam.cushions.scenes import cushion_scene
+from taichi_foam.cushions.scenes import cushion_scene, stress_curve
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
 from taichi_foam.records.ending import Ending
@@ -106,7 +106,7 @@ def test_curves_are_refined_to_their_minimum(monkeypatch: pytest.MonkeyPatch) ->
         assert curve.is_bracketed
         low, high = curve.good_range
         assert low < fine.least[0] < high
-        e, s = cushion.curve_of(found.scene)
+        e, s = stress_curve(found.scene)
         ends = energy.cushion_curve(e, s, 0.76, curve.pad.thickness, [low, high])
         np.testing.assert_allclose(ends, 1.1 * fine.least[1], rtol=0.02)
 

@@ -38,8 +38,6 @@ POINTS, FINE = 10, 200
 LOW, HIGH = 6.0, 3.0
 #: It ends at this part of the plateau's stress: under more the foam is crushed by the weight alone.
 STANDS = 0.95
-#: Strains at which the foam's stress is evaluated.
-STRAINS = 2001
 #: How long a chart may compute [s]: the time of a drop grows with the stiffness of the foam.
 MOST_SECONDS = 300.0
 #: How little the process that computes gets of a busy machine.
@@ -289,9 +287,11 @@ class Charts:
 
 def _chart(number: int, asked: Drops, about: str, least: float | None, most: float | None) -> Chart:
     """A chart with nothing simulated yet. Raises UserError."""
+    from taichi_foam.cushions.scenes import stress_curve
+
     thickness, height = asked.thickness, asked.drop_height
     scene = asked.scene(1e3)
-    strain, stress = _curve(scene)
+    strain, stress = stress_curve(scene)
     plateau = scene.foam.landmarks.plateau_stress
     best, stop = energy.optimum(strain, stress, height, thickness)
 
@@ -326,15 +326,6 @@ def _chart(number: int, asked: Drops, about: str, least: float | None, most: flo
     return Chart(
         number, drops, about, fine, peaks(fine), (best, stop.g), peaks(statics), [None] * POINTS
     )  # fmt: skip
-
-
-def _curve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) strains and stresses [Pa] of a scene's foam, positive in compression, to its locking."""
-    strain = np.linspace(0.0, min(-scene.foam.landmarks.limit, 1.0), STRAINS)
-    stress = scene.foam.loading(strain)
-    if stress is None:
-        raise UserError(f"foam: its law, {scene.foam.law}, states no stress over strain")
-    return strain, stress
 
 
 class _Process:
