@@ -22,24 +22,13 @@ WIDE = b"<4 x double>"  # occurs in the code of a kernel compiled for such vecto
 
 # Those of the paper's nine tests that differ in their kernels: one for each impactor shape.
 PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
-# Blocks that need other room than the paper's: wider, higher, and smaller.
+# Blocks that need other room than the paper's: wider, higher, and smaller. The smaller ones are
+# also what cushion curves and designs compute.
 OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
 SIDE_BY_SIDE = "1,2"  # batches of one run, and of the next larger room
 ALONE = "1"
 
 MOST_NODES = 5_000  # of the lattices that are computed
-
-# Flat cushions, of one foam of each law: what cushion curves and designs compute.
-CUSHIONS = ("eps-20", "rigid-pu-40")
-
-CUSHION = """
-import sys
-import taichi_foam as tf
-from taichi_foam.cushions.scenes import cushion_scene
-foam, counts = sys.argv[1:]
-for count in counts.split(","):
-    tf.run_many([cushion_scene(foam, 0.05, 0.76, 3000.0)] * int(count))
-"""
 
 COMPUTED = """
 import sys
@@ -66,7 +55,6 @@ def commands(folder: Path) -> list[list[str]]:
             [sys.executable, "-c", COMPUTED, name, counts, str(MOST_NODES), *values]
             for name, counts, *values in computed
         ),
-        *([sys.executable, "-c", CUSHION, foam, SIDE_BY_SIDE] for foam in CUSHIONS),
         [*program, "run", PAPER[2], "--out", str(folder / "drawn")],
     ]
 
