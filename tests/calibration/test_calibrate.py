@@ -111,7 +111,7 @@ def test_what_fails_is_a_point_and_what_is_interrupted_goes_on(folder: Path) -> 
     with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
         calibrate(trace, SCENE, pair, out, solve=solver, **two)
     assert [scene.name for scene in solver.asked] == [SCENE] * 40
-    with pytest.raises(UserError, match="unfinished work of another request"):
+    with pytest.raises(UserError, match="unfinished work of another command"):
         calibrate(trace, SCENE, pair, out, solve=solver, **{**two, "seed": 5})
     solver.before = lambda count: None
     with pytest.warns(RunWarning, match="runs failed, the first because: values are not finite"):

@@ -319,11 +319,11 @@ def test_key_figures_are_grey_while_they_are_older_than_the_picture(page: Page) 
     page.until(lambda: float(page.text("#time")) > 8.0)  # it has touched by then
     page.until(lambda: page.ask(stale))
     assert page["#figures"].get_attribute("aria-describedby") == "figures-time"
-    assert re.fullmatch(r"of t = [\d.]+ ms", page.text("#figures-time"))
+    assert re.fullmatch(r"at t = [\d.]+ ms", page.text("#figures-time"))
     page["#pause"].click()
     page.until(lambda: page.text("#state") == "paused")
     # a busy browser may draw the picture of that rest after it has been told the figures
-    page.until(lambda: page.text("#figures-time") == f"of t = {page.text('#time')} ms")
+    page.until(lambda: page.text("#figures-time") == f"at t = {page.text('#time')} ms")
     assert not page.ask(stale)
     deepest = "[...document.querySelectorAll('#figures tr')].find((tr) =>"
     deepest += " tr.textContent.includes('displacement')).children[1].textContent"
