@@ -89,7 +89,7 @@ def main(
 def smoke() -> None:
     """Two traces and a coarse wave, with kernels that come with the package."""
     with tempfile.TemporaryDirectory() as temporary:
-        how = {"threads": 1, "bars": Bars()}
+        how = {"threads": None, "bars": Bars()}
         coverage(Path(temporary), 2, 16, how, Bars(), {"foam.strength_scatter": 0.0})
 
 

@@ -212,5 +212,5 @@ def test_every_key_of_a_scene_has_been_decided():
         "base": {"stops_impactor", "acceleration", "pulse", "pulse_peak_g", "pulse_duration_ms"},
         "support": {"kind", "offset", "outline", "width", "depth", "pitch"},
         "numerics": {"gravity"},
-        "start": {"deformation_gradient", "velocity_gradient", "cuts"},
+        "start": {"deformation_gradient", "velocity_gradient", "cuts", "wait"},
     }  # fmt: skip
