@@ -88,12 +88,7 @@ def curve(found: Design) -> Figure:
         low, high = (units.of("stress", each) for each in pad.statics)
         axis.axvspan(low, high, color=GREEN, alpha=0.13, linewidth=0)
         masses = " to ".join(units.number("mass", each) for each in pad.masses)
-        axis.axhline(wish.fragility, color=VERMILION)
-        axis.annotate(
-            f"fragility {wish.fragility:g} g", (0.01, wish.fragility), xytext=(0, 5),
-            xycoords=("axes fraction", "data"), textcoords="offset points",
-            color=VERMILION, fontweight="bold", path_effects=HALO,
-        )  # fmt: skip
+        _draw_fragility(axis, wish.fragility)
         _draw_runs(axis, found, pad)
         _draw_tests(axis, found, pad)
         at = units.of("stress", pad.static_stress)
@@ -131,12 +126,7 @@ def thickness(found: Design) -> Figure:
             for pad in (each for each in found.candidates if each.foam.label in group):
                 x = units.of("length", pad.thickness)
                 axis.plot(x, pad.g, "o", color=colour, markersize=8, markeredgecolor="white")
-        axis.axhline(wish.fragility, color=VERMILION)
-        axis.annotate(
-            f"fragility {wish.fragility:g} g", (0.01, wish.fragility), xytext=(0, 5),
-            xycoords=("axes fraction", "data"), textcoords="offset points",
-            color=VERMILION, fontweight="bold", path_effects=HALO,
-        )  # fmt: skip
+        _draw_fragility(axis, wish.fragility)
         if wish.max_thickness is not None:
             axis.axvline(units.of("length", wish.max_thickness), color=INK, linestyle="--")
         axis.set_xscale("log")
@@ -148,6 +138,16 @@ def thickness(found: Design) -> Figure:
         axis.plot([], [], "o", color=GREY, label="pads of the table")
         figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=11)
     return figure
+
+
+def _draw_fragility(axis: Axes, fragility: float) -> None:
+    """A labelled line at the product's fragility [g]."""
+    axis.axhline(fragility, color=VERMILION)
+    axis.annotate(
+        f"fragility {fragility:g} g", (0.01, fragility), xytext=(0, 5),
+        xycoords=("axes fraction", "data"), textcoords="offset points",
+        color=VERMILION, fontweight="bold", path_effects=HALO,
+    )  # fmt: skip
 
 
 def _draw_runs(axis: Axes, found: Design, pad: Pad) -> None:

@@ -97,8 +97,7 @@ def rested(scene: Scene, cushion: Cushion) -> Cushion:
     foams, along, upright = foams_of_bonds(scene)
     if scene.start.wait == 0.0 or not any(foam.recovers for foam in foams):
         return cushion
-    found: dict[str, Array] = {"a": cushion.worst_a, "b": cushion.worst_b}
-    found = {end: worst.copy() for end, worst in found.items()}
+    found = {"a": cushion.worst_a.copy(), "b": cushion.worst_b.copy()}
     own = {name: each.copy() for name, each in cushion.own.items()}
     left = {end: np.zeros_like(worst) for end, worst in found.items()}
     for end, rows in (("a", along), ("b", upright)):

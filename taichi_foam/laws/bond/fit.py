@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import crushable
 from taichi_foam.laws.bond.by_curve import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
 from taichi_foam.laws.bond.crushable import Foam
@@ -184,7 +185,7 @@ def return_fit(curve: Curve, strain: Array, stress: Array) -> ReturnFit:
     worst = float(strain[0])
     fine = np.linspace(0.0, worst, 2001)
     loading = curve.stress_at(fine)
-    taken = np.append(0.0, np.cumsum(0.5 * (loading[1:] + loading[:-1]) * np.diff(fine)))
+    taken = absorbed_energy(fine, loading)
     top = max(float(loading[-1]), 1e-9)
 
     def stress_of(values: Array) -> Array:

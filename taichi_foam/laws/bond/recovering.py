@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from taichi_foam.backend import ti
+from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond import by_curve
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS, History
@@ -181,7 +182,7 @@ class RecoveringFoam(CurveFoam):
         table = super().table
         strain = np.linspace(0.0, 1.0, TABLE_ROWS)
         stress, factor = table[:, STRESS], self.hysteresis_factor
-        taken = _areas(strain, stress)
+        taken = absorbed_energy(strain, stress)
         back = stress * (taken / taken[-1]) ** self.hysteresis_shape
         dense = self._dense(strain)
         times = np.divide(stress, back, out=np.zeros_like(stress), where=back > 0.0)
@@ -189,7 +190,7 @@ class RecoveringFoam(CurveFoam):
         bound = factor * _steepest(strain, stress) + (1 - factor) * times * _steepest(strain, back)
         bound = np.maximum.accumulate(bound) / (1.0 - self.permanent_set)
         table[:, UNLOADING] = bound + self.gas_pressure * _steepest(strain, dense)
-        more = (back, taken, _areas(strain, back), dense, _areas(strain, dense))
+        more = (back, taken, absorbed_energy(strain, back), dense, absorbed_energy(strain, dense))
         return np.column_stack([table, *more])
 
     @property
@@ -219,12 +220,6 @@ _OWN = (
     "gas_leak_time",
 )
 _Constants = ti.types.struct(**by_curve.Constants.members, **dict.fromkeys(_OWN, ti.f64))
-
-
-def _areas(strain: Array, values: Array) -> Array:
-    """The area under a column up to each row: exact, as it is linear between rows."""
-    parts = 0.5 * (values[1:] + values[:-1]) * np.diff(strain)
-    return np.append(0.0, np.cumsum(parts))
 
 
 def _steepest(strain: Array, values: Array) -> Array:
