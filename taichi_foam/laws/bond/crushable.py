@@ -315,8 +315,8 @@ class Crushable(Crushing):
             power = c.rate_exponent - 1.0
             # the base of a power must be above 0; foam that lags by so little does not flow anyway
             share = elementary.larger(short / -c.yield_strain, 1e-30)
-            slowed = 1.0 + power * times * elementary.power(share, power)
-            left = short * elementary.power(slowed, -1.0 / power)
+            growth = 1.0 + power * times * elementary.power(share, power)
+            left = short * elementary.power(growth, -1.0 / power)
         now = history
         now.worst = start - (short - left)
         return now
