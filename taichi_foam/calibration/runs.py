@@ -144,15 +144,5 @@ def _series(reader: Reader, time: Array, deceleration: Array) -> Array:
 
 def traces_of(found: Sweep) -> dict[int, tuple[Array, Array]]:
     """Time [s] and raw deceleration [m/s2] of each drop, from the histories of a sweep."""
-    import pyarrow.parquet as pq
-
-    names = [table.MEMBER, "time_s", "deceleration_m_s2"]
-    traces = {}
-    for chunk in found.finished():
-        part = pq.read_table(found.history_file(chunk), columns=names)
-        member, time, deceleration = (part[name].to_numpy().astype(float) for name in names)
-        starts = np.flatnonzero(np.diff(member, prepend=-1))
-        for rows in np.split(np.arange(len(member)), starts[1:]):
-            if len(rows):
-                traces[int(member[rows[0]])] = time[rows], deceleration[rows]
-    return traces
+    found_traces = found.traces(["time_s", "deceleration_m_s2"])
+    return {member: (time, deceleration) for member, _, (time, deceleration) in found_traces}

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -692,21 +692,11 @@ def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> l
 def _filtered_peaks(done: Sweep, channel_class: int | None) -> dict[tuple[int, int], float]:
     """Peaks [g] through a filter, of the histories of a sweep, by member and number of the drop."""
     assert channel_class is not None
-    names = (columns.MEMBER, columns.DROP, "time_s", "deceleration_m_s2")
     found = {}
-    for chunk in done.finished():
-        histories = columns.read([columns.Shard(done.history_file(chunk))], names)
-        member = histories[columns.MEMBER].to_numpy()
-        drop = np.ones(len(member), int)
-        if columns.DROP in histories.column_names:
-            drop = histories[columns.DROP].to_numpy()
-        time, values = (histories[name].to_numpy() for name in names[2:])
-        starts = np.flatnonzero(np.diff(member, prepend=-1) | np.diff(drop, prepend=-1))
-        for start, stop in pairwise([*starts.tolist(), len(member)]):
-            part = slice(start, stop)
-            smooth = filtered(time[part], values[part], channel_class, means=True)
-            if np.isfinite(smooth).all():
-                found[int(member[start]), int(drop[start])] = float(smooth.max()) / STANDARD_GRAVITY
+    for member, drop, (time, values) in done.traces(["time_s", "deceleration_m_s2"]):
+        smooth = filtered(time, values, channel_class, means=True)
+        if np.isfinite(smooth).all():
+            found[member, drop] = float(smooth.max()) / STANDARD_GRAVITY
     return found
 
 

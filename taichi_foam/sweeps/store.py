@@ -20,11 +20,11 @@ import contextlib
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taichi_foam.errors import UserError, installed
 from taichi_foam.results.files import LEFTOVER, whole_file, write_json
@@ -36,6 +36,10 @@ from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design, Member
 from taichi_foam.sweeps.table import Shard
 from taichi_foam.version import version
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MARK = "sweep.json"
 SCRATCH = ".workers"
@@ -286,6 +290,11 @@ class Sweep:
             )
         found = pandas.read_parquet(path, filters=[("member", "==", number)])
         return found.drop(columns="member")
+
+    def traces(self, names: Sequence[str]) -> Iterator[tuple[int, int, list[NDArray[np.float64]]]]:
+        """Columns of all histories that are kept; see `table.read_histories`."""
+        for chunk in self.finished():
+            yield from table.read_histories(self.history_file(chunk), names)
 
     def again(
         self,

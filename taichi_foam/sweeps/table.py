@@ -7,7 +7,8 @@ the ending of the drop, the reason if it failed, and every measure of its summar
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +18,9 @@ from taichi_foam.results.result import Result
 from taichi_foam.sweeps.sampling import Design, Member
 
 if TYPE_CHECKING:
+    import numpy as np
     import pyarrow as pa
+    from numpy.typing import NDArray
 
 MACHINE = ("wall_s", "node_stages_per_s")
 """Columns on computing speed: all others are the same on any machine."""
@@ -129,6 +132,26 @@ def write_histories(path: Path, records: Mapping[int, Sequence[Record]], kind: s
                 head[DROP] = np.full(length, drop)
             parts.append(pa.table({**head, **columns}))
     _write(path, pa.concat_tables(parts) if parts else pa.table({"member": pa.array([], "int64")}))
+
+
+def read_histories(
+    path: Path, names: Sequence[str]
+) -> Iterator[tuple[int, int, list[NDArray[np.float64]]]]:
+    """Some columns of the histories in a file of `write_histories`, one history after the other.
+
+    Yields the member, the number of the impact on its block from 1, and the columns (n,).
+    """
+    import numpy as np
+    import pyarrow.parquet as pq
+
+    heads = [MEMBER, DROP] if DROP in pq.read_schema(path).names else [MEMBER]
+    found = pq.read_table(path, columns=[*heads, *names])
+    member = found[MEMBER].to_numpy()
+    drop = found[DROP].to_numpy() if DROP in heads else np.ones(len(member), int)
+    columns = [found[name].to_numpy().astype(float) for name in names]
+    begins = (np.diff(member, prepend=-1) != 0) | (np.diff(drop, prepend=-1) != 0)
+    for start, stop in pairwise([*np.flatnonzero(begins).tolist(), len(member)]):
+        yield int(member[start]), int(drop[start]), [each[start:stop] for each in columns]
 
 
 def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
