@@ -39,8 +39,8 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
 
 def values_of(snapshot: Snapshot) -> dict[str, Any]:
     """The numbers and arrays of a snapshot by name."""
-    own = {f"own.{name}": array for name, array in snapshot.own.items()}
-    return {**vars(snapshot), **own}
+    plain = {name: value for name, value in vars(snapshot).items() if name != "own"}
+    return plain | {f"own.{name}": array for name, array in snapshot.own.items()}
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
@@ -75,7 +75,7 @@ def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
         if name.startswith("own."):
             own[name[4:]] = each
         else:
-            given[name] = each if np.ndim(each) else float(each)
+            given[name] = each if each is None or np.ndim(each) else float(each)
     return Snapshot(**given, own=own)
 
 

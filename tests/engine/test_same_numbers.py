@@ -13,6 +13,7 @@ from bench import bench, groups_of, small_scene
 from taichi_foam.engine import cpu, kernel_cache, runtime
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
+from taichi_foam.results.snapshot_file import values_of
 from taichi_foam.scene import Block, FlatBlock, Foam, Model, Numerics, Output, Scene, Start, Wedge
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.impacts import paper_scene
@@ -116,7 +117,7 @@ def digests() -> list[str]:
             with bench(group) as loaded:
                 loaded.step(STEPS, advance)
                 for snapshot in loaded.snapshots():
-                    for values in vars(snapshot).values():
+                    for values in values_of(snapshot).values():
                         if values is not None:  # what is not kept has no bytes of its own
                             digest.update(np.asarray(values).tobytes())
                 digest.update(loaded.work.tobytes())
