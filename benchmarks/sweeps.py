@@ -2,6 +2,7 @@
 
     python benchmarks/sweeps.py                 # 100,000 drops that only wait, on 8 workers
     python benchmarks/sweeps.py --real 1000     # drops of the paper's block, beside simulate_many
+    python benchmarks/sweeps.py --chart         # a cushion chart, beside simulate_many
     python benchmarks/sweeps.py --kills 10      # SIGKILL at random instants, then continued
 
 The first gives figures of scheduling alone: its solver sleeps, for times that are log-normal.
@@ -32,6 +33,7 @@ import pyarrow.parquet as pq
 from rich.console import Console
 
 import taichi_foam as tf
+from taichi_foam.cushions.scenes import cushion_scene
 from taichi_foam.records.history import HISTORY_COLUMNS, History
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -184,6 +186,37 @@ def real(drops: int, rows: int, folder: Path) -> None:
         f"  processor time {alone_cpu:.1f} s and {cpu:.1f} s: {cpu / alone_cpu:.3f} times\n"
         f"  memory: {growth(seen)}"
     )
+
+
+CHART = {"thickness": [0.03, 0.04, 0.05, 0.065, 0.08], "drop_height": 0.76}
+FOAM = Path(__file__).parents[1] / "scenes" / "own_foam.csv"
+
+
+def chart(rounds: int, runs: int, points: int, folder: Path) -> None:
+    """A chart with its files, and its drops at once through `simulate_many`, in turns."""
+    shares = []
+    for number in range(rounds):
+        out = folder / f"chart-{number}"
+        begun, begun_cpu = time.perf_counter(), time.process_time()
+        found = tf.cushion_curve(FOAM, **CHART, runs=runs, points=points, out=out, bars=Bars())
+        took, cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
+        scenes = [
+            cushion_scene(FOAM, drop.pad.thickness, drop.pad.drop_height, drop.static_stress)
+            .with_values(impactor__velocity=drop.velocity, impactor__drop_height=None)
+            for drop in found.drops
+        ]  # fmt: skip
+        begun, begun_cpu = time.perf_counter(), time.process_time()
+        for _ in simulate_many(scenes):
+            pass
+        alone, alone_cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
+        shares.append((took / alone, cpu / alone_cpu))
+        print(
+            f"{len(scenes)} drops: the chart {took:.1f} s (processor "
+            f"{cpu:.1f} s), simulate_many {alone:.1f} s ({alone_cpu:.1f} s)",
+            flush=True,
+        )
+    wall, cpu = np.median(shares, axis=0)
+    print(f"the chart over simulate_many: {wall:.3f} times, processor time {cpu:.3f} times")
 
 
 KILL_PLAN = """
@@ -418,6 +451,8 @@ def main() -> None:
     parser.add_argument("--chunk", type=int, help="drops of a task, for these; default 64")
     parser.add_argument("--real", type=int, metavar="N", help="N real drops instead")
     parser.add_argument("--rows", type=int, default=20, help="of their lattices")
+    parser.add_argument("--chart", action="store_true", help="a chart of 200 drops instead")
+    parser.add_argument("--rounds", type=int, default=3, help="of the chart")
     parser.add_argument("--kills", type=int, metavar="N", help="N kills instead")
     parser.add_argument("--seed", type=int, default=0, help="of the instants of kills")
     parser.add_argument("--folder", type=Path, help="to work in; default a temporary one")
@@ -429,8 +464,11 @@ def main() -> None:
         if options.smoke:
             scheduling(100, 2, 10, folder / "waiting")
             real(3, 5, folder / "real")
+            chart(1, 1, 3, folder)
         elif options.real:
             real(options.real, options.rows, folder / "real")
+        elif options.chart:
+            chart(options.rounds, 4, 10, folder)
         elif options.kills:
             kills(options.kills, 300, folder, options.seed)
         else:
