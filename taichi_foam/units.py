@@ -7,16 +7,24 @@ import math
 STANDARD_GRAVITY = 9.80665
 """An acceleration of 1 g [m/s2]."""
 
-LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "inch": 0.0254}
+INCH, POUND = 0.0254, 0.45359237
+"""In m and kg."""
+
+LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "inch": INCH, "ft": 12 * INCH}
+AREA_UNITS = {
+    f"{unit}{square}": size**2 for unit, size in LENGTH_UNITS.items() for square in ("2", "^2", "²")
+}
+MASS_UNITS = {"kg": 1.0, "g": 1e-3, "lb": POUND, "oz": POUND / 16}
+VELOCITY_UNITS = {f"{unit}/s": size for unit, size in LENGTH_UNITS.items()}
 STRAIN_UNITS = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01, "percent": 0.01}
 STRESS_UNITS = {
     "pa": 1.0, "n/m2": 1.0, "n/m^2": 1.0, "kpa": 1e3, "mpa": 1e6, "n/mm2": 1e6, "n/mm^2": 1e6,
     "gpa": 1e9, "bar": 1e5, "psi": 6894.757293168361,
 }  # fmt: skip
-FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
+FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": POUND * STANDARD_GRAVITY}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 ACCELERATION_UNITS = {"m/s2": 1.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
-"""Factors that convert numbers to m, a fraction, Pa, N, s, or m/s2."""
+"""Factors that convert numbers to m, m2, kg, m/s, a fraction, Pa, N, s, or m/s2."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

@@ -292,7 +292,7 @@ def summary(record: Record) -> dict[str, Any]:
     figures = {key: each.found_in(found[each.of]) for key, each in MEASURES.items()}
     return {
         **figures,
-        "statement": _statement(figures, record),
+        "statement": _statement(figures, record, found[balance.of_run]),
         "warnings": soundness.warnings_of(record),
         "assumed": assumed_of(record.scene),
     }
@@ -305,7 +305,9 @@ def assumed_of(scene: Scene) -> list[str]:
     ]
 
 
-def _statement(figures: Mapping[str, Any], record: Record) -> str | None:
+def _statement(
+    figures: Mapping[str, Any], record: Record, by_hand: balance.Balance | None
+) -> str | None:
     """The outcome of a run as a sentence; None if the impactor never touched the foam."""
     if figures["peak_stress_Pa"] is not None:
         return "; ".join(_of_crosshead(figures))
@@ -313,7 +315,7 @@ def _statement(figures: Mapping[str, Any], record: Record) -> str | None:
         return None
     if figures["base_peak_g"] is not None:
         return "; ".join(_of_shaken_base(figures))
-    scene, by_hand, no_plateau = record.scene, balance.of_run(record), loads.why_no_plateau(record)
+    scene, no_plateau = record.scene, loads.why_no_plateau(record)
     raw, strain = figures["peak_deceleration_m_s2"], figures["max_strain"]
     depth = f"{100 * figures['max_displacement_m']:.2f} cm"
     parts = [balance.words(scene, by_hand, raw, strain)] if by_hand else []

@@ -3,7 +3,9 @@
 One process for each figure, each normalised, with one length per parameter (Matern, nu = 5/2) and
 white noise: figures of broken foam scatter between runs of almost equal values, and the noise takes
 that up. The predicted deviation therefore holds the scatter of a single run as well as what the
-runs leave unknown (Rasmussen & Williams 2006, chapters 2, 4 and 5).
+runs leave unknown (Rasmussen & Williams 2006, chapters 2, 4 and 5). A parameter counts for a figure
+only if the runs show that it does: among many lengths that are fitted to scattered runs, some are
+short by chance, and the trace would then seem to determine what has no influence.
 
 Predictions are checked by leaving out each run once, in closed form (ibid., Eqs. 5.10 to 5.12):
 where the errors are larger than predicted, deviations are widened, and their correlation between
@@ -31,6 +33,9 @@ LEAST_RUNS = 12
 _PURPOSE, _EXTRA = "calibrating", "taichi-foam[calibrate]"
 _LONGEST = 50.0
 """Longest length, in ranges: a parameter that has it has no influence."""
+
+_BY_CHANCE = 0.05
+"""Probability that a parameter without influence counts for any of the figures."""
 
 _NO_SPREAD = 1e-9
 
@@ -65,12 +70,17 @@ class _Processes:
     size: Array
 
     @classmethod
-    def of(cls, fitted: Sequence[Any], unit: Array) -> _Processes:
-        """Those of scikit-learn's regressors with a kernel `constant * Matern(5/2) + white`."""
+    def of(cls, fitted: Sequence[Any], used: NDArray[np.bool_], unit: Array) -> _Processes:
+        """Those of scikit-learn's regressors with a kernel `constant * Matern(5/2) + white`.
+
+        `used` (k, d) tells of which parameters each is a function.
+        """
         from scipy.linalg import cho_solve
 
         smooth = [each.kernel_.k1 for each in fitted]
-        lengths = np.stack([np.broadcast_to(k.k2.length_scale, unit.shape[1:]) for k in smooth])
+        lengths = np.full(used.shape, np.inf)
+        for own, where, kernel in zip(lengths, used, smooth, strict=True):
+            own[where] = kernel.k2.length_scale
         eye = np.eye(len(unit))
         return cls(
             points=unit / lengths[:, None, :],
@@ -153,11 +163,11 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
     Raises:
         UserError: too few runs have figures, or scikit-learn is not installed.
     """
+    from scipy.stats import chi2
+
     with installed(_PURPOSE, _EXTRA):
         from sklearn.covariance import LedoitWolf
         from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
         from sklearn.linear_model import LogisticRegression
         from sklearn.pipeline import make_pipeline
         from sklearn.preprocessing import PolynomialFeatures
@@ -169,28 +179,22 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
             f"needs {LEAST_RUNS}. Fix: take narrower ranges, or more --runs"
         )
     inside, known = unit[good], figures[good]
-    lengths: Any = np.full(unit.shape[1], 0.5)  # their type is declared as that of one
-    # what is finer than the runs are apart cannot be told from their scatter
-    finest = min(len(known) ** (-1.0 / unit.shape[1]), 0.5)
-    fitted = []
+    # by chance, twice the logarithm of a ratio of likelihoods is 0 in half of the cases, since
+    # no influence is the end of a length's range, and else as chi-squared (Self & Liang 1987)
+    least = 0.5 * float(chi2.isf(min(2.0 * _BY_CHANCE / known.shape[1], 0.5), 1))
     with warnings.catch_warnings():
         # a length or a noise at its bound is a finding, not a failure
         warnings.simplefilter("ignore", ConvergenceWarning)
-        for column in known.T:
-            kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(
-                lengths, (finest, _LONGEST), nu=2.5
-            ) + WhiteKernel(1e-2, (1e-6, 1.0))
-            process = GaussianProcessRegressor(
-                kernel, alpha=1e-10, normalize_y=True, random_state=seed
-            )
-            fitted.append(process.fit(inside, column))
+        fitted, used = zip(
+            *(_process(inside, column, least, seed) for column in known.T), strict=True
+        )
         classifier = None
         if not good.all():
             # quadratic: unlike a process, it does not return to doubt far from the boundary
             classifier = make_pipeline(
                 PolynomialFeatures(2), LogisticRegression(C=100.0, max_iter=1000)
             ).fit(unit - 0.5, good)
-    processes = _Processes.of(fitted, inside)
+    processes = _Processes.of(fitted, np.array(used), inside)
     off, deviation = processes.left_out()
     errors = off / deviation
     shared = LedoitWolf(assume_centered=True).fit(errors).covariance_
@@ -204,6 +208,48 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         _processes=processes,
         _classifier=classifier,
     )
+
+
+def _process(unit: Array, figure: Array, least: float, seed: int) -> tuple[Any, NDArray[np.bool_]]:
+    """The process of one figure (n,), and of which parameters (d,) it is a function.
+
+    Those are left out without which the logarithm of the likelihood falls by less than `least`.
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+
+    # what is finer than the runs are apart cannot be told from their scatter
+    finest = min(len(unit) ** (-1.0 / unit.shape[1]), 0.5)
+
+    def of(columns: NDArray[np.intp], lengths: Any, size: float = 1.0, noise: float = 1e-2) -> Any:
+        kernel = ConstantKernel(size, (1e-2, 1e2)) * Matern(
+            lengths, (finest, _LONGEST), nu=2.5
+        ) + WhiteKernel(noise, (1e-6, 1.0))
+        process = GaussianProcessRegressor(kernel, alpha=1e-10, normalize_y=True, random_state=seed)
+        return process.fit(unit[:, columns], figure)
+
+    everything = np.arange(unit.shape[1])
+    found = of(everything, np.full(len(everything), 0.5))
+    smooth, noise = found.kernel_.k1, found.kernel_.k2.noise_level
+    lengths = np.broadcast_to(smooth.k2.length_scale, everything.shape)
+
+    def without(gone: NDArray[np.intp]) -> Any:
+        rest = np.setdiff1d(everything, gone)
+        return of(rest, lengths[rest], smooth.k1.constant_value, noise)
+
+    losses = np.array(
+        [
+            found.log_marginal_likelihood_value_ - without(each).log_marginal_likelihood_value_
+            for each in everything[:, None]
+        ]
+        if len(everything) > 1
+        else [np.inf]
+    )
+    idle = losses < least
+    idle[np.argmax(losses)] = False  # a process is a function of something
+    if idle.any():
+        found = without(everything[idle])
+    return found, ~idle
 
 
 def spreads(figures: Array) -> NDArray[np.bool_]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,18 +9,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from taichi_foam.cli.foam import foams_begun
-from taichi_foam.cli.options import Arch, Overwrite, Threads
+from taichi_foam.cli.numbers import number, numbers
+from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads
 from taichi_foam.cli.outcome import command
 from taichi_foam.errors import UserError
-from taichi_foam.units import LENGTH_UNITS, STRESS_UNITS
 
 if TYPE_CHECKING:
     from taichi_foam.cushions.cushion import CushionCurve
     from taichi_foam.cushions.shown import Units
-
-_KINDS = {"length": LENGTH_UNITS, "height": LENGTH_UNITS, "stress": STRESS_UNITS}
-_SUCH = {"length": "25,50", "height": "0.46,0.76", "stress": "2,5,10 or 2:10"}
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
 
 
 def cushion_command(
@@ -75,6 +70,7 @@ def cushion_command(
         float | None,
         typer.Option(metavar="D", help="Density of the foam [kg/m3]; default: as the foam says."),
     ] = None,
+    tests: Tests = None,
     units: Annotated[
         str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
     ] = "si",
@@ -95,23 +91,24 @@ def cushion_command(
         used = units_of(units)
         more: dict[str, Any] = {}
         if static_stress is not None and ":" in static_stress:
-            more["static_range"] = _numbers("--static-stress", static_stress, "stress", used, ":")
+            more["static_range"] = numbers("--static-stress", static_stress, "stress", used, ":")
         elif static_stress is not None:
-            more["static_stress"] = _numbers("--static-stress", static_stress, "stress", used)
+            more["static_stress"] = numbers("--static-stress", static_stress, "stress", used)
         if width is not None:
-            (more["width"],) = _numbers("--width", width, "length", used, between=None)
+            more["width"] = number("--width", width, "length", used)
         if points is not None:
             more["points"] = points
         folder = out or f"cushions/{file_name(cushion.name_of(foam))}"
         found = cushion.cushion_curve(
             foam,
-            _numbers("--thickness", thickness, "length", used),
-            _numbers("--drop", drop, "height", used),
+            numbers("--thickness", thickness, "length", used),
+            numbers("--drop", drop, "height", used),
             drops=drops,
             shape=[each.strip() for each in shape.split(",")],
             runs=runs,
             channel_class=_channel_class(filter_),
             density=density,
+            tests=tests,
             out=folder,
             overwrite=overwrite,
             units=units,
@@ -137,31 +134,6 @@ def _show(terminal: Any, found: CushionCurve, used: Units) -> None:
     terminal.show(table, made.note)
     failures = sorted({drop.failure for drop in found.drops if drop.failure})
     terminal.warn(failures)
-
-
-def _numbers(
-    option: str, text: str, kind: str, used: Units, between: str | None = ","
-) -> list[float]:
-    """The numbers of an option in SI units: bare ones are in the unit of the kind."""
-    known = _KINDS[kind]
-    found = []
-    for word in [text] if between is None else text.split(between):
-        match = _NUMBER.fullmatch(word)
-        unit = match[2].lower() if match else ""
-        if match is None or (unit and unit not in known):
-            raise UserError(
-                f"{option} {text}: {word.strip()!r} is no number with or without a unit. Fix: "
-                f"numbers in {used.unit(kind)}, such as {_SUCH[kind]}, or with a unit "
-                f"({', '.join(known)})"
-            )
-        value = float(match[1])
-        if value <= 0.0:
-            raise UserError(
-                f"{option} {text}: {word.strip()} must be above 0. Fix: numbers in "
-                f"{used.unit(kind)}, or with a unit ({', '.join(known)})"
-            )
-        found.append(float(f"{value * known[unit]:.12g}") if unit else used.si(kind, value))
-    return found
 
 
 def _channel_class(text: str) -> int | None:

@@ -8,7 +8,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from taichi_foam.cli.options import Arch, Overwrite, Threads
+from taichi_foam.cli.numbers import number, numbers
+from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads
 from taichi_foam.cli.outcome import command
 
 if TYPE_CHECKING:
@@ -16,16 +17,18 @@ if TYPE_CHECKING:
 
 
 def design_command(
-    mass: Annotated[float, typer.Option(help="Mass of the product [kg; us: lb].")],
+    mass: Annotated[str, typer.Option(metavar="M", help="Mass of the product [kg; us: lb].")],
     fragility: Annotated[
         float, typer.Option(metavar="G", help="Largest deceleration that it survives [g].")
     ],
     drop: Annotated[
-        float | None,
-        typer.Option(help="Drop height [m; us: in]; default: that of ISTA 1A for the mass."),
+        str | None,
+        typer.Option(
+            metavar="H", help="Drop height [m; us: in]; default: that of ISTA 1A for the mass."
+        ),
     ] = None,
     dv_critical: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             metavar="V",
             help="Critical velocity change [m/s; us: in/s]: below it no deceleration damages.",
@@ -40,10 +43,10 @@ def design_command(
         ),
     ] = None,
     max_thickness: Annotated[
-        float | None, typer.Option(metavar="T", help="Largest thickness with room [mm; us: in].")
+        str | None, typer.Option(metavar="T", help="Largest thickness with room [mm; us: in].")
     ] = None,
     max_area: Annotated[
-        float | None, typer.Option(metavar="A", help="Largest area of the pad [cm2; us: in2].")
+        str | None, typer.Option(metavar="A", help="Largest area of the pad [cm2; us: in2].")
     ] = None,
     stock: Annotated[
         str | None,
@@ -66,14 +69,7 @@ def design_command(
     temperature: Annotated[
         float | None, typer.Option(metavar="C", help="Most extreme temperature of transport [C].")
     ] = None,
-    tests: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE.csv",
-            help="Own cushion tests, to compare: height, thickness, static stress, peak, with "
-            "units in the header.",
-        ),
-    ] = None,
+    tests: Tests = None,
     units: Annotated[
         str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
     ] = "si",
@@ -84,38 +80,33 @@ def design_command(
     threads: Threads = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Find a foam, a thickness and an area that protect a product, and verify them by runs."""
+    """Find a foam, a thickness and an area that protect a product, and verify them by runs.
+
+    Numbers may carry their unit: 500g, 12lb, 76cm, 2in, 400cm2.
+    """
     with command() as terminal:
         from taichi_foam.cushions import design_report
         from taichi_foam.cushions.checks import checks
         from taichi_foam.cushions.design import design
         from taichi_foam.cushions.shown import units as units_of
-        from taichi_foam.errors import UserError
 
         used = units_of(units)
 
-        def si(kind: str, number: float | None) -> float | None:
-            return None if number is None else used.si(kind, number)
+        def si(option: str, text: str | None, kind: str) -> float | None:
+            return None if text is None else number(option, text, kind, used)
 
-        try:
-            sheets = (
-                [used.si("length", float(each)) for each in stock.split(",")] if stock else None
-            )
-        except ValueError:
-            raise UserError(
-                f"--stock {stock}: must be numbers with commas between them, such as 25,50"
-            ) from None
-        name = f"{mass:g}{used.unit('mass')}-{fragility:g}g"
+        weighed = number("--mass", mass, "mass", used)
+        name = f"{used.number('mass', weighed)}{used.unit('mass')}-{fragility:g}g"
         folder = out or f"designs/{name}"
         found = design(
-            used.si("mass", mass),
+            weighed,
             fragility,
-            si("height", drop),
+            si("--drop", drop, "height"),
             foams=foam or (),
-            dv_critical=si("velocity", dv_critical),
-            max_thickness=si("length", max_thickness),
-            max_area=si("area", max_area),
-            stock=sheets,
+            dv_critical=si("--dv-critical", dv_critical, "velocity"),
+            max_thickness=si("--max-thickness", max_thickness, "length"),
+            max_area=si("--max-area", max_area, "area"),
+            stock=None if stock is None else numbers("--stock", stock, "length", used),
             shape=shape,
             drops=drops,
             runs=runs,

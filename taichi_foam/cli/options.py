@@ -46,6 +46,14 @@ Choices = Annotated[
 Dt = Annotated[str | None, typer.Option(metavar="auto|SECONDS", help="Time step.")]
 Arch = Annotated[str, typer.Option(metavar="cpu|cuda|vulkan|metal", help="Device to compute on.")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; default: all cores.")]
+Tests = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE.csv",
+        help="Own cushion tests, to compare: height, thickness, static stress, peak, with units in "
+        "the header.",
+    ),
+]
 Checkpoint = Annotated[
     float | None,
     typer.Option(

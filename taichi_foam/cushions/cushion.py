@@ -26,6 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.bands import band
+from taichi_foam.cushions import own_tests
+from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.refine import next_points
 from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene, stress_curve
 from taichi_foam.cushions.shown import units as units_named
@@ -212,6 +214,7 @@ class CushionCurve:
     runs     drops that a point is the median of
     drops    all computed drops
     scene    that of the first drop: foam, and what is assumed of it
+    tests    own cushion tests, to compare; None: none
     folder   where the drops and all files are; None: nothing was written
     """
 
@@ -220,7 +223,16 @@ class CushionCurve:
     runs: int
     drops: tuple[Drop, ...] = field(repr=False)
     scene: Scene = field(repr=False)
+    tests: OwnTests | None = field(default=None, repr=False)
     folder: Path | None = None
+
+    def tests_of(self, curve: Curve) -> NDArray[np.bool_] | None:
+        """Which own tests (n,) are of a curve, the first drop on a flat pad; None: none is."""
+        pad = curve.pad
+        if self.tests is None or curve.number > 1 or pad.shape != FLAT:
+            return None
+        alike = self.tests.alike(pad.drop_height, pad.thickness)
+        return alike if alike.any() else None
 
     @cached_property
     def curves(self) -> list[Curve]:
@@ -251,10 +263,13 @@ class CushionCurve:
             balance,
         )
 
-    def balance(self, pad: Pad) -> Balance | None:
-        """The energy balance of a flat pad's first drop, over the range of its curve; else None."""
-        if pad.shape != FLAT:
-            return None
+    @cached_property
+    def balances(self) -> dict[Pad, Balance]:
+        """The energy balance of flat pads' first drops, over the ranges of their curves."""
+        flat = {drop.pad for drop in self.drops if drop.pad.shape == FLAT}
+        return {pad: self._balance(pad) for pad in flat}
+
+    def _balance(self, pad: Pad) -> Balance:
         statics = [drop.static_stress for drop in self.drops if drop.pad == pad]
         e, s = stress_curve(self.scene)
         fine = np.geomspace(min(statics), max(statics), 400)
@@ -291,7 +306,7 @@ class CushionCurve:
         found = []
         for curve in self.curves:
             low, high = curve.good_range
-            balance = self.balance(curve.pad) if curve.number == 1 else None
+            balance = self.balances.get(curve.pad) if curve.number == 1 else None
             found.append(
                 {
                     "shape": curve.pad.shape,
@@ -344,6 +359,13 @@ class CushionCurve:
                 "even crushing, does not apply to them."
             )
         found.append("Bottoming is shaded: there half of the runs or more use the foam up.")
+        if self.tests is not None:
+            drawn = [each for each in map(self.tests_of, self.curves) if each is not None]
+            count = int(np.any(drawn, axis=0).sum()) if drawn else 0
+            found.append(
+                f"Diamonds are the tests in {self.tests.name}, through their own filter: {count} "
+                f"of {len(self.tests.g)} have the drop height and the thickness of a flat pad here."
+            )
         return found
 
     def plot(self, units: str = "si") -> Figure:
@@ -374,6 +396,7 @@ def cushion_curve(
     width: float = SIDE,
     depth: float = SIDE,
     density: float | None = None,
+    tests: str | Path | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     units: str = "si",
@@ -396,6 +419,7 @@ def cushion_curve(
         channel_class: filter of the peaks, CFC 60, 180, 600 or 1000 (SAE J211); None: raw.
         points: most static stresses of a curve, if they are chosen.
         width, depth, density: as for `cushion_scene`.
+        tests: CSV file of own cushion tests, to draw and compare.
         out: folder for tables, figure and report; what is computed survives there if the process
             is killed, and the same call goes on. None: nothing is kept.
         overwrite: replace a folder that has content.
@@ -410,7 +434,7 @@ def cushion_curve(
     """
     asked = _Asked.checked(
         foam, thickness, drop_height, static_stress, static_range, drops, shape, runs,
-        channel_class, points, width, depth, density,
+        channel_class, points, width, depth, density, tests,
     )  # fmt: skip
     units_named(units)
     how = {"arch": arch, "threads": threads, "bars": bars or Bars()}
@@ -467,6 +491,7 @@ class _Asked:
     channel_class: int | None
     points: int
     sizes: Mapping[str, Any]
+    tests: OwnTests | None
 
     @classmethod
     def checked(
@@ -484,6 +509,7 @@ class _Asked:
         width: float,
         depth: float,
         density: float | None,
+        tests: str | Path | None,
     ) -> _Asked:
         """Raises UserError."""
         _check_count("drops", drops, 1, MOST_DROPS)
@@ -508,7 +534,7 @@ class _Asked:
         sizes = {"width": width, "depth": depth, "density": density}
         asked = cls(
             foam, name_of(foam), shapes, pads, {}, static_stress is None, drops, runs,
-            channel_class, points, sizes,
+            channel_class, points, sizes, None if tests is None else own_tests.read(Path(tests)),
         )  # fmt: skip
         if static_stress is not None:
             given = sorted(_numbers("static_stress", static_stress, "4 kPa is 4000 Pa"))
@@ -574,6 +600,7 @@ class _Asked:
             "runs": self.runs,
             "filter": channel(self.channel_class),
             "points": self.points,
+            "tests": self.tests and self.tests.rows,
             "scenes_sha256": hashlib.sha256(text.encode()).hexdigest(),
         }
 
@@ -597,7 +624,7 @@ def _found(
                 drops += _drops(asked, points, done)
         found = CushionCurve(
             asked.name, channel(asked.channel_class), asked.runs, tuple(_in_order(asked, drops)),
-            asked.scene(asked.pads[0], asked.first[asked.pads[0]][0]), target,
+            asked.scene(asked.pads[0], asked.first[asked.pads[0]][0]), asked.tests, target,
         )  # fmt: skip
         wave = _next(asked, found) if asked.is_refined else {}
         if not any(wave.values()):

@@ -78,6 +78,9 @@ def report(found: CushionCurve, path: str | Path, units: str = "si") -> Path:
         ),
         Section("All points", table=_points(found, system)),
     ]
+    measured = _measured(found, system)
+    if measured.rows:
+        sections.insert(1, Section("Own tests", table=measured))
     assumed = assumed_of(found.scene)
     if assumed:
         sections.append(
@@ -165,10 +168,13 @@ def _draw_curve(
         axis.fill_between(between, low, high, color=colour, alpha=0.25, lw=0)
     axis.plot(between, middle, color=colour)
     axis.plot(x, median, "o", color=colour, ms=4)
-    balance = found.balance(curve.pad) if curve.number == 1 else None
+    balance = found.balances.get(curve.pad) if curve.number == 1 else None
     if balance is not None:
         fine = [system.of("stress", each) for each in balance.static_stress]
         axis.plot(fine, balance.g, color=INK, ls=(0, (4, 2)), lw=1.2, zorder=3)
+    alike = found.tests_of(curve)
+    if found.tests is not None and alike is not None:
+        found.tests.draw(axis, alike, system.si("stress", 1.0), colour, markeredgecolor=INK)
     if not math.isfinite(curve.median[curve.least]):
         return
     start, stop = (system.of("stress", each) for each in curve.good_range)
@@ -250,6 +256,13 @@ def _key(found: CushionCurve) -> list[Any]:
         key.append(Patch(color=GREY, alpha=0.25, lw=0, label=f"5 to 95 % of {found.runs} runs"))
     if any(curve.balance is not None for curve in found.curves):
         key.append(Line2D([], [], color=INK, ls=(0, (4, 2)), lw=1.2, label="energy balance"))
+    if found.tests is not None:
+        key.append(
+            Line2D(
+                [], [], color=GREY, marker="D", ls="none", markeredgecolor=INK,
+                label=f"tests in {found.tests.name}",
+            )
+        )  # fmt: skip
     key += [
         Line2D(
             [], [], color=GREY, marker="o", ms=8, mfc="white", mew=2, ls="none",
@@ -318,6 +331,33 @@ def _points(found: CushionCurve, system: Units) -> Table:
         for row in rows:
             row.pop(3)
     return Table(head, rows, f"Peaks are {found.filter}.")
+
+
+def _measured(found: CushionCurve, system: Units) -> Table:
+    """Own tests beside the curve that they are of."""
+    head = [
+        "curve", f"static stress ({system.unit('stress')})", "measured (g)", "computed (g)",
+        "measured over computed",
+    ]  # fmt: skip
+    rows = []
+    for curve in found.curves:
+        alike = found.tests_of(curve)
+        if found.tests is None or alike is None:
+            continue
+        x, y = np.log(curve.static_stress), np.log(curve.median)
+        for static, g in zip(found.tests.static[alike], found.tests.g[alike], strict=True):
+            at = float(np.exp(np.interp(np.log(static), x, y, left=np.nan, right=np.nan)))
+            rows.append(
+                [
+                    _words(curve, system, found.curves),
+                    system.number("stress", float(static)),
+                    _number(float(g)),
+                    _number(at),
+                    _number(float(g) / at),
+                ]
+            )
+    note = f"Computed peaks are {found.filter}, between the points of the curve."
+    return Table(head, rows, note)
 
 
 def _number(value: float | None) -> str:

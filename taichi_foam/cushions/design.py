@@ -348,7 +348,7 @@ def _request(found: Design, runs: int) -> Mapping[str, Any]:
         "shape": found.shape,
         "dv_critical": found.dv_critical,
         "temperature": found.temperature,
-        "tests": found.tests and found.tests.g.tolist(),
+        "tests": found.tests and found.tests.rows,
         "units": found.units.name,
         "runs": runs,
     }

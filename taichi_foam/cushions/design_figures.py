@@ -168,14 +168,11 @@ def _draw_tests(axis: Axes, found: Design, pad: Pad) -> None:
     tests = found.tests
     if tests is None:
         return
-    alike = tests.alike(pad.wish.drop, pad.thickness)
-    scale = found.units.of("stress", 1.0)
+    alike, unit = tests.alike(pad.wish.drop, pad.thickness), found.units.si("stress", 1.0)
     if alike.any():
-        axis.plot(scale * tests.static[alike], tests.g[alike], "D", color=VERMILION, zorder=6,
-                  label=f"{tests.name}: this height and thickness")  # fmt: skip
+        tests.draw(axis, alike, unit, VERMILION, label=f"{tests.name}: this height and thickness")
     if not alike.all():
-        axis.plot(scale * tests.static[~alike], tests.g[~alike], "D", color=VERMILION,
-                  fillstyle="none", zorder=6, label=f"{tests.name}: others")  # fmt: skip
+        tests.draw(axis, ~alike, unit, VERMILION, fillstyle="none", label=f"{tests.name}: others")
 
 
 def _neighbours(found: Design, pad: Pad) -> list[float]:

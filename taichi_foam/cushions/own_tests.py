@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from taichi_foam.errors import UserError
 from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, column, read_rows
 from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, STANDARD_GRAVITY, STRESS_UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -44,11 +48,23 @@ class OwnTests:
     static: Array
     g: Array
 
+    @property
+    def rows(self) -> list[list[float]]:
+        """All numbers: a row of drop height, thickness, static stress and peak for each drop."""
+        return np.stack([self.height, self.thickness, self.static, self.g], axis=1).tolist()
+
     def alike(self, height: float, thickness: float) -> NDArray[np.bool_]:
         """Which tests (n,) have this drop height and this thickness, within 2 % each."""
         return (abs(self.height / height - 1.0) < 0.02) & (
             abs(self.thickness / thickness - 1.0) < 0.02
         )
+
+    def draw(
+        self, axis: Axes, which: NDArray[np.bool_], unit: float, colour: str, **look: Any
+    ) -> None:
+        """Draw some of the tests as diamonds over static stress; the axis' unit is `unit` [Pa]."""
+        x, y = self.static[which] / unit, self.g[which]
+        axis.plot(x, y, "D", color=colour, zorder=6, **look)
 
 
 def read(path: Path) -> OwnTests:

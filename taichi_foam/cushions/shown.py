@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from taichi_foam.errors import UserError
-from taichi_foam.units import LENGTH_UNITS, STRESS_UNITS
-
-_INCH, _POUND = LENGTH_UNITS["in"], 0.45359237
+from taichi_foam.units import INCH, POUND, STRESS_UNITS
 
 
 @dataclass(frozen=True)
@@ -47,10 +45,10 @@ UNITS = {
         "energy": ("kJ/m³", 1e3), "velocity": ("m/s", 1.0),
     }),
     "us": Units("us", {
-        "length": ("in", _INCH), "height": ("in", _INCH), "area": ("in²", _INCH**2),
-        "mass": ("lb", _POUND), "stress": ("psi", STRESS_UNITS["psi"]),
-        "volume": ("in³", _INCH**3), "density": ("lb/ft³", _POUND / (12.0 * _INCH) ** 3),
-        "energy": ("in·lb/in³", STRESS_UNITS["psi"]), "velocity": ("in/s", _INCH),
+        "length": ("in", INCH), "height": ("in", INCH), "area": ("in²", INCH**2),
+        "mass": ("lb", POUND), "stress": ("psi", STRESS_UNITS["psi"]),
+        "volume": ("in³", INCH**3), "density": ("lb/ft³", POUND / (12.0 * INCH) ** 3),
+        "energy": ("in·lb/in³", STRESS_UNITS["psi"]), "velocity": ("in/s", INCH),
     }),
 }  # fmt: skip
 

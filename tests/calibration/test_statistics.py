@@ -89,16 +89,38 @@ def test_the_emulator_predicts_what_scikit_learn_predicts(monkeypatch) -> None:
     monkeypatch.setattr(GaussianProcessRegressor, "fit", recorded)
     unit = sobol(2, 32, 0)
     noise = 0.05 * np.random.default_rng(0).normal(size=32)
-    figures = np.stack([np.sin(3 * unit[:, 0]) + noise, 50.0 + unit[:, 1] ** 2 + noise], axis=1)
+    x, y = unit.T
+    figures = np.stack([np.sin(3 * x) + y + noise, 50.0 + x + y**2 + noise, y + noise], axis=1)
     emulator = emulator_of(unit, figures)
     at = sobol(2, 16, 1)
     mean, deviation = emulator.predict(at)
-    for k, process in enumerate(fitted):
-        expected = process.predict(at, return_std=True)
+    # of each figure that of both parameters, then those without one; of the last that without x
+    own = [(fitted[0], at), (fitted[3], at), (fitted[9], at[:, 1:])]
+    for k, (process, points) in enumerate(own):
+        expected = process.predict(points, return_std=True)
         assert mean[:, k] == pytest.approx(expected[0], abs=1e-6)
         assert deviation[:, k] == pytest.approx(expected[1] * emulator.widening[k], rel=1e-3)
         # the noise is in the deviation once: no prediction is surer than the scatter allows
         assert (deviation[:, k] > 0.5 * 0.05).all()
+
+
+def test_what_has_no_influence_counts_by_chance_only() -> None:
+    """Six figures of one parameter and scatter, and two parameters that do nothing."""
+    unit, counted = sobol(3, 48, 0), 0
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        figures = unit[:, :1] + 0.3 * random.normal(size=(48, 6))
+        emulator = emulator_of(unit, figures)
+        for number in (1, 2):
+            ends = np.full((2, 3), 0.5)
+            ends[:, number] = 0.0, 1.0
+            mean, _ = emulator.predict(ends)
+            counted += not np.array_equal(mean[0], mean[1])
+        ends = np.array([[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]])
+        mean, _ = emulator.predict(ends)
+        assert (mean[1] - mean[0] > 0.25).all()  # 1, five deviations of a fitted slope less
+    # one in twenty: of 40, six or more have a probability of 1 %
+    assert counted <= 5
 
 
 def test_failed_runs_are_outside() -> None:

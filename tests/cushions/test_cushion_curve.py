@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -94,7 +95,7 @@ def test_curves_are_refined_to_their_minimum(monkeypatch: pytest.MonkeyPatch) ->
     found = tf.cushion_curve(TEST, [0.03, 0.05], 0.76)
     assert len(found.curves) == 2
     for curve in found.curves:
-        fine = found.balance(curve.pad)
+        fine = found.balances[curve.pad]
         assert fine is not None
         assert curve.balance is not None
         assert len(curve.median) <= cushion.POINTS
@@ -109,6 +110,32 @@ def test_curves_are_refined_to_their_minimum(monkeypatch: pytest.MonkeyPatch) ->
         e, s = stress_curve(found.scene)
         ends = energy.cushion_curve(e, s, 0.76, curve.pad.thickness, [low, high])
         np.testing.assert_allclose(ends, 1.1 * fine.least[1], rtol=0.02)
+
+
+def test_own_tests_are_beside_the_curves_that_they_are_of(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Two of three tests are of pads on the chart; they are 10 % above the balance."""
+    computed_by(Solver(), monkeypatch)
+    statics, thick = [4e3, 6e3], [0.03, 0.05]
+    e, s = stress_curve(cushion_scene(TEST, 0.05, 0.76, 4e3))
+    measured = [
+        1.1 * float(energy.cushion_curve(e, s, 0.76, *each)[0])
+        for each in zip(thick, statics, strict=True)
+    ]
+    lines = ["height [cm],thickness [mm],static stress [kPa],peak [g]"]
+    rows = zip(thick, statics, measured, strict=True)
+    lines += [f"76,{1e3 * t:g},{1e-3 * st:g},{g:.6g}" for t, st, g in rows]
+    own = tmp_path / "own.csv"
+    own.write_text("\n".join([*lines, "60,50,4,30"]), encoding="utf-8")
+    found = tf.cushion_curve(TEST, thick, 0.76, tests=own)
+    alike = [found.tests_of(curve) for curve in found.curves]
+    assert np.array_equal(alike, [[True, False, False], [False, True, False]])
+    assert "2 of 3 have the drop height" in " ".join(found.conditions)
+    page = found.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    table = re.findall(r"<td[^>]*>([^<]*)</td>", page.partition("Own tests")[2])
+    # a line between points misses the balance by up to 2 %
+    assert [float(table[k]) for k in (3, 7)] == pytest.approx([1.1, 1.1], rel=0.02)
 
 
 def test_what_was_computed_before_an_interruption_is_not_computed_again(

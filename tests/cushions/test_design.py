@@ -129,16 +129,28 @@ def test_us_units_are_those_of_the_same_pad(invoke: Callable) -> None:
     assert "2.76 in thick" in done.stdout
 
 
+def test_numbers_may_carry_their_unit(invoke: Callable) -> None:
+    foam = ("--fragility", "40", "--foam", "eps-18.4", "--runs", "0")
+    bare = invoke("--mass", "5", "--drop", "0.76", "--stock", "70", "--max-area", "600", *foam)
+    given = invoke(
+        "--mass", "5000g", "--drop", "76 cm", "--stock", "7cm", "--max-area", "0.06m2",
+        "--overwrite", *foam,
+    )  # fmt: skip
+    assert (bare.exit_code, given.exit_code) == (0, 0)
+    assert given.stdout == bare.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (("--mass", "5", "--fragility", "0.5"), "at least 1 g"),
         (("--mass", "5", "--fragility", "nan"), "at least 1 g"),
-        (("--mass", "5", "--fragility", "40", "--drop", "0"), "drop = 0 m: must be above 0"),
-        (("--mass", "-5", "--fragility", "40"), "mass = -5 kg: must be above 0"),
+        (("--mass", "5", "--fragility", "40", "--drop", "0"), "--drop 0: 0 must be above 0"),
+        (("--mass", "-5", "--fragility", "40"), "--mass -5: -5 must be above 0"),
         (("--mass", "80", "--fragility", "40"), "ISTA 1A"),
         (("--mass", "5", "--fragility", "40", "--foam", "eps18"), "did you mean"),
-        (("--mass", "5", "--fragility", "40", "--stock", "25,thick"), "must be numbers"),
+        (("--mass", "5", "--fragility", "40", "--stock", "25,thick"), "'thick' is no number"),
+        (("--mass", "5stone", "--fragility", "40"), "with a unit (kg, g, lb, oz)"),
         (("--mass", "5", "--fragility", "40", "--stock", "25,-5"), "must be above 0"),
         (("--mass", "5", "--fragility", "40", "--units", "metric"), "si or us"),
         (("--mass", "5", "--fragility", "40", "--shape", "corner"), "flat, edge, rib"),

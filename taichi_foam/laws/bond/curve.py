@@ -8,6 +8,7 @@ it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -216,16 +217,12 @@ class Curve(Part):
     @property
     def densification(self) -> float:
         """Strain at which densification begins: where the energy efficiency is largest."""
-        return densification_onset(*self.points)
+        return _landmarks_of(self)[0]
 
     @property
     def plateau_stress(self) -> float:
         """Mean stress [Pa] between the strains of PLATEAU, before densification."""
-        last = min(PLATEAU[1], self.densification)
-        first = min(PLATEAU[0], 0.5 * last)
-        strain = np.union1d(self.points[0], [first, last])
-        strain = strain[(strain >= first) & (strain <= last)]
-        return float(absorbed_energy(strain, self.stress_at(strain))[-1] / (last - first))
+        return _landmarks_of(self)[1]
 
     def steepest(self, until: float) -> float:
         """The largest slope [Pa] up to a strain, by secants over SECANT to suppress noise."""
@@ -303,3 +300,14 @@ def _numbers(data: Any) -> tuple[Array, Array] | None:
             return None
         found.append(array)
     return None if found[0].size != found[1].size else (found[0], found[1])
+
+
+@lru_cache(maxsize=64)  # every figure of a run asks for them
+def _landmarks_of(curve: Curve) -> tuple[float, float]:
+    """Strain at which densification begins, and plateau stress [Pa]."""
+    end = densification_onset(*curve.points)
+    last = min(PLATEAU[1], end)
+    first = min(PLATEAU[0], 0.5 * last)
+    strain = np.union1d(curve.points[0], [first, last])
+    strain = strain[(strain >= first) & (strain <= last)]
+    return end, float(absorbed_energy(strain, curve.stress_at(strain))[-1] / (last - first))

@@ -6,6 +6,7 @@ An impactor's outline is relative to a reference point at its mid-width (x = 0) 
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -174,8 +175,9 @@ class Impactor(Part):
         """Return the vertices (n, 2) [m], counter-clockwise, about mid-width and lowest level.
 
         The outline is turned by `rotation_deg`. One with left-right symmetry is exactly symmetric.
+        The array cannot be written to.
         """
-        return geometry.placed(geometry.rotated(self.corners(), self.rotation_deg), self.foot())
+        return _outline(self)  # type: ignore[arg-type]  # pydantic's frozen classes do have a hash
 
     def outline_at(self, height: float, shift: float = 0.0, angle: float = 0.0) -> np.ndarray:
         """Return the vertices (n, 2) [m] of the moved body.
@@ -272,3 +274,11 @@ class Impactor(Part):
             if distance > found[0]:
                 found = vec3(distance, edge.x, edge.y)
         return found
+
+
+@lru_cache(maxsize=64)  # most figures of a run ask for it
+def _outline(impactor: Impactor) -> np.ndarray:
+    turned = geometry.rotated(impactor.corners(), impactor.rotation_deg)
+    found = geometry.placed(turned, impactor.foot())
+    found.flags.writeable = False
+    return found
