@@ -171,6 +171,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         from sklearn.linear_model import LogisticRegression
         from sklearn.pipeline import make_pipeline
         from sklearn.preprocessing import PolynomialFeatures
+        from threadpoolctl import threadpool_limits
 
     good = np.asarray(np.isfinite(figures).all(axis=1))
     if good.sum() < LEAST_RUNS:
@@ -182,7 +183,8 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
     # by chance, twice the logarithm of a ratio of likelihoods is 0 in half of the cases, since
     # no influence is the end of a length's range, and else as chi-squared (Self & Liang 1987)
     least = 0.5 * float(chi2.isf(min(2.0 * _BY_CHANCE / known.shape[1], 0.5), 1))
-    with warnings.catch_warnings():
+    # matrices this small are slower on several threads, and much slower beside other work
+    with threadpool_limits(1, "blas"), warnings.catch_warnings():
         # a length or a noise at its bound is a finding, not a failure
         warnings.simplefilter("ignore", ConvergenceWarning)
         fitted, used = zip(

@@ -189,7 +189,7 @@ def reading_of(
     """Read a measured trace.
 
     Errors of measurement are those of 200 copies of the trace with white noise added, through the
-    same filter; a peak's bias by noise is taken off.
+    same filter and with an offset found in the same way; a peak's bias by noise is taken off.
 
     Args:
         trace: the trace; if it is mostly negative, its sign is changed, and this is noted.
@@ -212,10 +212,13 @@ def reading_of(
         a, smooth = -a, -smooth
         notes.append("the trace is mostly negative: its sign was changed")
     peak = float(smooth.max())
+    before = np.zeros(len(t), bool)  # the samples that the offset is found from
     if offset is None:
         # two cycles of the filter before the onset nothing of the pulse is seen
         before = t < at[int(np.argmax(smooth >= _ONSET * peak))] - 2.0 / channel_class
-        offset = float(a[before].mean()) if before.sum() >= LEAST_SAMPLES else 0.0
+        if before.sum() < LEAST_SAMPLES:
+            before[:] = False
+        offset = float(a[before].mean()) if before.any() else 0.0
         if offset:
             notes.append(f"offset: {offset:.3g} m/s2, the mean of the samples before the impact")
     a, smooth, peak = a - offset, smooth - offset, peak - offset
@@ -231,6 +234,8 @@ def reading_of(
         deviation = noise * peak
     random = np.random.default_rng(seed)
     copies = random.normal(scale=deviation, size=(_DRAWN, len(t)))
+    if before.any():  # the offset of each copy would be found from its own noise
+        copies -= copies[:, before].mean(axis=1, keepdims=True)
     rough = float(np.std([whole._filtered(t, copy)[1] for copy in copies[:20]]))
     onset = max(_ONSET, _CLEAR * rough / peak)
     if peak <= 0.0 or onset > 0.5:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+import pulses
 import pytest
 from numpy.typing import NDArray
 from sklearn.gaussian_process import GaussianProcessRegressor
@@ -13,7 +14,9 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from taichi_foam.calibration.emulator import Emulator, emulator_of
 from taichi_foam.calibration.outcome import parameters_of
 from taichi_foam.calibration.posterior import RULED_OUT, Posterior, Target, next_points, sample
+from taichi_foam.calibration.reading import Measured, reading_of
 from taichi_foam.calibration.space import Range, Space, sobol
+from taichi_foam.catalogue import load_scene
 
 Array = NDArray[np.float64]
 
@@ -102,6 +105,24 @@ def test_the_emulator_predicts_what_scikit_learn_predicts(monkeypatch) -> None:
         assert deviation[:, k] == pytest.approx(expected[1] * emulator.widening[k], rel=1e-3)
         # the noise is in the deviation once: no prediction is surer than the scatter allows
         assert (deviation[:, k] > 0.5 * 0.05).all()
+
+
+def test_figures_err_as_much_as_they_are_said_to() -> None:
+    """Those of 24 noisy traces: few samples before the impact, so that the offset errs most.
+
+    Standard deviations of 24 values have an error of 14 %, so that four of them are 0.57.
+    """
+    scene = load_scene(pulses.SCENE)
+    off = []
+    for seed in range(24):
+        time, clean = pulses.measured(scene, 0.0)
+        late = time > -0.01
+        _, values = pulses.measured(scene, 0.05, seed)
+        trace = Measured(time[late], values[late] + 3.0)
+        found = reading_of(trace, 180, 0.05, seed=seed, length=0.05)
+        true = found.reader.figures(found.reader.series(time, clean))
+        off.append((found.figures - true) / np.sqrt(np.diag(found.covariance)))
+    assert np.std(off, axis=0) == pytest.approx(np.ones(len(off[0])), abs=0.57)
 
 
 def test_what_has_no_influence_counts_by_chance_only() -> None:
