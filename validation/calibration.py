@@ -222,7 +222,9 @@ def of_paper(folder: Path, runs: int, how: dict[str, Any]) -> dict[str, Any]:
     for name in case_names(None):
         scene = paper_scene(name)
         space = space_of(scene, PAPER_FIT)
-        found = computed(first_plan(scene, space, runs, 0), folder / name.replace("/", "-"), **how)
+        found = computed(
+            first_plan(scene, space, runs, 0, PAPER_FIGURES), folder / name.replace("/", "-"), **how
+        )
         assert scene.reference is not None
         given = scene.reference.figures
         known = {key: (given[key], FIGURE_NOISE * given[key]) for key in PAPER_FIGURES}

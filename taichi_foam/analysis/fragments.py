@@ -165,6 +165,8 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
 
     if scene.impactor is None or scene.block.lattice_angle_deg != 0:
         return None
+    if not snapshot.broken_a.any():  # as in most drops on cushions
+        return None
     columns, rows = snapshot.position.shape[:2]
     dx, dy, row_edges = scene.block.dx, scene.block.dy, scene.block.row_edges
     crushed = crushed_cells(snapshot, scene)

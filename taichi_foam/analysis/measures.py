@@ -8,7 +8,7 @@ the report, and the columns of sweeps are built from the registry. Functions tak
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -281,21 +281,45 @@ measure("max_overlap_cells", _overlap_cells)
 measure("interrupted", lambda record: record.ending is Ending.INTERRUPTED)
 
 
-def summary(record: Record) -> dict[str, Any]:
+class Summary(Mapping[str, Any]):
     """The content of summary.json: one entry per measure, units in the names, None if undefined.
 
     Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
     impact ended, `warnings` lists what makes the run's figures doubtful, and `assumed` lists the
-    values of a user's foam that the program assumed.
+    values of a user's foam that the program assumed. Each is worked out when it is first asked for.
     """
-    found = {of: of(record) for of in dict.fromkeys(each.of for each in MEASURES.values())}
-    figures = {key: each.found_in(found[each.of]) for key, each in MEASURES.items()}
-    return {
-        **figures,
-        "statement": _statement(figures, record, found[balance.of_run]),
-        "warnings": soundness.warnings_of(record),
-        "assumed": assumed_of(record.scene),
-    }
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._found: dict[Any, Any] = {}
+
+    def __getitem__(self, key: str) -> Any:
+        if key not in IN_WORDS:
+            measure = MEASURES[key]
+            return measure.found_in(self.of(measure.of))
+        if key not in self._found:
+            self._found[key] = IN_WORDS[key](self, self._record)
+        return self._found[key]
+
+    def of(self, function: Callable[[Record], Any]) -> Any:
+        """What a measure's function returns for the record; worked out once."""
+        if function not in self._found:
+            self._found[function] = function(self._record)
+        return self._found[function]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*MEASURES, *IN_WORDS))
+
+    def __len__(self) -> int:
+        return len(MEASURES) + len(IN_WORDS)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+
+def summary(record: Record) -> Summary:
+    """The measures of a run by the keys of summary.json, see `Summary`."""
+    return Summary(record)
 
 
 def assumed_of(scene: Scene) -> list[str]:
@@ -305,9 +329,7 @@ def assumed_of(scene: Scene) -> list[str]:
     ]
 
 
-def _statement(
-    figures: Mapping[str, Any], record: Record, by_hand: balance.Balance | None
-) -> str | None:
+def _statement(figures: Summary, record: Record) -> str | None:
     """The outcome of a run as a sentence; None if the impactor never touched the foam."""
     if figures["peak_stress_Pa"] is not None:
         return "; ".join(_of_crosshead(figures))
@@ -316,6 +338,7 @@ def _statement(
     if figures["base_peak_g"] is not None:
         return "; ".join(_of_shaken_base(figures))
     scene, no_plateau = record.scene, loads.why_no_plateau(record)
+    by_hand = figures.of(balance.of_run)
     raw, strain = figures["peak_deceleration_m_s2"], figures["max_strain"]
     depth = f"{100 * figures['max_displacement_m']:.2f} cm"
     parts = [balance.words(scene, by_hand, raw, strain)] if by_hand else []
@@ -374,3 +397,11 @@ def _peak(figures: Mapping[str, Any]) -> str:
     if raw is None or filtered is None:
         return ""
     return f": its deceleration peaked at {filtered:.0f} g (CFC 180; raw {raw:.0f} g)"
+
+
+IN_WORDS: Mapping[str, Callable[[Summary, Record], Any]] = {
+    "statement": _statement,
+    "warnings": lambda _, record: soundness.warnings_of(record),
+    "assumed": lambda _, record: assumed_of(record.scene),
+}
+"""What a summary has after its measures."""

@@ -190,7 +190,11 @@ class _Study:
     def done(self, count: int, waves: int) -> Calibration:
         """All waves, the posterior, and the runs that it predicts."""
         tolerated = DISCREPANCY if self.given is None else self.given
-        parts = [self._runs("wave-1", first_plan(self.scene, self.space, count, self.seed))]
+        parts = [
+            self._runs(
+                "wave-1", first_plan(self.scene, self.space, count, self.seed, [*self.known])
+            )
+        ]
         left: list[float] = []
         whole = parts[0]
         for wave in range(2, waves + 2):
@@ -202,7 +206,11 @@ class _Study:
             if wave > waves:
                 break
             values = self.space.values(points)
-            parts.append(self._runs(f"wave-{wave}", plan_at(self.scene, self.space, values, wave)))
+            parts.append(
+                self._runs(
+                    f"wave-{wave}", plan_at(self.scene, self.space, values, wave, [*self.known])
+                )
+            )
             whole = _near(joined(parts), len(parts[-1]), target, self.space, tolerated)
         with self.bars.counting("posterior", "posterior", 1, "chain") as advance:
             found = sample([target], len(self.space), self.given, self.seed)
@@ -212,7 +220,7 @@ class _Study:
         chosen = np.random.default_rng(self.seed).choice(
             len(points), PREDICTIVE, replace=False, p=counts / counts.sum()
         )
-        plan = plan_at(self.scene, self.space, self.space.values(points[chosen]), 0)
+        plan = plan_at(self.scene, self.space, self.space.values(points[chosen]), 0, [*self.known])
         predicted = self._runs("predicted", plan)
         names = [*(self.reading.reader.names if self.reading else ()), *self.known]
         return Calibration(

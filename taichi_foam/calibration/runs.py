@@ -59,8 +59,10 @@ def joined(parts: Sequence[Runs]) -> Runs:
     return Runs(*arrays, failures=tuple(each for part in parts for each in part.failures))
 
 
-def first_plan(scene: Scene, space: Space, count: int, seed: int) -> dict[str, Any]:
-    """The plan of a wave over the whole ranges: a Sobol sequence.
+def first_plan(
+    scene: Scene, space: Space, count: int, seed: int, measures: Sequence[str] = ()
+) -> dict[str, Any]:
+    """The plan of a wave over the whole ranges, with key figures of each run: a Sobol sequence.
 
     If the foam's strength scatters, each run draws other strengths: the measured foam did, too.
     """
@@ -68,11 +70,13 @@ def first_plan(scene: Scene, space: Space, count: int, seed: int) -> dict[str, A
     if _scatters(scene, space):
         axes.append({"key": SEED, "from": 0, "to": _SEEDS})
     sample = {"method": "sobol", "count": count, "seed": seed}
-    return {**_common(scene), "axes": axes, "sample": sample}
+    return {**_common(scene, measures), "axes": axes, "sample": sample}
 
 
-def plan_at(scene: Scene, space: Space, values: Array, seed: int) -> dict[str, Any]:
-    """The plan of runs at values (n, d) of the parameters."""
+def plan_at(
+    scene: Scene, space: Space, values: Array, seed: int, measures: Sequence[str] = ()
+) -> dict[str, Any]:
+    """The plan of runs at values (n, d) of the parameters, with key figures of each run."""
     axes = [
         {"key": key, "values": each.tolist()}
         for key, each in zip(space.keys, values.T, strict=True)
@@ -80,16 +84,16 @@ def plan_at(scene: Scene, space: Space, values: Array, seed: int) -> dict[str, A
     if _scatters(scene, space):
         seeds = np.random.default_rng(seed).choice(_SEEDS, len(values), replace=False)
         axes.append({"key": SEED, "values": seeds.tolist()})
-    return {**_common(scene), "axes": axes, "paired": True}
+    return {**_common(scene, measures), "axes": axes, "paired": True}
 
 
 def _scatters(scene: Scene, space: Space) -> bool:
     return scene.foam.strength_scatter > 0 or SCATTER in space.keys
 
 
-def _common(scene: Scene) -> dict[str, Any]:
+def _common(scene: Scene, measures: Sequence[str]) -> dict[str, Any]:
     data = scene.model_dump(mode="json", exclude_none=True)
-    return {"scene": data, "keep": {"histories": "float32"}}
+    return {"scene": data, "keep": {"histories": "float32", "measures": [*measures]}}
 
 
 def computed(plan: dict[str, Any], folder: Path, **how: Any) -> Sweep:

@@ -456,6 +456,8 @@ def cushion_curve(
 
 def write(found: CushionCurve, folder: Path, units: str = "si") -> None:
     """Write tables, the figure in three formats, and the report. Raises UserError, OSError."""
+    from taichi_foam.cushions import cushion_chart
+
     drops = [vars(drop) | vars(drop.pad) for drop in found.drops]
     names = {
         "shape": "shape", "thickness": "thickness_m", "drop_height": "drop_height_m",
@@ -470,10 +472,11 @@ def write(found: CushionCurve, folder: Path, units: str = "si") -> None:
     }
     for name, table in rows.items():
         write_csv(folder / name, {key: [row[key] for row in table] for key in table[0]})
-    drawn = found.plot(units)
+    drawn = cushion_chart.chart(found, units)
     for ending in ("png", "svg", "pdf"):
         style.save(drawn, folder / f"cushion.{ending}")
-    found.report(folder / "report.html", units)
+        drawn.set_layout_engine("none")  # once is enough: the layout is half of a drawing
+    cushion_chart.report(found, folder / "report.html", units, drawn)
 
 
 @dataclass(frozen=True)
@@ -661,7 +664,7 @@ def _swept(
         for key, each in values.items()
         if NOTHING not in each and (key == "impactor.mass" or each.count(each[0]) < len(each))
     ]
-    kept = {} if _is_measured(asked) else {"keep": {"histories": "float64"}}
+    kept = {} if _is_measured(asked) else {"histories": "float64"}
     plan = {
         "name": f"{points[0][0].shape} pads of {asked.name}"[:100],
         "scene": scenes[0],
@@ -669,7 +672,7 @@ def _swept(
         "paired": True,
         "repeats": {"count": asked.runs},
         "drops": asked.drops,
-        **kept,
+        "keep": {"measures": _measures(asked), **kept},
     }
     return sweep(plan, folder, **how)
 
@@ -682,11 +685,16 @@ def _is_measured(asked: _Asked) -> bool:
 _MEASURES = {None: "peak_deceleration_g", 180: "peak_deceleration_cfc180_g"}
 
 
+def _measures(asked: _Asked) -> list[str]:
+    """The measures that a chart needs of each drop."""
+    peak = _MEASURES.get(asked.channel_class)
+    return [key for key in (peak, "max_strain", "bottomed_out") if key]
+
+
 def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> list[Drop]:
     """The figures of all drops of a sweep."""
-    peak = _MEASURES.get(asked.channel_class)
+    peak, measures = _MEASURES.get(asked.channel_class), _measures(asked)
     filtered_peaks = {} if peak else _filtered_peaks(done, asked.channel_class)
-    measures = [key for key in (peak, "max_strain", "bottomed_out") if key]
     numbers = range(1, asked.drops + 1)
     wanted = [columns.drop_column(key, number) for number in numbers for key in measures]
     rows = columns.read(done.shards(), [columns.MEMBER, "varied", "failure", *wanted]).to_pylist()

@@ -56,13 +56,18 @@ def chart(found: CushionCurve, units: str = "si") -> Figure:
     return figure
 
 
-def report(found: CushionCurve, path: str | Path, units: str = "si") -> Path:
-    """Write the report, and return its path. Raises UserError."""
+def report(
+    found: CushionCurve, path: str | Path, units: str = "si", drawn: Figure | None = None
+) -> Path:
+    """Write the report, and return its path; `drawn` is its chart if there is one already.
+
+    Raises UserError.
+    """
     system = units_named(units)
     sections = [
         Section(
             "Peak deceleration over static stress",
-            figure=chart(found, units),
+            figure=drawn or chart(found, units),
             alt=f"Cushion curves of {found.foam}: peak deceleration in g over static stress in "
             f"{system.unit('stress')}; the minima are in the table below.",
             caption=" ".join(found.conditions),
@@ -197,7 +202,7 @@ def _label(axis: Axes, family: Sequence[Curve], by: str, system: Units) -> None:
             text += f": {least:.3g} g at {at}" if curve.is_bracketed else f": from {least:.3g} g"
         lines.append(Line2D([], [], color=colour, marker="o", ms=4, label=text))
     shown = axis.legend(
-        handles=lines, loc="best", fontsize=11, labelcolor="linecolor", framealpha=0.85,
+        handles=lines, loc="lower left", fontsize=11, labelcolor="linecolor", framealpha=0.85,
         edgecolor="none",
     )  # fmt: skip
     for text in shown.get_texts():

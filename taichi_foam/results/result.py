@@ -52,8 +52,8 @@ class Result(Record):
     """A `Record` with measures, which can be saved and loaded."""
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
-        """Measures by the keys of summary.json; see `analysis.measures.summary`."""
+    def summary(self) -> Mapping[str, Any]:
+        """Measures by the keys of summary.json; see `analysis.measures.Summary`."""
         from taichi_foam.analysis.measures import summary
 
         return summary(self)
@@ -198,7 +198,7 @@ def _write_cracks(result: Result, path: Path) -> None:
 def _write_summary(result: Result, path: Path) -> None:
     """Write the measures, or, if measuring fails, the reason as `not_measured`."""
     try:
-        measures = result.summary
+        measures = dict(result.summary)
     except Exception as error:  # no error here may cost hours of computing
         reason = f"{type(error).__name__}: {error}"
         measures = {"scene": result.scene.name, "not_measured": reason}

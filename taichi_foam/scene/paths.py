@@ -62,7 +62,9 @@ def copied(data: Any) -> Any:
     """A copy of raw data, with tables and lists that can be changed."""
     if isinstance(data, Mapping):
         return {key: copied(each) for key, each in data.items()}
-    return [copied(each) for each in data] if isinstance(data, list | tuple) else data
+    if isinstance(data, list | tuple):  # most are the numbers of a curve
+        return [each if isinstance(each, float) else copied(each) for each in data]
+    return data
 
 
 def put(data: dict[str, Any], key: str, value: Any) -> None:

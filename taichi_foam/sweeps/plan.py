@@ -29,6 +29,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from taichi_foam.analysis.measures import IN_WORDS, MEASURES
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.parts import Part
@@ -48,6 +49,7 @@ _Count = Annotated[int, Field(ge=1, le=MOST)]
 # Lists are accepted as tuples here, since TOML has only lists.
 _Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=MOST)]
 _Numbers = Annotated[tuple[int, ...], Field(strict=False)]
+_Names = Annotated[tuple[str, ...], Field(strict=False)]
 Spacing = Literal["linear", "log"]
 Method = Literal["latin-hypercube", "sobol"]
 
@@ -120,12 +122,25 @@ class Repeats(Part):
 
 
 class Keep(Part):
-    """Data of a drop that is kept besides its row in the table."""
+    """Data of a drop that is kept: the measures in its row of the table, and what is beside it."""
 
+    # None, not all of them: the hash of a plan without it stays
+    measures: _Names | None = Field(
+        default=None, description="measures that the table has, as in summary.json; none: all"
+    )
     histories: Literal["none", "float32", "float64"] = "none"
     full: _Numbers | Literal["all"] = Field(
         default=(), description="numbers of the members whose complete results are kept"
     )
+
+    @model_validator(mode="after")
+    def _check_measures(self) -> Keep:
+        for key in self.measures or ():
+            if key not in MEASURES and key not in IN_WORDS:
+                raise ValueError(
+                    f"measures: {key!r} is none; take keys of summary.json, such as max_strain"
+                )
+        return self
 
 
 class Plan(Part):

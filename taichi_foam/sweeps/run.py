@@ -122,7 +122,7 @@ def prepare(
     if workers is not None and not 1 <= workers <= 1000:
         raise UserError(f"workers = {workers}: choose 1 to 1000 processes")
     checked = Plan.load(plan)
-    design = Design(checked)
+    design = Design.of(checked)
     design.check(MOST_CHECKED)
     resolved(out)  # refuses an invalid folder name
     folder = Path(out).absolute()
@@ -137,7 +137,7 @@ def tried(
     runtime.start(arch, threads)
     with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
         solve = partial(simulate.simulate_many, arch=arch, threads=threads)
-        return dealing.trial(Design(plan), solve, advance)
+        return dealing.trial(Design.of(plan), solve, advance)
 
 
 def _say(bars: Bars, notes: list[str]) -> None:

@@ -54,6 +54,9 @@ class Member:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+_latest: Design | None = None
+
+
 class Design:
     """The members of a resolved plan."""
 
@@ -85,6 +88,14 @@ class Design:
         self.keys = [axis.key for axis in plan.axes]
         # drops of a sweep are checked, weighed and then computed: few are built three times
         self._built = lru_cache(maxsize=_KEPT)(self._member)
+
+    @classmethod
+    def of(cls, plan: Plan) -> Design:
+        """The members of a plan, of which many are built already if it is the latest one."""
+        global _latest
+        if _latest is None or _latest.plan != plan:
+            _latest = cls(plan)
+        return _latest
 
     def __len__(self) -> int:
         return self.plan.count

@@ -102,7 +102,7 @@ class Sweep:
 
     @cached_property
     def design(self) -> Design:
-        return Design(self.plan)
+        return Design.of(self.plan)
 
     def check_versions(self) -> None:
         """Raise UserError if the versions differ from those that the sweep began with."""
@@ -349,7 +349,7 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
                 _check_same(found, plan, arch)
                 found = replace(found, plan=plan)  # its chunks may differ
             else:
-                found = Sweep(folder, plan, Design(plan).fingerprint, versions(arch))
+                found = Sweep(folder, plan, Design.of(plan).fingerprint, versions(arch))
                 with whole_file(mark) as partial:
                     write_json(partial, found.told())
             _tidy(folder)

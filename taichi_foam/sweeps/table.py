@@ -49,35 +49,44 @@ class Shard(NamedTuple):
     skipped: int = 0
 
 
-def row(member: Member, result: Result) -> dict[str, Any]:
-    """The row of a drop that was computed."""
+def row(member: Member, result: Result, wanted: Sequence[str] | None = None) -> dict[str, Any]:
+    """The row of a drop that was computed, with the `wanted` measures; None: all."""
     ending = result.ending
     failure = f"{ending.meaning}; {ending.remedy}" if ending and ending.failed else None
     measures: Mapping[str, Any] = {}
     try:
-        measures = result.summary
+        measures = _measures(result, wanted)
     except Exception as error:  # one drop that cannot be measured must not spoil the others
         failure = failure or f"no measures: {type(error).__name__}: {error}"
     return {
         **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
         "ending": ending and ending.value,
         "failure": failure,
-        **{key: _cell(value) for key, value in measures.items() if key not in _LEFT_OUT},
+        **measures,
     }
 
 
-def add_drop(row: dict[str, Any], drop: int, result: Result) -> None:
+def _measures(
+    result: Result, wanted: Sequence[str] | None, left_out: Sequence[str] = _LEFT_OUT
+) -> dict[str, Any]:
+    """The cells of measures, all of them if `wanted` is None, but for those `left_out`."""
+    chosen = result.summary if wanted is None else wanted
+    return {key: _cell(result.summary[key]) for key in chosen if key not in left_out}
+
+
+def add_drop(
+    row: dict[str, Any], drop: int, result: Result, wanted: Sequence[str] | None = None
+) -> None:
     """Add the measures of a later impact on the same block, as `drop_2_...`, to a member's row."""
     ending = result.ending
     if ending and ending.failed:
         row["failure"] = row["failure"] or f"drop {drop}: {ending.meaning}; {ending.remedy}"
+    left_out = (*_LEFT_OUT, *MACHINE, "drop", "assumed")
     try:
-        measures = result.summary
+        more = _measures(result, wanted, left_out)
     except Exception as error:
         row["failure"] = row["failure"] or f"drop {drop}: {type(error).__name__}: {error}"
         return
-    left_out = (*_LEFT_OUT, *MACHINE, "drop", "assumed")
-    more = {key: _cell(value) for key, value in measures.items() if key not in left_out}
     row.update({drop_column(key, drop): value for key, value in more.items()})
 
 
