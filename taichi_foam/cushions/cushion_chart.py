@@ -202,7 +202,7 @@ def _label(axis: Axes, family: Sequence[Curve], by: str, system: Units) -> None:
             text += f": {least:.3g} g at {at}" if curve.is_bracketed else f": from {least:.3g} g"
         lines.append(Line2D([], [], color=colour, marker="o", ms=4, label=text))
     shown = axis.legend(
-        handles=lines, loc="lower left", fontsize=11, labelcolor="linecolor", framealpha=0.85,
+        handles=lines, loc="best", fontsize=11, labelcolor="linecolor", framealpha=0.85,
         edgecolor="none",
     )  # fmt: skip
     for text in shown.get_texts():
