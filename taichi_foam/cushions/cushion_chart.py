@@ -196,14 +196,15 @@ def _label(axis: Axes, family: Sequence[Curve], by: str, system: Units) -> None:
     lines = []
     for curve, colour in zip(family, CYCLE, strict=False):
         least = curve.median[curve.least]
-        text = _one(curve, by, system)
+        text = _one(curve, by, system).removesuffix(" thick")
         if math.isfinite(least):
             at = system.text("stress", curve.static_stress[curve.least])
             text += f": {least:.3g} g at {at}" if curve.is_bracketed else f": from {least:.3g} g"
         lines.append(Line2D([], [], color=colour, marker="o", ms=4, label=text))
     shown = axis.legend(
-        handles=lines, loc="best", fontsize=11, labelcolor="linecolor", framealpha=0.85,
-        edgecolor="none",
+        handles=lines, loc="upper center", bbox_to_anchor=(0.45, 1.0),  # between falls and rises
+        fontsize=10, labelcolor="linecolor", framealpha=0.7, edgecolor="none",
+        title=f"{_WAYS[by]}: least peak", title_fontsize=10, alignment="left",
     )  # fmt: skip
     for text in shown.get_texts():
         text.set_path_effects([*HALO])
