@@ -281,13 +281,8 @@ measure("max_overlap_cells", _overlap_cells)
 measure("interrupted", lambda record: record.ending is Ending.INTERRUPTED)
 
 
-class Summary(Mapping[str, Any]):
-    """The content of summary.json: one entry per measure, units in the names, None if undefined.
-
-    Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
-    impact ended, `warnings` lists what makes the run's figures doubtful, and `assumed` lists the
-    values of a user's foam that the program assumed. Each is worked out when it is first asked for.
-    """
+class Figures(Mapping[str, Any]):
+    """The content of summary.json, see `summary`; each entry is worked out when it is asked for."""
 
     def __init__(self, record: Record) -> None:
         self._record = record
@@ -313,13 +308,15 @@ class Summary(Mapping[str, Any]):
     def __len__(self) -> int:
         return len(MEASURES) + len(IN_WORDS)
 
-    def __repr__(self) -> str:
-        return repr(dict(self))
 
+def summary(record: Record) -> dict[str, Any]:
+    """The content of summary.json: one entry per measure, units in the names, None if undefined.
 
-def summary(record: Record) -> Summary:
-    """The measures of a run by the keys of summary.json, see `Summary`."""
-    return Summary(record)
+    Pieces and the crushed region are those of the last snapshot. `statement` says in words how the
+    impact ended, `warnings` lists what makes the run's figures doubtful, and `assumed` lists the
+    values of a user's foam that the program assumed.
+    """
+    return dict(Figures(record))
 
 
 def assumed_of(scene: Scene) -> list[str]:
@@ -329,7 +326,7 @@ def assumed_of(scene: Scene) -> list[str]:
     ]
 
 
-def _statement(figures: Summary, record: Record) -> str | None:
+def _statement(figures: Figures, record: Record) -> str | None:
     """The outcome of a run as a sentence; None if the impactor never touched the foam."""
     if figures["peak_stress_Pa"] is not None:
         return "; ".join(_of_crosshead(figures))
@@ -399,7 +396,7 @@ def _peak(figures: Mapping[str, Any]) -> str:
     return f": its deceleration peaked at {filtered:.0f} g (CFC 180; raw {raw:.0f} g)"
 
 
-IN_WORDS: Mapping[str, Callable[[Summary, Record], Any]] = {
+IN_WORDS: Mapping[str, Callable[[Figures, Record], Any]] = {
     "statement": _statement,
     "warnings": lambda _, record: soundness.warnings_of(record),
     "assumed": lambda _, record: assumed_of(record.scene),

@@ -9,7 +9,6 @@ import base64
 import html
 import io
 import tempfile
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,7 +92,7 @@ def _given(scene: Scene) -> list[tuple[str, ...]]:
     return found
 
 
-def _figures(scene: Scene, summary: Mapping[str, Any]) -> str:
+def _figures(scene: Scene, summary: dict[str, Any]) -> str:
     """The key figures, measured values where there are any, and the statement and warnings."""
     from taichi_foam.analysis.measures import shown_in
     from taichi_foam.catalogue import reference_of

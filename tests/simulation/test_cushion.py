@@ -12,8 +12,6 @@ What the balance leaves out: waves, by the mass of the foam over that of the pro
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pytest
@@ -67,7 +65,7 @@ def energy(curve: tuple) -> tuple[np.ndarray, np.ndarray]:
 
 def drop(
     curve: tuple, static: float, height: float, block: dict | None = None
-) -> tuple[Mapping[str, Any], float, float]:
+) -> tuple[dict, float, float]:
     """Figures of a drop of a static stress [Pa], and the balance's strain and G."""
     e, s = (np.array(values, dtype=float) for values in curve)
     fine, taken = energy(curve)

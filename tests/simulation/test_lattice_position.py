@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ def drop(shift: float = 0.0, angle: float = 0.0) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def as_drawn() -> Mapping[str, float]:
+def as_drawn() -> dict[str, float]:
     return tf.run(drop()).summary
 
 
@@ -52,7 +50,7 @@ def as_drawn() -> Mapping[str, float]:
     ],
 )
 def test_what_a_drop_comes_to(
-    as_drawn: Mapping[str, float], shift: float, angle: float, within: float
+    as_drawn: dict[str, float], shift: float, angle: float, within: float
 ) -> None:
     found = tf.run(drop(shift, angle)).summary
     for key in ("max_displacement_m", "impact_duration_s", "peak_deceleration_m_s2"):

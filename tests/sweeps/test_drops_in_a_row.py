@@ -25,9 +25,11 @@ def test_impacts_in_a_row_are_those_of_run_drops(tmp_path: Path) -> None:
         {"key": "impactor.velocity", "values": [2.0, 2.0, 1.5]},
     ]
     plan = {"scene": SCENE, "axes": axes, "paired": True, "drops": 3}
-    done = tf.sweep({**plan, "keep": {"histories": "float64"}}, tmp_path / "s", threads=2)
+    keep = {"histories": "float64", "measures": ["peak_deceleration_g", "contact_height_m"]}
+    done = tf.sweep({**plan, "keep": keep}, tmp_path / "s", threads=2)
     table = pd.read_parquet(done.folder / "results.parquet")
     assert len(table) == 3
+    assert "max_strain" not in table  # only the measures that the plan keeps
     alone = tf.run_drops(done.member(1).scene, 3)
     histories = done.histories(1)
     for drop, result in enumerate(alone, 1):

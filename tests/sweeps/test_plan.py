@@ -40,6 +40,7 @@ def design_of(*axes: dict, **more: object) -> Design:
         ({"axes": [axis(count=10**8)]}, "axes[0].count = 100000000"),
         ({"repeats": {"count": 3, "within": 0.0}}, "repeats.within = 0.0"),
         ({"repeats": {"count": 3, "vary": "seed"}}, "strength has no scatter"),
+        ({"keep": {"measures": ["max_strain", "depth"]}}, "'depth' is none; take keys of summary"),
         ({"keep": {"full": [5]}}, "there is no member 5; members are numbered 0 to 4"),
         ({"sample": {"method": "sobol", "count": 8}}, "has a count, but sample.count sets"),
         (

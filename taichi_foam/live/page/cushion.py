@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import IO, TYPE_CHECKING, Any
 
@@ -392,7 +392,7 @@ def main(asked: IO[bytes], said: IO[str]) -> None:
         said.flush()
 
 
-def _point(summary: Mapping[str, Any], ended_by: str) -> dict[str, Any]:
+def _point(summary: dict[str, Any], ended_by: str) -> dict[str, Any]:
     """What the page is told of a drop that has been simulated."""
     raw = summary["peak_deceleration_g"]
     if raw is None or not math.isfinite(raw) or not summary["came_to_rest"]:
