@@ -188,18 +188,21 @@ def real(drops: int, rows: int, folder: Path) -> None:
     )
 
 
-CHART = {"thickness": [0.03, 0.04, 0.05, 0.065, 0.08], "drop_height": 0.76}
+THICKNESSES = [0.03, 0.04, 0.05, 0.065, 0.08]
 FOAM = Path(__file__).parents[1] / "scenes" / "own_foam.csv"
 
 
-def chart(rounds: int, runs: int, points: int, folder: Path) -> None:
+def chart(
+    rounds: int, runs: int, points: int, folder: Path, thicknesses: Sequence[float] = THICKNESSES
+) -> None:
     """A chart with its files, and its drops at once through `simulate_many`, in turns."""
-    tf.cushion_curve(FOAM, **CHART, runs=1, points=3)  # kernels
+    ask = {"foam": FOAM, "thickness": thicknesses, "drop_height": 0.76}
+    tf.cushion_curve(**ask, runs=1, points=3)  # kernels
     shares = []
     for number in range(rounds):
         out = folder / f"chart-{number}"
         begun, begun_cpu = time.perf_counter(), time.process_time()
-        found = tf.cushion_curve(FOAM, **CHART, runs=runs, points=points, out=out, bars=Bars())
+        found = tf.cushion_curve(**ask, runs=runs, points=points, out=out, bars=Bars())
         took, cpu = time.perf_counter() - begun, time.process_time() - begun_cpu
         begun = time.perf_counter()
         scenes = [
@@ -470,7 +473,7 @@ def main() -> None:
         if options.smoke:
             scheduling(100, 2, 10, folder / "waiting")
             real(3, 5, folder / "real")
-            chart(1, 1, 3, folder)
+            chart(1, 1, 3, folder, THICKNESSES[:1])
         elif options.real:
             real(options.real, options.rows, folder / "real")
         elif options.chart:

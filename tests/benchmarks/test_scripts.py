@@ -79,6 +79,7 @@ def test_sweeps_waits_and_computes() -> None:
     shown = run_script("sweeps.py")
     assert "100 drops that only wait" in shown
     assert "3 drops of 10 x 5 mass points" in shown
+    assert "3 drops: the chart with its files" in shown
 
 
 class _Workers(Workers):

@@ -45,7 +45,7 @@ class Control:
 class Impactor(Part):
     """Fields and measures common to all shapes. A shape's own class adds `shape` and its sizes.
 
-    Its fields must have a hash (tuples, not lists): the outline is worked out once for equal shapes.
+    Its fields must have a hash (tuples, not lists): equal shapes share one outline.
 
     A shape defines its corners, from which the contact of a convex polygon follows. A curved shape
     also defines its own `distance`, with the numbers of `surface`, and whatever its corners
