@@ -108,24 +108,30 @@ export class Cushion {
     return words.join(" ");
   }
 
+  // A row per point. Rows stay while points come: a press of a button must not fall between two of them.
   list() {
-    const { points, watched, waits } = this.chart, active = document.activeElement?.dataset.point;
+    const { points, watched, waits } = this.chart, { rows } = $("points-table").tBodies[0];
     $("points").hidden = false;
-    $("points-table").tBodies[0].replaceChildren(...points.map((point, n) => {
-      const button = document.createElement("button");
-      Object.assign(button, { type: "button", textContent: "Watch" });
-      button.setAttribute("aria-label", `Watch the drop at ${shown(point.static, 1e-3)} kPa`);
-      button.dataset.point = n;
-      button.addEventListener("click", () => this.choose(n));
+    if (rows.length !== points.length) $("points-table").tBodies[0].replaceChildren(...points.map((_, n) => this.point(n)));
+    points.forEach((point, n) => {
       const empty = { waiting: waits ? "…" : "–", failed: "none", simulated: "" }[point.state];
       const figure = (key, digits, factor) => empty || dash(point[key], digits, factor);
-      const tr = row(shown(point.static, 1e-3), point.by_hand === null ? "used up" : dash(point.by_hand, 1),
-        figure("g", 1), figure("g_cfc180", 1), figure("strain", 1, 1e2), button);
-      if (point.bottomed) tr.children[4].append(small("bottomed out"));
-      if (n === watched) tr.setAttribute("aria-current", "true");
-      return tr;
-    }));
-    if (active !== undefined) document.querySelector(`[data-point="${active}"]`)?.focus();
+      const words = [shown(point.static, 1e-3), point.by_hand === null ? "used up" : dash(point.by_hand, 1),
+        figure("g", 1), figure("g_cfc180", 1), figure("strain", 1, 1e2)];
+      const { cells } = rows[n];
+      words.forEach((text, k) => { cells[k].textContent = text; });
+      if (point.bottomed) cells[4].append(small("bottomed out"));
+      cells[5].firstChild.setAttribute("aria-label", `Watch the drop at ${words[0]} kPa`);
+      rows[n].ariaCurrent = String(n === watched);
+    });
+  }
+
+  point(n) {
+    const button = document.createElement("button");
+    Object.assign(button, { type: "button", textContent: "Watch" });
+    button.dataset.point = n;
+    button.addEventListener("click", () => this.choose(n));
+    return row("", "", "", "", "", button);
   }
 
   choose(n) {
