@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.calibration.reading import doubt
 from taichi_foam.calibration.space import sobol
 from taichi_foam.errors import UserError, installed
 
@@ -105,8 +106,9 @@ class _Processes:
         shared = self.variance[:, None, None] * (1.0 + away + away**2 / 3.0) * np.exp(-away)
         mean = np.einsum("kmn,kn->km", shared, self.weights)
         known = np.einsum("kmn,kmn->km", shared @ self.inverse, shared)
-        variance = (self.variance + self.noise)[:, None] - known
-        deviation = np.sqrt(np.maximum(variance, 1e-12))
+        # no less than the scatter, which rounding would leave of a difference of large numbers
+        variance = np.maximum(self.variance[:, None] - known, 0.0) + self.noise[:, None]
+        deviation = np.sqrt(variance)
         return (self.mean[:, None] + self.size[:, None] * mean).T, (
             self.size[:, None] * deviation
         ).T
@@ -125,9 +127,7 @@ class Emulator:
     explained    (k,) part of the variance of the runs that is predicted when each is left out
     widening     (k,) factor of the deviations, at least 1
     correlation  (k, k) of the errors
-    doubt        factor of the covariance of all figures together, since it is estimated from the
-                 runs: the inverse of an estimated covariance is too large on average, by
-                 (n - 1)/(n - k - 2) (Hartlap, Simon & Schneider 2007)
+    doubt        factor of the covariance of all figures together, which is estimated from the runs
     """
 
     errors: Array
@@ -206,7 +206,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         explained=1.0 - np.mean(off**2, axis=0),
         widening=np.maximum(1.0, np.sqrt(np.mean(errors**2, axis=0))),
         correlation=shared / np.outer(size, size),
-        doubt=(len(known) - 1) / max(len(known) - known.shape[1] - 2, 1),
+        doubt=doubt(len(known), known.shape[1]),
         _processes=processes,
         _classifier=classifier,
     )

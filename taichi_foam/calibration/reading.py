@@ -41,6 +41,7 @@ _BEYOND = 1.25  # compared time over the pulse's duration: longer pulses of runs
 _PAD = 5.0  # cycles of the channel class before and after a trace, in which the filter settles
 _STEPS = 60  # samples per cycle of the channel class
 _DRAWN = 200  # noisy copies of the trace
+_WITHIN = 20  # noisy copies of each of them
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,17 @@ class Reader:
         means = [f"mean, {a} to {b} ms" for a, b in pairwise(ends)]
         return [f"peak, CFC {self.channel_class:g}", *means]
 
-    def series(self, time: ArrayLike, deceleration: ArrayLike) -> Array:
-        """The filtered deceleration (m,) at `Reader.time`; nan if it has no peak."""
-        t, a = self._filtered(np.asarray(time, float), np.asarray(deceleration, float))
+    def series(self, time: ArrayLike, deceleration: ArrayLike, *, means: bool = False) -> Array:
+        """The filtered deceleration (m,) at `Reader.time`; nan if it has no peak.
+
+        With `means`, value k is the mean over time[k-1] .. time[k], and value 0 is not used.
+        """
+        return self._from_onset(
+            *self._filtered(np.asarray(time, float), np.asarray(deceleration, float), means)
+        )
+
+    def _from_onset(self, t: Array, a: Array) -> Array:
+        """Filtered values `a` at evenly spaced times `t`, at `Reader.time` from their onset."""
         peak = float(a.max())
         if not np.isfinite(peak) or peak <= 0.0:
             return np.full(len(self.time), np.nan)
@@ -107,12 +116,12 @@ class Reader:
             begin -= self.step * (a[first] - self.onset * peak) / (a[first] - a[first - 1])
         return np.interp(begin + self.time, t, a)
 
-    def _filtered(self, time: Array, values: Array) -> tuple[Array, Array]:
+    def _filtered(self, time: Array, values: Array, means: bool = False) -> tuple[Array, Array]:
         """Times and filtered values, evenly spaced; zero before the trace, its last value after."""
         pad = _PAD / self.channel_class
         edges = np.arange(time[0] - pad, time[-1] + pad + self.step, self.step)
         # samples that keep the integral of the trace, so that noise is averaged and not picked
-        mean = 0.5 * (values[1:] + values[:-1])
+        mean = values[1:] if means else 0.5 * (values[1:] + values[:-1])
         speed = np.concatenate([[0.0], np.cumsum(mean * np.diff(time))])
         beyond = np.maximum(edges - time[-1], 0.0) * values[-1]
         samples = np.diff(np.interp(edges, time, speed) + beyond) / self.step
@@ -189,7 +198,9 @@ def reading_of(
     """Read a measured trace.
 
     Errors of measurement are those of 200 copies of the trace with white noise added, through the
-    same filter and with an offset found in the same way; a peak's bias by noise is taken off.
+    same filter and with an offset found in the same way. A peak's bias by noise is taken off, of
+    the trace and of each copy: the bias is found from noisy values, so that it errs, too (the
+    iterated bootstrap of Hall 1992, The Bootstrap and Edgeworth Expansion, section 1.4).
 
     Args:
         trace: the trace; if it is mostly negative, its sign is changed, and this is noted.
@@ -221,7 +232,9 @@ def reading_of(
         offset = float(a[before].mean()) if before.any() else 0.0
         if offset:
             notes.append(f"offset: {offset:.3g} m/s2, the mean of the samples before the impact")
-    a, smooth, peak = a - offset, smooth - offset, peak - offset
+    a = a - offset
+    at, smooth = whole._filtered(t, a)
+    peak = float(smooth.max())
     second = np.diff(a, 2)
     found = 1.4826 * float(np.median(np.abs(second - np.median(second)))) / np.sqrt(6.0)
     if noise is None:
@@ -233,10 +246,12 @@ def reading_of(
     else:
         deviation = noise * peak
     random = np.random.default_rng(seed)
-    copies = random.normal(scale=deviation, size=(_DRAWN, len(t)))
+    noises = random.normal(scale=deviation, size=(_DRAWN + _WITHIN, len(t)))
     if before.any():  # the offset of each copy would be found from its own noise
-        copies -= copies[:, before].mean(axis=1, keepdims=True)
-    rough = float(np.std([whole._filtered(t, copy)[1] for copy in copies[:20]]))
+        noises -= noises[:, before].mean(axis=1, keepdims=True)
+    # the filter is linear: it is applied to the trace and to each noise once
+    noises = np.stack([whole._filtered(t, noise)[1] for noise in noises])
+    rough = float(noises.std())
     onset = max(_ONSET, _CLEAR * rough / peak)
     if peak <= 0.0 or onset > 0.5:
         raise UserError(
@@ -252,19 +267,33 @@ def reading_of(
         compared = 3 * 1.2 / channel_class
         notes.append("the pulse is shorter than three cycles of its filter")
     reader = Reader(channel_class, onset, compared)
-    series = reader.series(t, a)
-    figures = reader.figures(series)
-    noisy = np.stack([reader.series(t, a + copy) for copy in copies])
-    drawn = reader.figures(noisy)
+    series = reader._from_onset(at, smooth)
+    copies, within = smooth + noises[:_DRAWN], noises[_DRAWN:]
+
+    def read(traces: Array) -> Array:
+        return reader.figures(np.stack([reader._from_onset(at, each) for each in traces]))
+
+    noisy = np.stack([reader._from_onset(at, copy) for copy in copies])
+    figures, drawn = reader.figures(series), reader.figures(noisy)
+    unbiased = 2.0 * drawn - [read(copy + within).mean(axis=0) for copy in copies]
     return Reading(
         reader=reader,
         series=series,
         figures=2.0 * figures - drawn.mean(axis=0),
-        covariance=np.cov(drawn.T),
+        covariance=doubt(_DRAWN, drawn.shape[1]) * np.cov(unbiased.T),
         noise=deviation,
         band=noisy.std(axis=0),
         notes=tuple(notes),
     )
+
+
+def doubt(count: int, figures: int) -> float:
+    """Factor of a covariance of figures that is estimated from `count` samples.
+
+    The inverse of an estimated covariance is too large on average (Hartlap, Simon & Schneider
+    2007, Astronomy & Astrophysics 464, 399).
+    """
+    return (count - 1) / max(count - figures - 2, 1)
 
 
 def _check(trace: Measured, channel_class: int) -> None:

@@ -143,7 +143,7 @@ def _series(reader: Reader, time: Array, deceleration: Array) -> Array:
     """The filtered trace of a run, whose rows are means over the intervals that end there."""
     if len(time) < 3:
         return np.full(len(reader.time), np.nan)
-    return reader.series(0.5 * (time[1:] + time[:-1]), deceleration[1:])
+    return reader.series(time, deceleration, means=True)
 
 
 def traces_of(found: Sweep) -> dict[int, tuple[Array, Array]]:

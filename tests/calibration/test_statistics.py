@@ -14,7 +14,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from taichi_foam.calibration.emulator import Emulator, emulator_of
 from taichi_foam.calibration.outcome import parameters_of
 from taichi_foam.calibration.posterior import RULED_OUT, Posterior, Target, next_points, sample
-from taichi_foam.calibration.reading import Measured, reading_of
+from taichi_foam.calibration.reading import Measured, Reader, reading_of
 from taichi_foam.calibration.space import Range, Space, sobol
 from taichi_foam.catalogue import load_scene
 
@@ -123,6 +123,27 @@ def test_figures_err_as_much_as_they_are_said_to() -> None:
         true = found.reader.figures(found.reader.series(time, clean))
         off.append((found.figures - true) / np.sqrt(np.diag(found.covariance)))
     assert np.std(off, axis=0) == pytest.approx(np.ones(len(off[0])), abs=0.57)
+
+
+def test_a_run_is_read_as_a_recorder_reads_it() -> None:
+    """Means over the intervals of a pulse that is highest at its begin, as a flat impactor's is.
+
+    A recorder at ten times the rate sees the same pulse, and the velocity change is that of it.
+    """
+    reader = Reader(180, 0.1, 0.03)
+    length, height, step = 0.02, 1000.0, 2e-4
+    change = height * length * 2.0 / np.pi
+
+    def speed(time: Array) -> Array:
+        return change * np.sin(0.5 * np.pi * np.clip(time / length, 0.0, 1.0))
+
+    rows = np.arange(0.0, 0.04, step)
+    means = np.concatenate([[np.nan], np.diff(speed(rows)) / step])
+    edges = np.arange(-0.02, 0.04, 0.1 * step)
+    samples, middles = np.diff(speed(edges)) / (0.1 * step), 0.5 * (edges[1:] + edges[:-1])
+    run, recorded = reader.series(rows, means, means=True), reader.series(middles, samples)
+    assert reader.figures(run) == pytest.approx(reader.figures(recorded), abs=1e-3 * height)
+    assert reader.checks(run)["velocity change [m/s]"] == pytest.approx(change, rel=1e-3)
 
 
 def test_what_has_no_influence_counts_by_chance_only() -> None:
