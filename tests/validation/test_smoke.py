@@ -9,6 +9,7 @@ from types import ModuleType
 
 import calibration
 import cells
+import designs
 import fidelity
 import model_tables
 import odd_scenes
@@ -19,7 +20,7 @@ import verify
 VALIDATION = Path(verify.__file__).parent
 
 
-SCRIPTS = [calibration, cells, fidelity, step_size, model_tables, odd_scenes, verify]
+SCRIPTS = [calibration, cells, designs, fidelity, step_size, model_tables, odd_scenes, verify]
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
