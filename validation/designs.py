@@ -1,8 +1,11 @@
 """Do the pads of `design` hold? `python validation/designs.py`: ten products, by runs.
 
-Products of 50 g to 60 kg that bear 15 to 150 g fall from the heights of ISTA 1A. Every run on the
-pad that `design` gives should stay below the fragility, and half its thickness should not do. The
-formulas are those of a flat pad without rate or dashpots: runs should agree within what these add.
+Products of 100 g to 60 kg that bear 15 to 150 g fall from the heights of ISTA 1A. Every run on the
+pad that `design` gives should stay below the fragility, and half its thickness should not do.
+
+The foams are expanded polystyrene, whose measured curves have no rate, so that raw peaks should be
+those of the formula. The library's rigid foams have the dashpots of the paper's: these add their
+viscosity times the strain rate, tau K v/T, which is 11 % of the plateau in a pad of 12 mm.
 """
 
 from __future__ import annotations
@@ -24,8 +27,8 @@ from taichi_foam.simulation.progress import Bars
 RESULTS = Path(__file__).parent / "results"
 
 PRODUCTS = [
-    (0.05, 150), (0.2, 100), (0.5, 80), (1.0, 60), (2.0, 50),
-    (5.0, 40), (10.0, 30), (18.0, 40), (30.0, 25), (60.0, 15),
+    (0.1, 150), (0.2, 120), (0.5, 100), (1.0, 80), (2.0, 60),
+    (5.0, 40), (10.0, 35), (18.0, 40), (30.0, 25), (60.0, 15),
 ]  # fmt: skip
 """Masses [kg] and fragilities [g] of ten products of very different size."""
 
