@@ -16,6 +16,7 @@ import hashlib
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from taichi_foam.calibration.emulator import LEAST_RUNS, Emulator, emulator_of, 
 from taichi_foam.calibration.outcome import Calibration
 from taichi_foam.calibration.posterior import (
     DISCREPANCY,
+    FAR,
     RULED_OUT,
     Posterior,
     Target,
@@ -61,7 +63,6 @@ FIGURE_NOISE = 0.05
 _FEW_SAMPLES = 200  # independent ones that a 90 % interval needs
 
 _MOST_RUNS, _MOST_WAVES = 4096, 10
-_FAR = 2.0  # runs beyond this many times the limit of implausibility leave the next emulator
 
 
 def calibrate(
@@ -189,19 +190,16 @@ class _Study:
 
     def done(self, count: int, waves: int) -> Calibration:
         """All waves, the posterior, and the runs that it predicts."""
-        tolerated = DISCREPANCY if self.given is None else self.given
         parts = [
             self._runs(
                 "wave-1", first_plan(self.scene, self.space, count, self.seed, [*self.known])
             )
         ]
         left: list[float] = []
-        whole = parts[0]
+        whole, before = parts[0], None
         for wave in range(2, waves + 2):
-            kept, target = self._target(whole, wave)
-            points, part = next_points(
-                [target], len(self.space), count, tolerated, self.seed + wave
-            )
+            kept, target = self._target(whole, wave, before)
+            points, part = next_points([target], len(self.space), count, self.seed + wave)
             left.append(part)
             if wave > waves:
                 break
@@ -211,7 +209,7 @@ class _Study:
                     f"wave-{wave}", plan_at(self.scene, self.space, values, wave, [*self.known])
                 )
             )
-            whole = _near(joined(parts), len(parts[-1]), target, self.space, tolerated)
+            whole, before = _near(joined(parts), len(parts[-1]), target, self.space), target
         with self.bars.counting("posterior", "posterior", 1, "chain") as advance:
             found = sample([target], len(self.space), self.given, self.seed)
             advance()
@@ -242,7 +240,9 @@ class _Study:
         found = computed(plan, self.claim.work / name, **self.how)
         return runs_of(found, self.space, self.reading and self.reading.reader, [*self.known])
 
-    def _target(self, runs: Runs, wave: int) -> tuple[NDArray[np.bool_], Target]:
+    def _target(
+        self, runs: Runs, wave: int, before: Target | None
+    ) -> tuple[NDArray[np.bool_], Target]:
         """Which figures differ between runs, and these with the emulator of the runs."""
         figures = runs.figures(self.reading and self.reading.reader)
         kept = spreads(figures)
@@ -254,7 +254,9 @@ class _Study:
         with self.bars.counting(f"emulator {wave - 1}", "emulator", 1, "emulator") as advance:
             emulator = emulator_of(self.space.unit(runs.values), figures[:, kept], self.seed)
             advance()
-        return kept, target_of(emulator, self.reading, self.known, kept)
+        found = target_of(emulator, self.reading, self.known, kept)
+        tolerated = DISCREPANCY if self.given is None else self.given
+        return kept, replace(found, tolerated=tolerated, before=before)
 
     def _notes(self, parts: Sequence[Runs], left: Sequence[float], found: Posterior) -> list[str]:
         """Remarks on the data, and on how far the result can be trusted."""
@@ -301,14 +303,14 @@ def target_of(
     return Target(emulator, values[kept], covariance[np.ix_(kept, kept)], size[kept])
 
 
-def _near(runs: Runs, new: int, target: Target, space: Space, discrepancy: float) -> Runs:
+def _near(runs: Runs, new: int, target: Target, space: Space) -> Runs:
     """The `new` last runs, those of earlier waves that are not far from them, and all failed ones.
 
     What is far away would only stretch the next emulator over figures that do not matter.
     """
-    away = target.implausibility(space.unit(runs.values), discrepancy)
+    away = target.implausibility(space.unit(runs.values))
     failed = np.array([reason is not None for reason in runs.failures])
-    near = (away <= _FAR * RULED_OUT) | failed
+    near = (away <= FAR) | failed
     near[-new:] = True
     return Runs(
         runs.values[near],

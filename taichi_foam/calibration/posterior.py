@@ -28,9 +28,13 @@ RULED_OUT = 3.0
 """A point is ruled out when figures are more than this many deviations away (Pukelsheim 1994: at
 most 5 % of any unimodal distribution lies beyond)."""
 
+FAR = 2.0 * RULED_OUT
+"""Runs that are further away leave the next emulator, which then knows nothing of that region."""
+
 DISCREPANCY = 0.05
 """Scale of the prior of a model discrepancy that is estimated, as a part of the figures' size."""
 
+_BEYOND = 1e3  # deviations beyond `FAR` that count
 _BURNT = 3  # autocorrelation times at the start that are not used
 _ENOUGH = 20  # autocorrelation times of a chain that is long enough: it begins where it is likely
 _BLOCK = 200  # steps between checks of that
@@ -42,28 +46,37 @@ class Target:
 
     covariance  (k, k) of the errors of measurement
     size        (k,) to which the model discrepancy is relative
+    tolerated   the discrepancy with which points are ruled out
+    before      that of the wave before
     """
 
     emulator: Emulator
     measured: Array
     covariance: Array
     size: Array
+    tolerated: float = DISCREPANCY
+    before: Target | None = None
 
-    def implausibility(self, unit: Array, discrepancy: float) -> Array:
-        """How many deviations away the figures are at points (m, d): (m,).
+    def implausibility(self, unit: Array) -> Array:
+        """How many deviations away the figures are at points (m, d), by the worst wave: (m,).
 
         The second largest over the figures, so that a single emulator that errs rules nothing out;
         the largest of less than four figures (Craig et al. 1997; Vernon, Goldstein & Bower 2010).
         Where a run would rather fail than not, it is infinite.
         """
         mean, deviation = self.emulator.predict(unit)
-        spread = deviation**2 + np.diag(self.covariance) + (discrepancy * self.size) ** 2
+        spread = deviation**2 + np.diag(self.covariance) + (self.tolerated * self.size) ** 2
         away = np.sort(np.abs(self.measured - mean) / np.sqrt(spread), axis=1)
         found = away[:, -2] if away.shape[1] >= 4 else away[:, -1]
-        return np.where(self.emulator.success(unit) < 0.5, np.inf, found)
+        found = np.where(self.emulator.success(unit) < 0.5, np.inf, found)
+        return found if self.before is None else np.maximum(found, self.before.implausibility(unit))
 
     def log_likelihood(self, unit: Array, discrepancy: Array) -> Array:
-        """Logarithm (m,) of the likelihood at points (m, d) with discrepancies (m,)."""
+        """Logarithm (m,) of the likelihood at points (m, d) with discrepancies (m,).
+
+        What was far away by an earlier wave stays unlikely: without runs there, the emulator falls
+        back to its prior, which is wide enough to hold any measurement.
+        """
         mean, deviation = self.emulator.predict(unit)
         shared = self.emulator.doubt * self.emulator.correlation
         simulated = deviation[:, :, None] * shared * deviation[:, None, :]
@@ -73,7 +86,11 @@ class Target:
         log_size = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
         with np.errstate(divide="ignore"):
             succeeds = np.log(self.emulator.success(unit))
-        return -0.5 * (off**2).sum(axis=1) - log_size + succeeds
+        found = -0.5 * (off**2).sum(axis=1) - log_size + succeeds
+        if self.before is not None:
+            # finite and smooth, so that a chain that begins outside finds its way in
+            found -= 0.5 * np.clip(self.before.implausibility(unit) - FAR, 0.0, _BEYOND) ** 2
+        return found
 
 
 @dataclass(frozen=True)
@@ -161,7 +178,7 @@ def sample(
 
 
 def next_points(
-    targets: Sequence[Target], dimension: int, count: int, discrepancy: float, seed: int
+    targets: Sequence[Target], dimension: int, count: int, seed: int
 ) -> tuple[Array, float]:
     """Points (count, d) for another wave, in what is not ruled out, and the part that this is.
 
@@ -169,7 +186,7 @@ def next_points(
     nothing within the ranges agrees with the measurement, the least implausible ones fill up.
     """
     unit = sobol(dimension, 2**13, seed)
-    away = np.max([target.implausibility(unit, discrepancy) for target in targets], axis=0)
+    away = np.max([target.implausibility(unit) for target in targets], axis=0)
     left = np.flatnonzero(away <= RULED_OUT)
     part = len(left) / len(unit)
     chosen = left[:count] if len(left) >= count else np.argsort(away, kind="stable")[:count]

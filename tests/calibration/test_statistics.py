@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -13,7 +13,14 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 
 from taichi_foam.calibration.emulator import Emulator, emulator_of
 from taichi_foam.calibration.outcome import parameters_of
-from taichi_foam.calibration.posterior import RULED_OUT, Posterior, Target, next_points, sample
+from taichi_foam.calibration.posterior import (
+    FAR,
+    RULED_OUT,
+    Posterior,
+    Target,
+    next_points,
+    sample,
+)
 from taichi_foam.calibration.reading import Measured, Reader, reading_of
 from taichi_foam.calibration.space import Range, Space, sobol
 from taichi_foam.catalogue import load_scene
@@ -45,7 +52,7 @@ def target_at(truth: Array, slopes: Array, deviation: float, error: float) -> Ta
     """Figures measured without luck, good or bad: the posterior is centred on the truth."""
     size = len(slopes)
     emulator = cast(Emulator, Linear(slopes, np.full(size, deviation)))
-    return Target(emulator, slopes @ truth, error**2 * np.eye(size), np.ones(size))
+    return Target(emulator, slopes @ truth, error**2 * np.eye(size), np.ones(size), tolerated=0.0)
 
 
 def test_the_posterior_of_linear_figures_is_normal_with_the_covariance_of_least_squares() -> None:
@@ -74,11 +81,27 @@ def test_a_discrepancy_is_found_where_figures_contradict_each_other() -> None:
 
 def test_another_wave_goes_where_nothing_is_ruled_out() -> None:
     target = target_at(np.array([0.3, 0.7]), np.eye(2), 0.02, 0.02)
-    points, part = next_points([target], 2, 64, 0.0, 0)
+    points, part = next_points([target], 2, 64, 0)
     # two figures: the larger deviation counts, so that a square is left
     reach = RULED_OUT * np.hypot(0.02, 0.02)
     assert np.abs(points - [0.3, 0.7]).max() <= reach
     assert part == pytest.approx((2 * reach) ** 2, rel=0.1)
+
+
+def test_what_an_earlier_wave_has_ruled_out_stays_out() -> None:
+    """The next emulator knows nothing beyond its runs: by itself it would allow any point."""
+    first = target_at(np.array([0.3, 0.7]), np.eye(2), 0.02, 0.0)
+    ignorant = target_at(np.array([0.3, 0.7]), np.zeros((2, 2)), 1.0, 0.0)
+    found = sample([replace(ignorant, before=first)], 2, 0.0)
+    away = np.abs(found.unit - [0.3, 0.7]).max(axis=1) / 0.02
+    # even in a square of 2 FAR, and beyond it as a normal distribution falls: the perimeter is 8 r
+    beyond = 8.0 * (FAR * np.sqrt(np.pi / 2.0) + 1.0)
+    part = beyond / (beyond + 4.0 * FAR**2)
+    error = np.sqrt(part * (1.0 - part) / found.independent)
+    assert np.mean(away > FAR) == pytest.approx(part, abs=4.0 * error)
+    assert away.max() < FAR + 6.0
+    points, _ = next_points([replace(ignorant, before=first)], 2, 64, 0)
+    assert np.abs(points - [0.3, 0.7]).max() <= 0.02 * RULED_OUT
 
 
 def test_the_emulator_predicts_what_scikit_learn_predicts(monkeypatch) -> None:
