@@ -6,6 +6,7 @@ empty cache, and packs the kernels that Taichi has compiled beside the engine (s
 LLVM 15 knows and that has 256-bit vectors.
 """
 
+import json
 import subprocess
 import sys
 import tarfile
@@ -15,6 +16,7 @@ from os import cpu_count, environ
 from pathlib import Path
 
 from taichi_foam.catalogue import list_scenes
+from taichi_foam.cushions.scenes import SHAPES
 from taichi_foam.engine.kernel_cache import INDEX, MARK, archive_name
 
 ENGINE = Path(__file__).parents[1] / "taichi_foam" / "engine"
@@ -22,11 +24,22 @@ WIDE = b"<4 x double>"  # occurs in the code of a kernel compiled for such vecto
 
 # Those of the paper's nine tests that differ in their kernels: one for each impactor shape.
 PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
-# Blocks that need other room than the paper's: wider, higher, and smaller. The smaller ones are
-# also what cushion curves and designs compute.
+# Blocks that need other room than the paper's: wider, higher, and smaller.
 OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
 SIDE_BY_SIDE = "1,2"  # batches of one run, and of the next larger room
 ALONE = "1"
+
+# Cushions: foams of all laws, and the other shapes. Their drops are computed as batches from the
+# first lattice on, for which kernels are others than for the second (`Lattice.place`).
+CURVE = {"strain": [0.0, 0.05, 0.5, 0.7, 0.9], "stress": [0.0, 1e5, 1.5e5, 3e5, 2e6]}
+CUSHIONS = [
+    ("shim2000-pu", "flat"),
+    *(("eps-28.8", shape) for shape in SHAPES),
+    *(
+        ({"law": "recovering", "curve": CURVE, **gas}, "flat")
+        for gas in ({}, {"gas_pressure": 1e5})
+    ),
+]
 
 MOST_NODES = 5_000  # of the lattices that are computed
 
@@ -38,6 +51,16 @@ scene = tf.load_scene(name, overrides=values)
 if scene.block.columns * scene.block.rows <= int(most):
     for count in counts.split(","):
         tf.run_many([scene] * int(count))
+"""
+
+CUSHIONED = """
+import json, sys
+import taichi_foam as tf
+from taichi_foam.cushions.scenes import cushion_scene
+foam, shape = json.loads(sys.argv[1])
+scenes = [cushion_scene(foam, 0.05, 0.1, 4e3, shape=shape)] * 2
+first = tf.run_many(scenes)
+list(tf.simulate_many(scenes, after=first))
 """
 
 
@@ -55,6 +78,7 @@ def commands(folder: Path) -> list[list[str]]:
             [sys.executable, "-c", COMPUTED, name, counts, str(MOST_NODES), *values]
             for name, counts, *values in computed
         ),
+        *([sys.executable, "-c", CUSHIONED, json.dumps(each)] for each in CUSHIONS),
         [*program, "run", PAPER[2], "--out", str(folder / "drawn")],
     ]
 
