@@ -28,7 +28,7 @@ MakeResult = Callable[..., Result]
 lattice.MOST_IDLE = 10_000
 layout.ROOM_LATTICES = (16, 64)
 layout.ROOM_COLUMNS, layout.ROOM_PACKS = 96, 12
-effort.PAYS_AFTER = float("inf")  # for none of them compiling with all passes pays
+effort.PAYS_AFTER = effort.PAYS_FROM = float("inf")  # for none of them do all passes pay
 
 # A shell that starts a job in the background has it ignore Ctrl-C, `nohup` has it ignore a hang-up,
 # and so all that these start; the tests of both need them.

@@ -19,6 +19,9 @@ from taichi_foam.engine.layout import SMALL_BLOCK, Size
 PAYS_AFTER = 120.0
 """Seconds of use after which kernels are compiled again; the passes take about a fifth of that."""
 
+PAYS_FROM = SMALL_BLOCK
+"""Nodes of a batch from which kernels are compiled with the passes at once: runs take longer."""
+
 _used: dict[tuple[Size, Features], float] = {}
 
 
@@ -40,14 +43,14 @@ def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
 def is_thorough(room: Size, features: Features, name: str) -> bool:
     """Whether kernels of this name are compiled with all passes.
 
-    Those of big blocks always are, since runs take longer than `PAYS_AFTER`.
+    Those of big blocks always are, see `PAYS_FROM`.
     TI_ADVANCED_OPTIMIZATION=1 turns the passes on for all kernels, 0 turns them off. On a GPU they
     are always off, see `runtime.passes`.
     """
     given = os.environ.get("TI_ADVANCED_OPTIMIZATION")
     if given is not None:
         return given != "0"
-    return room.nodes >= SMALL_BLOCK or pays(room, features) or kernel_cache.is_marked(name)
+    return room.nodes >= PAYS_FROM or pays(room, features) or kernel_cache.is_marked(name)
 
 
 @contextlib.contextmanager

@@ -51,7 +51,8 @@ def test_kernels_of_long_use_are_compiled_thoroughly_in_later_processes_too(
     assert not is_thorough(SECOND)
 
 
-def test_big_blocks_are_at_once(folder: Path) -> None:
+def test_big_blocks_are_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effort, "PAYS_FROM", SMALL_BLOCK)
     assert is_thorough(room=Size(1, SMALL_BLOCK // 20, 20))
 
 

@@ -28,8 +28,8 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 #: How long a connection may take until a request of its has shown the token [s].
 MOST_SECONDS = 5.0
 #: Most connections without a token, from one address and in all. One more closes the oldest. Who
-#: has the token shows it at once, and so gets in however many others are silent. As many as open the
-#: page at one moment, a class behind one address say, are strangers until their requests are read.
+#: has the token shows it at once, and so gets in however many others are silent. All who open the
+#: page at one moment, a class behind one address, are strangers until their requests are read.
 MOST_OF_ADDRESS, MOST_STRANGERS = 100, 200
 
 _HEADERS = {
