@@ -1,6 +1,6 @@
 """Make the kernels that come with the package: `python kernels/make.py`.
 
-This takes ten minutes on two cores. It computes what most users compute first, starting from an
+This takes twenty minutes on two cores. It computes what most users compute first, starting from an
 empty cache, and packs the kernels that Taichi has compiled beside the engine (see
 `taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on a processor that
 LLVM 15 knows and that has 256-bit vectors.
