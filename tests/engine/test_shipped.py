@@ -32,11 +32,11 @@ for values in sys.argv[2:]:
 """
 
 
-def computed(cache: Path, *runs: str, threads: int = 2) -> list[str]:
+def computed(cache: Path, *runs: str, threads: int = 2, program: str = PROGRAM) -> list[str]:
     """What a process computes that has its kernels in this folder."""
     settings = {k: v for k, v in os.environ.items() if not k.startswith("TI_")}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(threads), *runs],
+        [sys.executable, "-c", program, str(threads), *runs],
         env={
             **settings,
             "TI_OFFLINE_CACHE_FILE_PATH": str(cache),
@@ -70,6 +70,18 @@ def test_a_first_run_compiles_nothing(tmp_path: Path, unpacked: Path) -> None:
     """
     cache = tmp_path / "cache"
     computed(cache, "block.columns=40", "block.columns=33", threads=1)
+    assert names(cache) == names(unpacked), "kernels/make.py has to be run again"
+
+
+@needs_kernels
+def test_nor_do_drops_on_cushions_side_by_side(tmp_path: Path, unpacked: Path) -> None:
+    cache = tmp_path / "cache"
+    program = """
+import taichi_foam as tf
+from taichi_foam.cushions.scenes import cushion_scene
+tf.run_many([cushion_scene("eps-28.8", 0.05, height, 4e3) for height in (0.02, 0.03)])
+"""
+    computed(cache, program=program)
     assert names(cache) == names(unpacked), "kernels/make.py has to be run again"
 
 
