@@ -252,8 +252,8 @@ def reading_of(
     # the filter is linear: it is applied to the trace and to each noise once
     noises = np.stack([whole._filtered(t, noise)[1] for noise in noises])
     rough = float(noises.std())
-    onset = max(_ONSET, _CLEAR * rough / peak)
-    if peak <= 0.0 or onset > 0.5:
+    onset = max(_ONSET, _CLEAR * rough / peak) if peak > 0.0 else np.inf
+    if onset > 0.5:
         raise UserError(
             f"{trace.name}: no peak rises above its noise (peak {peak:.3g} m/s2 with CFC "
             f"{channel_class:g}, noise {rough:.3g} m/s2). Fix: check the column and its unit, take "

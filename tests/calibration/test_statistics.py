@@ -24,6 +24,7 @@ from taichi_foam.calibration.posterior import (
 from taichi_foam.calibration.reading import Measured, Reader, reading_of
 from taichi_foam.calibration.space import Range, Space, sobol
 from taichi_foam.catalogue import load_scene
+from taichi_foam.errors import UserError
 
 Array = NDArray[np.float64]
 
@@ -146,6 +147,12 @@ def test_figures_err_as_much_as_they_are_said_to() -> None:
         true = found.reader.figures(found.reader.series(time, clean))
         off.append((found.figures - true) / np.sqrt(np.diag(found.covariance)))
     assert np.std(off, axis=0) == pytest.approx(np.ones(len(off[0])), abs=0.57)
+
+
+def test_an_array_of_zeros_has_no_peak() -> None:
+    time = np.arange(0.0, 0.05, 1e-4)
+    with pytest.raises(UserError, match="no peak"):
+        reading_of(Measured(time, np.zeros_like(time)), 180)
 
 
 def test_a_run_is_read_as_a_recorder_reads_it() -> None:
