@@ -90,7 +90,7 @@ def test_a_pad_of_two_foams_agrees_with_the_cpu_to_rounding(states: tuple[States
 def test_blocks_agree_with_the_cpu_to_rounding_before_failure(
     states: tuple[States, States],
 ) -> None:
-    """Three shapes of the paper's tests, each more than one turn of a block's threads."""
+    """Three of the paper's tests in one batch, each more than one turn of a block's threads."""
     on_cpu, on_vulkan = states
     assert not on_cpu["before/broken"].any()
     assert_close(part(on_cpu, "before"), part(on_vulkan, "before"), STEPS_BEFORE)
