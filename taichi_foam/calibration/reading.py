@@ -270,12 +270,13 @@ def reading_of(
     series = reader._from_onset(at, smooth)
     copies, within = smooth + noises[:_DRAWN], noises[_DRAWN:]
 
-    def read(traces: Array) -> Array:
-        return reader.figures(np.stack([reader._from_onset(at, each) for each in traces]))
+    def seen(traces: Array) -> Array:
+        return np.stack([reader._from_onset(at, each) for each in traces])
 
-    noisy = np.stack([reader._from_onset(at, copy) for copy in copies])
+    noisy = seen(copies)
     figures, drawn = reader.figures(series), reader.figures(noisy)
-    unbiased = 2.0 * drawn - [read(copy + within).mean(axis=0) for copy in copies]
+    again = [reader.figures(seen(copy + within)).mean(axis=0) for copy in copies]
+    unbiased = 2.0 * drawn - again
     return Reading(
         reader=reader,
         series=series,

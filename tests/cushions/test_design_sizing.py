@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from designs import PRODUCTS
 
 from taichi_foam.cushions import handling, own_tests, sizing
 from taichi_foam.errors import UserError
@@ -18,6 +17,12 @@ from taichi_foam.units import STANDARD_GRAVITY
 
 FOAM_NAMES = ("shim2000-pu", "rigid-pu-20", "rigid-pu-40", "rigid-pu-80", "rigid-pu-100")
 OWN = Path(__file__).parents[2] / "scenes" / "own_foam.csv"
+
+PRODUCTS = [
+    (0.05, 150), (0.2, 100), (0.5, 80), (1.0, 60), (2.0, 50),
+    (5.0, 40), (10.0, 30), (18.0, 40), (30.0, 25), (60.0, 15),
+]  # fmt: skip
+"""Masses [kg] and fragilities [g] of ten products of very different size."""
 
 
 @pytest.fixture(scope="module")
