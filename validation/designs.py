@@ -30,7 +30,7 @@ PRODUCTS = [
     (0.1, 150), (0.2, 120), (0.5, 100), (1.0, 80), (2.0, 60),
     (5.0, 40), (10.0, 35), (18.0, 40), (30.0, 25), (60.0, 15),
 ]  # fmt: skip
-"""Masses [kg] and fragilities [g] of ten products of very different size, within what EPS can do."""
+"""Masses [kg] and fragilities [g] of ten products of very different size that EPS can hold."""
 
 FOAMS = ("eps-14.4", "eps-18.4", "eps-21.6", "eps-28.8", "eps-38.4")
 
