@@ -22,8 +22,8 @@ SWEEP_SLOTS = RING + 3
 # Threads in a GPU block. More would leave each too few registers for 64-bit numbers.
 THREADS = 256
 # Up to this many nodes, one block steps a lattice alone. It handles THREADS nodes at a time, each
-# time for some 10 us of a step; launching the kernels of a step spread over blocks takes 100 us.
-# These are estimates: benchmarks/gpu.py measures them.
+# time for some 50 us of a step on an NVIDIA H200. Launching the kernels of a step spread over
+# blocks takes about 100 us, an estimate: this limit has not been tuned.
 BLOCK_NODES = 4_096
 # Most blocks that a bigger lattice is spread over: as many as a large GPU runs at a time.
 MOST_BLOCKS = 512
