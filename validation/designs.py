@@ -20,6 +20,7 @@ from rich.console import Console
 from store import SMOKE_HELP
 
 import taichi_foam as tf
+from taichi_foam.analysis.bands import band
 from taichi_foam.cushions import verify
 from taichi_foam.results.files import write_json
 from taichi_foam.simulation.progress import Bars
@@ -81,7 +82,7 @@ def product(
         "largest_cfc180_g": max(whole.g),
         "formula_g": pad.g,
         # of all runs the mean velocity is that of the drop height, which the formula has
-        "median_raw_g": sorted(whole.raw)[len(whole.raw) // 2],
+        "median_raw_g": band(whole.raw).median,
         "half_below": half.below,
         "half_median_cfc180_g": half.band.median,
     }

@@ -33,8 +33,8 @@ def efficiency_command(
     out: Annotated[
         str | None,
         typer.Option(
-            help="Folder for efficiency.csv, landmarks.csv, efficiency.html and the figure as PNG, "
-            "SVG and PDF; default: nothing is written."
+            help="Folder for efficiency.csv, landmarks.csv, report.html and the figure as PNG, SVG "
+            "and PDF; default: nothing is written."
         ),
     ] = None,
     overwrite: OverwriteFiles = False,
@@ -99,4 +99,4 @@ def _jobs(found: Efficiency, units: str) -> list[Job]:
 
 _DATA = ("efficiency.csv", "landmarks.csv")
 _FIGURES = ("efficiency.png", "efficiency.svg", "efficiency.pdf")
-_REPORT = "efficiency.html"
+_REPORT = "report.html"

@@ -81,9 +81,9 @@ def curve(found: Design) -> Figure:
             axis.plot(static[-1], g[-1], "x", color=colour, markersize=8, zorder=2 + own)
             best = int(np.argmin(g))
             axis.annotate(
-                units.text("length", each), (static[best], g[best]), xytext=(0, -8),
+                units.text("length", each), (static[best], g[best]), xytext=(-5, -5),
                 textcoords="offset points", color=colour, fontweight="bold",
-                path_effects=HALO, va="top", ha="center", clip_on=True,
+                path_effects=HALO, va="top", ha="right", clip_on=True,
             )  # fmt: skip
         low, high = (units.of("stress", each) for each in pad.statics)
         axis.axvspan(low, high, color=GREEN, alpha=0.13, linewidth=0)

@@ -76,6 +76,7 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
             "as foam.curve, with foam.law = 'recovering'"
         )
     near = [each.span() for each in FAMILIES if name.lower().startswith(each.head.rstrip("-"))]
+    near = near or [each for each in names() if name and name.lower() in each]
     near = near or difflib.get_close_matches(name, names(), n=1, cutoff=0.6)
     meant = f"did you mean {near[0]}?" if near else f"known: {', '.join(names())}."
     raise UserError(

@@ -14,8 +14,8 @@ def test_the_curves_read_back_from_csv_exactly(invoke: Callable, tmp_path: Path)
     done = invoke("efficiency", "eps-20", "shim2000-pu", "--out", "found", "--units", "us")
     assert done.exit_code == 0, done.output
     names = {path.name for path in (tmp_path / "found").iterdir()} - {"manifest.json"}
-    figures = {f"efficiency.{ending}" for ending in ("png", "svg", "pdf", "html", "csv")}
-    assert names == figures | {"landmarks.csv"}
+    figures = {f"efficiency.{ending}" for ending in ("png", "svg", "pdf", "csv")}
+    assert names == figures | {"landmarks.csv", "report.html"}
     found = tf.efficiency("eps-20", "shim2000-pu")
     with (tmp_path / "found" / "efficiency.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -25,7 +25,7 @@ def test_the_curves_read_back_from_csv_exactly(invoke: Callable, tmp_path: Path)
         assert [float(row["efficiency"]) for row in csv.DictReader(file)] == [
             row["efficiency"] for row in found.table
         ]
-    page = (tmp_path / "found" / "efficiency.html").read_text(encoding="utf-8")
+    page = (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
     assert "in·lb/in³" in page
     assert "assumed beyond 10 %" in page
     words = " ".join(done.stdout.split())

@@ -122,6 +122,7 @@ def read_back(file: FoamFile) -> FoamFile:
     ("name", "told"),
     [
         ("shim2000", "did you mean shim2000-pu?"),
+        ("LD33", "did you mean plastazote-ld33?"),
         ("epe-30", "a foam that springs back"),
         ("EVA", "a foam that springs back"),
         ("rigid-pu-300", "densities from 20 to 100"),
