@@ -75,11 +75,8 @@ FIRST, LATER = 7, 3
 TOLERANCE = 0.01
 """Part of the peak by which lines between points may miss the curve."""
 
-REFINED, HIGH = 2.0, 3.0
-"""A curve is refined up to the one, and its usual range ends at the other, times its least peak."""
-
-LOW = 6.0
-"""The usual range begins at the optimum of the energy balance over this."""
+REFINED = 2.0
+"""A curve is refined up to its least peak times this."""
 
 WITHIN = 0.1
 """The range around the minimum is where the peak is larger by at most this part."""
@@ -572,16 +569,11 @@ class _Asked:
         flat = Pad(FLAT, pad.thickness, pad.drop_height)
         scene = replace(self, shapes={FLAT: FLAT}).scene(flat, _LIGHT)
         e, s = stress_curve(scene)
-        best, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
-        most = 0.95 * scene.foam.landmarks.plateau_stress
-        fine = np.geomspace(best, max(most, 1.01 * best), 400)
-        g = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, fine)
-        inside = np.flatnonzero(g <= HIGH * stop.g)
-        high = min(float(fine[inside[-1]]) if inside.size else best, most)
-        low = best / LOW
+        plateau = scene.foam.landmarks.plateau_stress
+        low, high = energy.usual_range(e, s, pad.drop_height, pad.thickness, plateau)
         if pad.shape != FLAT or self.drops > 1:
             low /= 2.0
-        return low, max(high, 2.0 * low)
+        return low, high
 
     @property
     def request(self) -> dict[str, Any]:

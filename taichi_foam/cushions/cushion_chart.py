@@ -14,9 +14,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from taichi_foam.analysis.measures import assumed_of
-from taichi_foam.cushions.cushion import HIGH, WITHIN, Curve, CushionCurve
+from taichi_foam.cushions.cushion import WITHIN, Curve, CushionCurve
 from taichi_foam.cushions.shown import Units
 from taichi_foam.cushions.shown import units as units_named
+from taichi_foam.formulas.energy import USUAL_PEAK
 from taichi_foam.picture.document import Section, Table, write
 from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank
 
@@ -139,7 +140,7 @@ def _draw(
 ) -> None:
     """One panel."""
     lowest = [curve.median[curve.least] for curve in family if math.isfinite(min(curve.median))]
-    top = HIGH * max(lowest, default=1.0) * 1.1
+    top = USUAL_PEAK * max(lowest, default=1.0) * 1.1
     ends = [end for curve in family for end in curve.static_stress[[0, -1]]]
     left, right = system.of("stress", min(ends)), system.of("stress", max(ends))
     margin = (right / left) ** 0.03 if right > left else 1.1

@@ -34,6 +34,13 @@ from taichi_foam.errors import UserError
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
+
+USUAL_LOAD, USUAL_PEAK = 6.0, 3.0
+"""A curve's usual range begins at the optimum over the one, and ends at the least peak times the
+other."""
+
+STANDS = 0.95
+"""Part of the plateau's stress that foam carries at rest."""
 """A shortfall of energy of this fraction is one of rounding."""
 
 
@@ -167,6 +174,25 @@ def optimum(
     best = np.unravel_index(int(np.argmin(force)), force.shape)
     found = Stop(float((start + x)[best]), float(largest[best]), float(force[best]) - 1.0)
     return float(static[best]), found
+
+
+def usual_range(
+    strain: ArrayLike, stress: ArrayLike, drop_height: float, thickness: float, plateau: float
+) -> tuple[float, float]:
+    """The static stresses [Pa] between which a cushion curve is of interest.
+
+    From a sixth of the optimum to where the deceleration is three times the least one, or a fifth
+    beyond the optimum where the curve ends there; and at most to 95 % of the foam's `plateau`
+    stress [Pa]: under more it is crushed by the weight alone. Raises UserError as `stop`.
+    """
+    best, least = optimum(strain, stress, drop_height, thickness)
+    most = STANDS * plateau
+    if best < most:
+        static = np.geomspace(best, most, 400)
+        g = cushion_curve(strain, stress, drop_height, thickness, static)
+        beyond = static[1:][g[1:] <= USUAL_PEAK * least.g]
+        most = min(float(beyond.max(initial=0.0)) or 1.2 * best, most)
+    return min(best / USUAL_LOAD, 0.5 * most), most
 
 
 def stopping_strain(strain: Array, stress: Array, energy: float, load: float) -> float | None:

@@ -114,6 +114,24 @@ def test_any_curve_against_a_fine_table(seed: int) -> None:
     assert energy.stop(strain, stress, static, fall, thick).g == pytest.approx(best.g, rel=1e-6)
 
 
+def test_the_usual_range() -> None:
+    """A linear foam, whose optimum is at the end of its curve, and one that locks."""
+    linear = [0.0, 0.5], [0.0, 5e4]
+    best, _ = energy.optimum(*linear, 1.0, 0.05)
+    found = energy.usual_range(*linear, 1.0, 0.05, 4e4)
+    assert found == pytest.approx((best / 6.0, 1.2 * best), rel=1e-12)
+    locks = [0.0, 1e-9, 0.7, 0.9], [0.0, 1e5, 1e5, 1e6]
+    best, least = energy.optimum(*locks, 0.76, 0.05)
+    low, high = energy.usual_range(*locks, 0.76, 0.05, 1e5)
+    assert low == pytest.approx(best / 6.0, rel=1e-12)
+    ends = energy.cushion_curve(*locks, 0.76, 0.05, [high, 1.02 * high])
+    assert ends[0] <= 3.0 * least.g < ends[1]
+    # a thick pad and a short fall: at the optimum the weight alone would crush it
+    low, high = energy.usual_range(*locks, 0.01, 0.3, 1e5)
+    assert high == pytest.approx(9.5e4, rel=1e-12)
+    assert high < 6.0 * low == pytest.approx(energy.optimum(*locks, 0.01, 0.3)[0], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("curve", "numbers", "said"),
     [

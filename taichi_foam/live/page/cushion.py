@@ -33,11 +33,6 @@ if TYPE_CHECKING:
 OWN = "of this scene"
 #: Drops of a chart, and static stresses at which the formula is evaluated.
 POINTS, FINE = 10, 200
-#: The usual range of static stresses: from the formula's optimum over this to where the peak is so
-#: many times the least one.
-LOW, HIGH = 6.0, 3.0
-#: It ends at this part of the plateau's stress: under more the foam is crushed by the weight alone.
-STANDS = 0.95
 #: How long a chart may compute [s]: the time of a drop grows with the stiffness of the foam.
 MOST_SECONDS = 300.0
 #: How little the process that computes gets of a busy machine.
@@ -299,14 +294,12 @@ def _chart(number: int, asked: Drops, about: str, least: float | None, most: flo
         return energy.cushion_curve(strain, stress, height, thickness, statics)
 
     given = INPUTS[-1]
+    low, high = energy.usual_range(strain, stress, height, thickness, plateau)
     if most is None:
-        fine = np.geomspace(best, 10.0 * best, FINE)
-        inside = fine[peaks(fine) <= HIGH * stop.g]
-        most = float(inside[-1]) if inside.size else best
-        most = max(most, 1.2 * best) if least is None else max(most, 2.0 * least)
-        most = min(most, STANDS * plateau, given.high * given.factor)
+        high = high if least is None else max(high, 2.0 * least)
+        most = min(high, energy.STANDS * plateau, given.high * given.factor)
     if least is None:
-        least = max(min(best / LOW, 0.5 * most), given.low * given.factor)
+        least = max(min(low, 0.5 * most), given.low * given.factor)
     if most >= plateau:
         raise UserError(
             f"most = {1e-3 * most:.6g} kPa: must be below the foam's plateau stress, "
