@@ -33,6 +33,12 @@ LOCK, INDEX = "ticache.lock", "ticache.tcb"
 LOCK_SECONDS = 60.0
 """A lock is held for about a second, while files are written: one this old was left behind."""
 
+MOST_BYTES = 2**29
+"""Size of a folder from which Taichi removes the kernels that have not been used for longest.
+
+By Taichi's default, a fifth of this, those that come with the package would soon be among them.
+"""
+
 _CHECKED = "checked"
 """Name of a file: kernels older than it have been verified completely."""
 

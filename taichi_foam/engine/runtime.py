@@ -130,6 +130,7 @@ def _init(arch: str, threads: int) -> None:
             offline_cache=folder is not None,
             # Taichi makes this folder at exit in any case, and the process crashes if it cannot
             offline_cache_file_path=str(folder or os.path.abspath(os.sep)),
+            offline_cache_max_size_of_files=kernel_cache.MOST_BYTES,
             # slower than LLVM's own, and makes kernels slower; for the other passes see `passes`
             cfg_optimization=False,
             advanced_optimization=_has_all_passes(arch),

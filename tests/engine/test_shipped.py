@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import taichi_foam
+from taichi_foam import backend
 from taichi_foam.engine import kernel_cache
 
 needs_kernels = pytest.mark.skipif(
@@ -71,6 +72,13 @@ def test_a_first_run_compiles_nothing(tmp_path: Path, unpacked: Path) -> None:
     cache = tmp_path / "cache"
     computed(cache, "block.columns=40", "block.columns=33", threads=1)
     assert names(cache) == names(unpacked), "kernels/make.py has to be run again"
+
+
+@needs_kernels
+def test_they_have_room_beside_many_others(unpacked: Path) -> None:
+    """Taichi empties a full folder from those that were used least, which they may well be."""
+    size = sum(path.stat().st_size for path in unpacked.iterdir())
+    assert 5 * size < backend.compiling().offline_cache_max_size_of_files
 
 
 @needs_kernels
