@@ -1,6 +1,7 @@
 """Own cushion tests: peaks measured in drops, to draw beside computed curves and compare with them.
 
-A CSV file with a row for each drop: drop height, thickness, static stress, peak deceleration.
+A CSV file or pasted text with a row for each drop: drop height, thickness, static stress, peak
+deceleration.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, column, read_rows
+from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, Rows, column, read_rows, rows_in
 from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, STANDARD_GRAVITY, STRESS_UNITS
 
 if TYPE_CHECKING:
@@ -28,14 +29,18 @@ _KINDS = (
     Kind("peak", ACCELERATION_UNITS, "m/s2", ("peak", "decel", "accel", "g-value", "g value")),
 )
 
+_NEEDS = "drop height, thickness, static stress and peak"
 _EXAMPLE = "height [cm],thickness [mm],static stress [kPa],peak [g]"
+
+PASTED = "own tests"
+"""The name of pasted tests, with which messages about them begin."""
 
 
 @dataclass(frozen=True)
 class OwnTests:
     """Measured drops, one value for each (n,).
 
-    name       the file's
+    name       the file's; of pasted tests, PASTED
     height     drop height [m]
     thickness  of the cushion [m]
     static     static stress [Pa]
@@ -73,7 +78,15 @@ def read(path: Path) -> OwnTests:
     Raises UserError with file, line and value: unreadable, a missing column or unit, not a number,
     a value that is not above 0.
     """
-    rows = read_rows(path, "drop height, thickness, static stress and peak")
+    return _tests(path, path.name, read_rows(path, _NEEDS))
+
+
+def pasted(text: str) -> OwnTests:
+    """The tests in a text, as in a file. Raises UserError as `read`."""
+    return _tests(PASTED, PASTED, rows_in(text, PASTED, _NEEDS))
+
+
+def _tests(path: Path | str, name: str, rows: Rows) -> OwnTests:
     known = {"", *(unit for kind in _KINDS for unit in kind.units)}
     heads, _ = rows.header(known)
     if heads is None:
@@ -104,4 +117,4 @@ def read(path: Path) -> OwnTests:
             )
         found.append(values)
     height, thickness, static, peak = found
-    return OwnTests(path.name, height, thickness, static, peak / STANDARD_GRAVITY)
+    return OwnTests(name, height, thickness, static, peak / STANDARD_GRAVITY)

@@ -114,6 +114,11 @@ def read_rows(path: Path, needs: str) -> Rows:
     are needed.
     """
     text, encoding = _text(path)
+    return rows_in(text, path, needs, encoding)
+
+
+def rows_in(text: str, path: Path | str, needs: str, encoding: str = "UTF-8") -> Rows:
+    """The same of a text; messages begin with `path`, or where else the text is from."""
     lines = [
         (number, line.strip())
         for number, line in enumerate(_LINE_END.split(text), 1)
@@ -154,7 +159,7 @@ def two_columns(path: Path, needs: str, kinds: tuple[Kind, Kind]) -> tuple[Colum
 
 
 def column(
-    path: Path,
+    path: Path | str,
     rows: Rows,
     kind: Kind,
     at: int,
@@ -187,7 +192,7 @@ def is_number(cell: str) -> bool:
     return _NUMBER.match(cell) is not None or cell.lower().lstrip("+-") in ("nan", "inf")
 
 
-def number_in(path: Path, line: int, cells: Sequence[str], at: int) -> float:
+def number_in(path: Path | str, line: int, cells: Sequence[str], at: int) -> float:
     """The number in a cell. Raises UserError: text, or not finite."""
     cell = cells[at] if at < len(cells) else ""
     try:
@@ -250,7 +255,7 @@ def _split(line: str, between: str | None) -> list[str] | None:
     return [cell.strip() for cell in cells]
 
 
-def _cells(path: Path, number: int, line: str, between: str | None) -> list[str]:
+def _cells(path: Path | str, number: int, line: str, between: str | None) -> list[str]:
     cells = _split(line, between)
     if cells is None:
         raise UserError(f"{path}, line {number}: not CSV (a cell is too long); remove the line")

@@ -13,6 +13,8 @@ from taichi_foam.live.messages import Pace, Pause, Step
 
 #: No control has larger numbers [SI]. JSON has whole numbers of any length, which no float holds.
 MOST = 10**12
+#: The longest text of pasted tests: some 500 drops.
+MOST_PASTED = 20_000
 #: The longest step of a viewer [s], and its slowest and fastest pace.
 MOST_SECONDS, PACES = 0.1, (1e-6, 1.0)
 
@@ -87,13 +89,17 @@ class Save:
 
 @dataclass(frozen=True)
 class Cushion:
-    """Show the cushion chart of these conditions [SI]; static stresses may be left open."""
+    """Show the cushion chart of these conditions [SI]; static stresses may be left open.
+
+    tests  own cushion tests to draw beside it, as text
+    """
 
     foam: Annotated[str, Field(max_length=60)]
     thickness: Number
     drop_height: Number
     least: Number | None
     most: Number | None
+    tests: Annotated[str, Field(max_length=MOST_PASTED)] = ""
     do: Literal["cushion"] = "cushion"
 
 

@@ -20,8 +20,11 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_foam.cushions import own_tests
+from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
+from taichi_foam.live.page.commands import MOST_PASTED
 from taichi_foam.scene.families import FAMILIES
 from taichi_foam.scene.library import foam_of, listed, names, packaged
 from taichi_foam.scene.messages import shown
@@ -143,6 +146,7 @@ class Chart:
     least    the optimum: static stress [Pa] and peak [g]
     by_hand  the formula's peak [g] of each drop, NaN where the foam is used up
     points   of each drop: what has come of it; None: not yet
+    tests    own cushion tests, of any pads; None: none
     problem  why some will not come; empty if they will, or have
     """
 
@@ -154,6 +158,7 @@ class Chart:
     least: tuple[float, float]
     by_hand: np.ndarray
     points: list[dict[str, Any] | None]
+    tests: OwnTests | None
     problem: str = ""
     _scenes: dict[int, Scene] = field(default_factory=dict)
 
@@ -184,10 +189,19 @@ class Chart:
                     drops.statics, self.by_hand.tolist(), self.points, strict=True
                 )
             ],
+            "tests": self._tests(),
             "waits": 0 if self.problem else waits,
             "problem": self.problem,
             "watched": at[0] if at else None,
         }
+
+    def _tests(self) -> dict[str, Any] | None:
+        """The own tests with the chart's height and thickness, and how many there are in all."""
+        tests = self.tests
+        if tests is None:
+            return None
+        which = tests.alike(self.drops.drop_height, self.drops.thickness)
+        return {"static": tests.static[which], "g": tests.g[which], "all": len(tests.g)}
 
 
 class Charts:
@@ -208,6 +222,7 @@ class Charts:
             "foam": foams[0],
             "about": self._foams,
             "inputs": [each.told() for each in INPUTS],
+            "most_pasted": MOST_PASTED,
         }
 
     def ask(
@@ -217,16 +232,19 @@ class Charts:
         drop_height: float,
         least: float | None,
         most: float | None,
+        tests: str = "",
     ) -> None:
         """Show another chart, and compute it instead of the one before. SI units.
 
-        `least` and `most` are static stresses; None: as the formula suggests. Raises UserError.
+        `least` and `most` are static stresses; None: as the formula suggests. `tests` are own
+        cushion tests, as a text with a header. Raises UserError.
         """
         given = (thickness, drop_height, least, most)
         for each, value in zip(INPUTS, given, strict=True):
             each.check(value)
         drops, about = self._drops(foam, thickness, drop_height)
-        chart = _chart(self._number + 1, drops, about, least, most)
+        measured = own_tests.pasted(tests) if tests.strip() else None
+        chart = _chart(self._number + 1, drops, about, least, most, measured)
         self.close()
         self._number, self.chart = chart.number, chart
         try:
@@ -280,7 +298,14 @@ class Charts:
         return Drops(foam, foam, None, thickness, drop_height), foam_of(foam).title
 
 
-def _chart(number: int, asked: Drops, about: str, least: float | None, most: float | None) -> Chart:
+def _chart(
+    number: int,
+    asked: Drops,
+    about: str,
+    least: float | None,
+    most: float | None,
+    tests: OwnTests | None,
+) -> Chart:
     """A chart with nothing simulated yet. Raises UserError."""
     from taichi_foam.cushions.scenes import stress_curve
 
@@ -317,7 +342,8 @@ def _chart(number: int, asked: Drops, about: str, least: float | None, most: flo
     fine = np.union1d(np.geomspace(statics[0], statics[-1], FINE), [best])
     fine = fine[(fine >= statics[0]) & (fine <= statics[-1])]
     return Chart(
-        number, drops, about, fine, peaks(fine), (best, stop.g), peaks(statics), [None] * POINTS
+        number, drops, about, fine, peaks(fine), (best, stop.g), peaks(statics), [None] * POINTS,
+        tests,
     )  # fmt: skip
 
 

@@ -243,6 +243,7 @@ class PageView:
                     command.drop_height,
                     command.least,
                     command.most,
+                    command.tests,
                 )
                 self._post_chart()
             case commands.Point(chart=chart, point=point):

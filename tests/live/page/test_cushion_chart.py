@@ -18,6 +18,10 @@ from taichi_foam.simulation.simulate import run
 
 WEDGE = paper_scene("paper/wedge-2.86")
 PATIENCE = 120.0
+TESTS = """height [cm],thickness [mm],static stress [kPa],peak [g]
+76,50,5.2,41
+60,50,5.2,35
+"""
 
 
 @pytest.fixture
@@ -63,6 +67,15 @@ def test_the_formula_is_there_at_once_and_nothing_else(charts: Charts) -> None:
     assert told["least"] == pytest.approx((best, stop.g), rel=1e-3)
 
 
+def test_own_tests_of_its_height_and_thickness_are_on_the_chart(charts: Charts) -> None:
+    charts.ask("eps-20", 0.05, 0.76, None, None, TESTS.replace(",", "\t"))
+    assert charts.chart is not None
+    told = charts.chart.told(WEDGE)["tests"]
+    assert (told["static"].tolist(), told["g"].tolist(), told["all"]) == ([5200.0], [41.0], 2)
+    charts.ask("eps-20", 0.04, 0.76, None, None, " ")
+    assert charts.chart.told(WEDGE)["tests"] is None
+
+
 def test_the_usual_range_holds_the_optimum_of_every_foam(charts: Charts) -> None:
     for foam in (OWN, "rigid-pu-40", "eps-14.4"):
         charts.ask(foam, 0.02, 1.0, None, None)
@@ -99,6 +112,9 @@ def test_another_chart_ends_the_one_before(charts: Charts) -> None:
         ("eps-20", {"least": 4e3, "most": 4.01e3}, "at least 5 % above"),
         ("eps-20", {"most": 5e5}, "most = 500 kPa: must be below the foam's plateau stress"),
         ("eps-20", {"most": 1e9}, "must be nothing, or 0.01 to 1000 kPa"),
+        ("eps-20", {"tests": "76,50,5,41"}, "own tests: has no header; its first line must be"),
+        ("eps-20", {"tests": "G,thick\n41,much"}, "own tests: no numbers; must have lines of drop"),
+        ("eps-20", {"tests": f"{TESTS}76,50,0,41"}, "own tests, line 4: the static stress must be"),
     ],
 )
 def test_what_makes_no_chart_is_refused_and_the_chart_stays(

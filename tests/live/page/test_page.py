@@ -428,10 +428,18 @@ def test_a_point_of_the_cushion_chart_is_watched(browser: Chrome, tmp_path: Path
             page.until(lambda beside=beside, words=words: words in page.text(beside))
             assert not page["#points"].is_displayed()
             field.send_keys(Keys.CONTROL, "a", Keys.NULL, before)
+        pasted = page["#cushion-tests"]
+        pasted.send_keys("76,50,5.2,41")
+        page["#ask-chart"].click()
+        page.until(lambda: "own tests: has no header" in page.text("#cushion-tests-wrong"))
+        head = "height [cm],thickness [mm],static stress [kPa],peak [g]"
+        pasted.send_keys(Keys.CONTROL, Keys.HOME, Keys.NULL, head, Keys.ENTER)
         page["#ask-chart"].click()
         page.until(
             lambda: page.ask("document.getElementById('chart-plot').data?.[0].y.length > 50")
         )
+        assert page.ask("document.getElementById('chart-plot').data.at(-1).y") == [41.0]
+        assert "1 of 1 own tests have this drop height" in page.text("#chart-state")
         page.until(lambda: page.ask("document.getElementById('chart-plot').data[1].x.length > 0"))
         peak = page.ask("document.getElementById('chart-plot').data[1].y[0]")
         assert page.text("#points-table tbody td:nth-child(3)") == f"{peak:.1f}"

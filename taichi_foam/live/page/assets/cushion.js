@@ -5,6 +5,7 @@ import { DIGITS, fitted, mark } from "./typed.js";
 
 const $ = (id) => document.getElementById(id);
 const CAP = 3.5; // beyond the optimum, the highest of the chart over the least peak: bottomed out may be far above
+const EXAMPLE = "height [cm],thickness [mm],static stress [kPa],peak [g]\n76,50,5.2,41";
 const X = "static stress (kPa)", Y = "peak deceleration (g, raw)";
 
 export class Cushion {
@@ -13,6 +14,7 @@ export class Cushion {
     this.watch = watch; // shows the drop
     this.fields = []; // what the server told, and the elements
     this.foam = null;
+    this.tests = null; // where own tests are pasted
     this.chart = null;
     this.built = "";
     this.due = false;
@@ -31,19 +33,24 @@ export class Cushion {
     this.foam.number.setAttribute("list", "foams");
     this.foam.row.classList.add("words");
     this.fields = told.inputs.map((input) => this.row({ ...input, about: `${input.about}; ${input.min} to ${input.max} ${input.unit}` }));
-    $("inputs").replaceChildren(this.foam.row, names, ...this.fields.map((field) => field.row));
+    this.tests = this.row({ key: "tests", label: "own tests", unit: "", most: told.most_pasted,
+      about: "rows of a table or CSV file, pasted with their header; those of this drop height and thickness are drawn" }, "textarea");
+    Object.assign(this.tests.number, { rows: 3, placeholder: EXAMPLE });
+    this.tests.row.classList.add("pasted");
+    $("inputs").replaceChildren(this.foam.row, names, ...this.fields.map((field) => field.row), this.tests.row);
   }
 
-  row(field) {
+  row(field, kind = "input") {
     const row = document.createElement("div"), id = `cushion-${field.key}`;
     row.className = "knob";
-    row.innerHTML = `<label for="${id}"></label><input type="text" id="${id}" autocomplete="off" spellcheck="false"
-      aria-describedby="${id}-wrong ${id}-hint"><span class="unit"></span><small class="wrong" id="${id}-wrong" hidden></small>
+    row.innerHTML = `<label for="${id}"></label><${kind} id="${id}" autocomplete="off" spellcheck="false"
+      aria-describedby="${id}-wrong ${id}-hint"></${kind}><span class="unit"></span><small class="wrong" id="${id}-wrong" hidden></small>
       <small id="${id}-hint"></small>`;
     const [label, number, unit, wrong, hint] = row.children;
     label.textContent = field.label;
     unit.textContent = field.unit;
     hint.textContent = field.about;
+    if (kind === "input") number.type = "text";
     number.value = field.value ?? "";
     if (field.unit) number.inputMode = "decimal";
     if (field.optional) number.placeholder = "by formula";
@@ -53,13 +60,16 @@ export class Cushion {
 
   // Ask for the chart of what stands in the fields.
   ask() {
-    const message = { do: "cushion", foam: this.foam.number.value.trim() }, wrong = [];
+    const message = { do: "cushion", foam: this.foam.number.value.trim(), tests: this.tests.number.value }, wrong = [];
     for (const field of this.fields) {
       const { value, problem } = fitted(field.number.value, field);
       mark(field, problem ?? "");
       if (problem) wrong.push(field);
       message[field.key] = value;
     }
+    const { most } = this.tests, long = message.tests.length > most;
+    mark(this.tests, long ? `more than ${most.toLocaleString("en")} characters; leave rows out` : "");
+    if (long) wrong.push(this.tests);
     this.problem("");
     if (wrong.length) wrong[0].number.focus();
     else this.order(message);
@@ -75,9 +85,10 @@ export class Cushion {
 
   // What the server has refused: beside the field that it names, or below them all.
   problem(text) {
-    const field = [this.foam, ...this.fields].find((each) => text.startsWith(`${each?.key} = `));
+    const starts = (each) => (each === this.tests ? "own tests" : `${each?.key} = `);
+    const field = this.foam && [this.foam, ...this.fields, this.tests].find((each) => text.startsWith(starts(each)));
     if (field) {
-      mark(field, text.slice(`${field.key} = `.length));
+      mark(field, field === this.tests ? text : text.slice(starts(field).length));
       field.number.focus();
     }
     $("cushion-problem").textContent = field ? "" : text;
@@ -95,7 +106,7 @@ export class Cushion {
   }
 
   words() {
-    const { points, waits, problem, least } = this.chart;
+    const { points, waits, problem, least, tests } = this.chart;
     const done = points.filter(({ state }) => state === "simulated").length;
     const failed = points.filter(({ state }) => state === "failed");
     const way = least[0] < points[0].static ? "rises" : least[0] > points.at(-1).static ? "falls" : "";
@@ -104,6 +115,7 @@ export class Cushion {
     words.push(waits ? `${done} of ${points.length} drops simulated, the others are being computed.` : `${done} of ${points.length} drops simulated.`);
     if (failed.length) words.push(`${failed.length} gave no peak: ${failed[0].why}.`);
     if (problem) words.push(`The others will not come: ${problem}.`);
+    if (tests) words.push(`${tests.g.length} of ${tests.all} own tests have this drop height and thickness.`);
     if (done) words.push("Click a point, or Watch in the table, to watch that drop.");
     return words.join(" ");
   }
@@ -149,12 +161,12 @@ export class Cushion {
     const element = $("chart-plot");
     if (!window.Plotly || !element.clientWidth) return;
     const ink = css("--ink"), soft = css("--soft"), line = css("--line"), blue = css("--curve"), accent = css("--accent"), bad = css("--bad");
-    const { formula, points, least } = this.chart, kPa = (value) => 1e-3 * value;
+    const { formula, points, least } = this.chart, tests = this.chart.tests ?? { static: [], g: [] }, kPa = (value) => 1e-3 * value;
     const simulated = points.map((point, n) => ({ ...point, n })).filter(({ state }) => state === "simulated");
     const before = formula.g.filter((g, k) => g !== null && formula.static[k] <= least[0]);
     const beyond = [...formula.g, ...simulated.map(({ g }) => g)].filter((g) => g !== null);
     const sound = simulated.filter(({ bottomed }) => !bottomed).map(({ g }) => g);
-    const top = roundUp(1.05 * Math.max(...before, ...sound, Math.min(CAP * least[1], Math.max(...beyond))));
+    const top = roundUp(1.05 * Math.max(...before, ...sound, ...tests.g, Math.min(CAP * least[1], Math.max(...beyond))));
     const place = (g) => Math.min(g, top); // what is higher stands at the edge, with its number
     const marks = (bottomed_out, name, marker) => {
       const these = simulated.filter(({ bottomed }) => bottomed === bottomed_out);
@@ -168,7 +180,12 @@ export class Cushion {
       { ...marks(false, "simulated, raw", { size: 11, color: accent, line: { width: 1, color: css("--card") } }) },
       { ...marks(true, "simulated, bottomed out", { size: 11, symbol: "x", color: bad }) },
     ];
-    const ends = [kPa(points[0].static), kPa(points.at(-1).static)], room = (ends[1] / ends[0]) ** 0.04;
+    if (tests.g.length) {
+      traces.push({ x: tests.static.map(kPa), y: tests.g, name: "own tests", mode: "markers", marker: { size: 10, symbol: "diamond", color: ink },
+        hovertemplate: "own test: %{y:.1f} g at %{x:.2f} kPa<extra></extra>" });
+    }
+    const statics = [points[0].static, points.at(-1).static, ...tests.static];
+    const ends = [kPa(Math.min(...statics)), kPa(Math.max(...statics))], room = (ends[1] / ends[0]) ** 0.04;
     const range = [Math.log10(ends[0] / room), Math.log10(ends[1] * room)], steps = ticks(ends[0] / room, ends[1] * room);
     const axis = { color: soft, gridcolor: line, linecolor: line, zeroline: false, fixedrange: true, tickfont: { size: 11 } };
     const title = (text) => ({ text, font: { size: 12, color: ink }, standoff: 6 });
