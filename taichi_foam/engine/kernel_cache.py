@@ -39,6 +39,9 @@ MOST_BYTES = 2**29
 By Taichi's default, a fifth of this, those that come with the package would soon be among them.
 """
 
+DAYS_KEPT = 90.0
+"""A folder of another version's kernels that has not been used for so long is removed."""
+
 _CHECKED = "checked"
 """Name of a file: kernels older than it have been verified completely."""
 
@@ -111,8 +114,10 @@ def _ready() -> Path | None:
 
 def _folder() -> Path | None:
     given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
-    if given:
-        return Path(given)
+    return Path(given) if given else _usual_folder()
+
+
+def _usual_folder() -> Path | None:
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     # the path is relative if the user has no home
     folder = Path(caches) / "taichi_foam" / "kernels" / digest()
@@ -131,6 +136,8 @@ def _mend(folder: Path, now: float) -> None:
         _say(f"{lock}: left by a process that was killed; removed")
     if not (folder / INDEX).exists():
         _fill(folder)
+        if folder == _usual_folder():
+            _remove_unused(folder, now)
     if _is_whole(folder):
         checked = folder / _CHECKED
         checked.touch()
@@ -147,6 +154,14 @@ def _mend(folder: Path, now: float) -> None:
         _say(f"{folder}: some compiled kernels were damaged; they are discarded and compiled again")
     finally:
         lock.unlink(missing_ok=True)
+
+
+def _remove_unused(folder: Path, now: float) -> None:
+    """Remove the folders beside this one that no version has used for long."""
+    for other in folder.parent.iterdir():
+        with contextlib.suppress(OSError):  # not used yet, or removed by another process
+            if other != folder and now - (other / _CHECKED).stat().st_mtime > 86400 * DAYS_KEPT:
+                shutil.rmtree(other)
 
 
 def _fill(folder: Path) -> None:

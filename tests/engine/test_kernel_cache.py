@@ -97,6 +97,21 @@ def test_the_users_cache(tmp_path: Path) -> None:
     assert compiled(tmp_path / ".cache" / "taichi_foam" / "kernels" / kernel_cache.digest())
 
 
+def test_kernels_of_versions_that_are_used_no_more(tmp_path: Path) -> None:
+    kernels_of = tmp_path / "caches" / "taichi_foam" / "kernels"
+    for name, days in (("abandoned", 91), ("in use", 89)):
+        (kernels_of / name).mkdir(parents=True)
+        (kernels_of / name / "T.tic").touch()
+        (kernels_of / name / "checked").touch()
+        used = time.time() - 86400 * days
+        os.utime(kernels_of / name / "checked", (used, used))
+    (kernels_of / "begun").mkdir()
+    settings = {"XDG_CACHE_HOME": str(tmp_path / "caches"), "TI_OFFLINE_CACHE_FILE_PATH": ""}
+    assert process(tmp_path, **settings) == ""
+    names = {path.name for path in kernels_of.iterdir()}
+    assert names == {"begun", "in use", kernel_cache.digest()}
+
+
 def test_kernels_are_found_again(tmp_path: Path, cache: Path) -> None:
     before = {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")}
     assert again(tmp_path, cache) == ""
