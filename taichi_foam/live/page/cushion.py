@@ -24,7 +24,6 @@ from taichi_foam.cushions import own_tests
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
-from taichi_foam.live.page.commands import MOST_PASTED
 from taichi_foam.scene.families import FAMILIES
 from taichi_foam.scene.library import foam_of, listed, names, packaged
 from taichi_foam.scene.messages import shown
@@ -222,7 +221,6 @@ class Charts:
             "foam": foams[0],
             "about": self._foams,
             "inputs": [each.told() for each in INPUTS],
-            "most_pasted": MOST_PASTED,
         }
 
     def ask(

@@ -340,7 +340,7 @@ class PageView:
             "figures": FIGURES,
             "energies": [words for words, _ in ENERGIES],
             "drop_figures": shown(archive.FIGURES),
-            "cushion": self.charts.told(),
+            "cushion": {**self.charts.told(), "most_pasted": commands.MOST_PASTED},
             "files": [[name, *words] for name, words in files.items() if any(words)],
         }
 
