@@ -139,6 +139,7 @@ async function draw(data) {
     let image = await createImageBitmap(blob);
     const shown = Math.min(canvas.clientWidth, (canvas.clientHeight * image.width) / image.height);
     const width = Math.min(image.width, Math.round(shown * devicePixelRatio));
+    if (!width) return; // the other tab has been opened meanwhile
     if (width < image.width) { // browsers shrink canvases roughly, and thin lines would flicker
       const height = Math.round((width * image.height) / image.width);
       image = await createImageBitmap(image, { resizeWidth: width, resizeHeight: height, resizeQuality: "high" });
