@@ -36,7 +36,8 @@ _LONGEST_NAME = 1_000
 # Keys of a foam that select how the model treats it; the others are its constants.
 _FOAM_READINGS = frozenset({"softening"})
 _NO_CONSTANTS = _FOAM_READINGS | {
-    "law", "source", "crush_band", "rate", "rate_exponent", "strength_scatter", "strength_seed",
+    "law", "source", "crush_band", "rate", "rate_exponent", "overshoot_strain", "strength_scatter",
+    "strength_seed",
 }  # fmt: skip
 
 

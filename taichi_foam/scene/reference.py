@@ -29,7 +29,7 @@ _OPEN: Mapping[str, frozenset[str]] = {
     "foam": frozenset({
         "law", "source", "locking_strain", "densification_a", "densification_b",
         "crushed_tensile_fraction", "crushed_tensile_stress", "rate", "rate_exponent",
-        "crush_band", "fracture_energy", "shear_fracture_energy", "softening",
+        "overshoot_strain", "crush_band", "fracture_energy", "shear_fracture_energy", "softening",
         "strength_scatter", "strength_seed",
     }),
     "across": frozenset(),

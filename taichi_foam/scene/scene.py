@@ -27,6 +27,7 @@ from taichi_foam.scene.values import changed
 
 _OPTIONS = {
     "heeds_rate": "rate, which only one of them gives",
+    "overshoots": "overshoot_strain, which only one of them gives",
 }
 """Words for the options in which foams of one law may differ for the kernels, by option."""
 

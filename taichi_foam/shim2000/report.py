@@ -234,7 +234,7 @@ def _ledger(cases: Sequence[Case]) -> Row:
 
 
 _BEYOND_THE_PAPER = (
-    "rate", "rate_exponent", "crush_band", "fracture_energy",
+    "rate", "rate_exponent", "overshoot_strain", "crush_band", "fracture_energy",
     "shear_fracture_energy", "softening", "strength_scatter",
 )  # fmt: skip
 """Keys of a scene's foam that go beyond Table 1."""

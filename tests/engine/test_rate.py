@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bench import COLUMNS, ROWS, numerics, run_to, small_scene
 from reference_lattice import reference_positions
+from scipy.integrate import solve_ivp
 
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, Start
 from taichi_foam.simulation.simulate import run
@@ -42,6 +43,43 @@ def test_a_column_that_is_crushed_steadily_has_the_stress_of_cowper_and_symonds(
     overstress = (strain_rate / rate) ** (1.0 / exponent)
     expected = -K * E_Y * (1.0 + overstress) + VISCOSITY * strain_rate
     np.testing.assert_allclose(stress, expected, rtol=1e-3)
+
+
+def test_whole_foam_overshoots_its_plateau_and_comes_down_to_it() -> None:
+    """The same column of foam whose resistance to the rate fades: the stress of one bond.
+
+    Integrated by scipy: e_min' = -D exp(p / p0) (y / |e_y|) with the lasting strain p = |e_min| -
+    |e_y| and the lag y. The yield point is 1.7 times the plateau here.
+    """
+    rate, fades, gauge, speed = 30.0, 0.02, 0.095, 5.0
+    strain_rate = speed / gauge
+    scene = small_scene(
+        base=Base(kind="held"),
+        impactor=FlatBlock(width=0.06, mass=1e4, velocity=speed, friction=0.0),
+        foam=Foam(rate=rate, overshoot_strain=fades),
+        model=LOOSE,
+        start=Start(velocity_gradient=((0.0, 0.0), (0.0, -strain_rate))),
+        numerics=Numerics(end=0.4 / strain_rate),
+        output=Output(history_interval=2e-5),
+    )
+    history = run(scene).history
+    strain = history["displacement_m"] / gauge
+    yielding = (strain > 0.06) & (strain < 0.35)
+    stress = history["contact_force_N"][yielding] / (0.05 * 0.057)
+
+    def flow(time: float, lasting: list[float]) -> list[float]:
+        lag = max(strain_rate * time + E_Y - lasting[0], 0.0)
+        return [rate * np.exp(lasting[0] / fades) * lag / -E_Y]
+
+    time = strain[yielding] / strain_rate
+    lasting = solve_ivp(
+        flow, (0.0, time[-1]), [0.0], method="LSODA", t_eval=time, rtol=1e-9, atol=1e-12
+    ).y[0]
+    expected = K * (strain[yielding] - lasting) + VISCOSITY * strain_rate
+    assert expected.max() > 1.5 * K * -E_Y
+    assert expected[-1] < 1.1 * K * -E_Y
+    # 1 % of the plateau: the penalty's ringing, which is damped but begins at the peak
+    np.testing.assert_allclose(stress, expected, rtol=0, atol=0.01 * K * -E_Y)
 
 
 def test_flow_is_of_second_order_in_the_step() -> None:

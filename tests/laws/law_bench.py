@@ -219,7 +219,10 @@ class Reference:
     def flow(self, e: float, e_min: float) -> float:
         """Rate [1/s] of e_min: Cowper & Symonds' law, solved for the rate."""
         f = self.foam
-        return -f.rate * (self.behind(e, e_min) / -f.yield_strain) ** f.rate_exponent
+        rate = f.rate
+        if f.overshoot_strain is not None:
+            rate *= math.exp(-self.permanent(e_min) / f.overshoot_strain)
+        return -rate * (self.behind(e, e_min) / -f.yield_strain) ** f.rate_exponent
 
     def normal(self, e: float, e_min: float) -> float:
         """Stress of an intact bond."""

@@ -88,6 +88,33 @@ def test_steady_flow_has_the_stress_of_cowper_and_symonds(q: float, rate: float)
     assert math.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
 
 
+@EXPONENTS
+@pytest.mark.parametrize("e_min", [-0.05, -0.06, -0.1])
+def test_a_rate_that_grows_as_foam_yields_flows_as_scipy_integrates(q: float, e_min: float) -> None:
+    """To second order in the time: half of it has an eighth of the error of one step."""
+    foam = Foam(rate=20.0, rate_exponent=q, overshoot_strain=0.0167)
+    reference, e = Reference(foam), e_min - 0.03
+    errors = []
+    # short against the time in which the lag falls, so that the lowest order shows
+    longest = 0.02 * 0.03 / -reference.flow(e, e_min)
+    for time in (longest, longest / 2, longest / 4):
+        exact = solve_ivp(
+            lambda _, x: [reference.flow(e, x[0])],
+            (0.0, time), [e_min], method="DOP853", rtol=1e-13, atol=1e-16,
+        )  # fmt: skip
+        errors.append(abs(flowed(constants(foam), np.array([e]), e_min, time)[0] - exact.y[0, -1]))
+    assert errors[0] < 1e-5 * -E_Y
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.1)
+    assert math.log2(errors[1] / errors[2]) == pytest.approx(3.0, abs=0.1)
+
+
+def test_foam_that_has_yielded_heeds_the_rate_no_more() -> None:
+    """After a lasting strain of 0.4 its lag is gone within a microsecond, however short of e."""
+    foam = constants(Foam(rate=20.0, overshoot_strain=0.0167))
+    assert flowed(foam, np.array([-0.5]), -0.45, 1e-6)[0] == -0.5
+    np.testing.assert_array_equal(flowed(foam, np.array([-0.3]), -0.45, 1e-6), -0.45)
+
+
 @pytest.mark.parametrize("e_min", [0.0, -0.03, -0.05, -0.3, -0.79, -0.85])
 def test_the_overstress_is_elastic_in_what_the_history_is_short_of(e_min: float) -> None:
     foam = sensitive(4.0)

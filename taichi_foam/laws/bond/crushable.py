@@ -91,6 +91,13 @@ class Foam(CrushingFoam):
         at_least=1,
         at_most=20,
     )
+    overshoot_strain: Annotated[float, Field(ge=1e-3, le=1)] | None = quantity(
+        None,
+        "-",
+        "lasting strain over which the rate D grows by a factor e: whole foam resists the rate, "
+        "and loses this resistance as it yields; none: D is constant",
+        allowed="none, or at least 0.001 and at most 1",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -176,6 +183,7 @@ class Foam(CrushingFoam):
     def law_for(self, model: Any) -> "Crushable":
         return Crushable(
             heeds_rate=self.rate is not None,
+            overshoots=self.rate is not None and self.overshoot_strain is not None,
             linear_flow=self.rate_exponent == 1.0,
             linear_room=self.densification_b == 1.0,
             **self.options(model),
@@ -188,6 +196,7 @@ class Foam(CrushingFoam):
             "densification_b": self.densification_b,
             "rate": self.rate or 0.0,
             "rate_exponent": self.rate_exponent,
+            "overshoot_strain": self.overshoot_strain or 0.0,
         }
 
 
@@ -232,6 +241,7 @@ class Constants:
     shear_pressure_coefficient: ti.f64
     rate: ti.f64  # D of Cowper & Symonds [1/s], or 0: rate-independent
     rate_exponent: ti.f64
+    overshoot_strain: ti.f64
 
 
 @dataclass(frozen=True)
@@ -239,6 +249,7 @@ class Crushable(Crushing):
     """The law's functions, for one set of options.
 
     heeds_rate      with Cowper & Symonds' overstress
+    overshoots      its rate D grows with the lasting strain: a yield point above the plateau
     linear_flow     its exponent q is 1
     linear_room     the constant b of Eq. 26 is 1: no power is computed
 
@@ -246,6 +257,7 @@ class Crushable(Crushing):
     """
 
     heeds_rate: bool = False
+    overshoots: bool = False
     linear_flow: bool = True
     linear_room: bool = True
 
@@ -304,22 +316,42 @@ class Crushable(Crushing):
 
         In flow at the rate r the plateau stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
         1957, as Perzyna's overstress): while e_min lags behind e by y, its rate is
-        D (y / |e_y|)^q. At a constant strain this has a closed-form solution for any time.
+        D (y / |e_y|)^q. At a constant strain and D this has a closed-form solution for any time.
+        Where D grows with the lasting strain, its value in the middle of the time counts, which
+        leaves an error of second order.
         """
         elastic = elementary.larger(e, c.yield_strain)
         start = elementary.smaller(elastic, history.worst)
-        short = elementary.larger(start - e, 0.0)
-        times = c.rate * (time * slowed) / -c.yield_strain
-        left = short * elementary.exp(-times)
+        lag = elementary.larger(start - e, 0.0)
+        acts, left = time * slowed, lag
+        if ti.static(self.overshoots):
+            yielded = elementary.larger(c.yield_strain - start, 0.0)
+            half = self._lag_after(c, lag, self._grown_rate(c, yielded), 0.5 * acts)
+            rate = self._grown_rate(c, yielded + (lag - half))
+            left = self._lag_after(c, lag, rate, acts)
+        else:
+            left = self._lag_after(c, lag, c.rate, acts)
+        now = history
+        now.worst = start - (lag - left)
+        return now
+
+    @ti.func
+    def _grown_rate(self, c: ti.template(), yielded):
+        """D [1/s] of foam whose lasting strain is `yielded`."""
+        return c.rate * elementary.exp(yielded / c.overshoot_strain)
+
+    @ti.func
+    def _lag_after(self, c: ti.template(), lag, rate, time):
+        """What is left of a lag after a time [s] at a constant strain and `rate` D [1/s]."""
+        times = rate * time / -c.yield_strain
+        left = lag * elementary.exp(-times)
         if ti.static(not self.linear_flow):
             power = c.rate_exponent - 1.0
             # the base of a power must be above 0; foam that lags by so little does not flow anyway
-            share = elementary.larger(short / -c.yield_strain, 1e-30)
+            share = elementary.larger(lag / -c.yield_strain, 1e-30)
             growth = 1.0 + power * times * elementary.power(share, power)
-            left = short * elementary.power(growth, -1.0 / power)
-        now = history
-        now.worst = start - (short - left)
-        return now
+            left = lag * elementary.power(growth, -1.0 / power)
+        return left
 
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):
