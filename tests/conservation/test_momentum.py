@@ -133,3 +133,11 @@ def test_mirror_symmetry_holds_to_the_last_bit(
     last = snapshots[-1]
     assert last.time >= until
     assert last.broken_a.sum() + last.broken_b.sum() >= breaks
+
+
+def test_a_column_under_a_wedges_tip_keeps_the_mirror() -> None:
+    """An odd number of columns: that in the middle is as near to both faces."""
+    scene = paper_scene("paper/wedge-2.86").with_values(block__columns=41, numerics__end=8e-3)
+    snapshots = list(simulate(scene))
+    assert [is_mirrored(s) for s in snapshots] == [True] * len(snapshots)
+    assert snapshots[-1].broken_a.any()

@@ -114,6 +114,33 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
     np.testing.assert_allclose(node_forces(scene, position=position), expected, atol=ROUNDING)
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        SHAPES["wedge"],
+        Outline(velocity=SLOW, vertices=((0, 0), (0.02, 0.03), (0, 0.02), (-0.02, 0.03))),
+    ],
+    ids=["wedge", "arrow"],
+)
+def test_a_point_under_a_tip_is_pushed_straight_down(body: Impactor) -> None:
+    """It is as near to both faces; the points beside it are pushed to either side, and alike."""
+    scene = small_scene(base=Base(kind="floor"), impactor=body, numerics=STIFF)
+    position = reference_positions(scene) + np.array([0.0, 0.004])
+    middle = COLUMNS // 2
+    position[..., 0] = (np.arange(COLUMNS) - middle)[:, None] * 0.002
+    forces = node_forces(scene, position=position) - node_forces(
+        small_scene(base=Base(kind="floor"), numerics=STIFF), position=position
+    )
+    depth = depth_and_normal(body, position[middle, -1] - [0.0, scene.contact_height])[0]
+    push = 40.0 * scene.foam.youngs_modulus * scene.block.depth * depth
+    assert push > 10.0
+    np.testing.assert_allclose(forces[middle, -1], [0.0, -push], atol=ROUNDING)
+    flip = np.array([-1.0, 1.0])
+    left, right = forces[middle - 2 : middle, -1], forces[middle + 1 : middle + 3, -1]
+    assert left[1, 0] < 0.0
+    np.testing.assert_allclose(left[::-1], right * flip, atol=ROUNDING)
+
+
 K, FACE = 2.78e6, 0.005 * 0.057  # Pa, m2
 
 

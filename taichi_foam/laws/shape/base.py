@@ -268,6 +268,8 @@ class Impactor(Part):
         """Signed distance [m] of a point, relative to the reference point, and the normal.
 
         Returns a vector (distance, n_x, n_y). `surface[b, row]` are the `rows` rows of `surface`.
+        A point that is as near to a second edge, such as one under a wedge's tip, has the sum of
+        both normals, so that the mirror image gives the same numbers.
         """
         found = vec3(-ti.math.inf, 0.0, -1.0)
         for row in range(rows):
@@ -275,6 +277,11 @@ class Impactor(Part):
             distance = edge.xy.dot(point) - edge.z
             if distance > found[0]:
                 found = vec3(distance, edge.x, edge.y)
+            elif distance == found[0]:
+                both = found.yz + edge.xy
+                if both.norm_sqr() > 0.0:
+                    both = both.normalized()
+                    found = vec3(distance, both.x, both.y)
         return found
 
 

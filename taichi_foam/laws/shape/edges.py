@@ -46,10 +46,12 @@ class Edged(Impactor):
 
         Where a corner is nearest, the sum of its edges' normals tells inside from outside
         (Baerentzen & Aanaes 2005, IEEE TVCG 11:243). Positions along an edge are relative to its
-        middle, so that the mirror image gives the same numbers.
+        middle, and a point as near to a second edge has the sum of both normals, so that the mirror
+        image gives the same numbers.
         """
         nearest = ti.math.inf  # squared
         found_edge, found_end = 0, 0  # -1, 0, 1: start, between, end
+        second = -1  # the edge that is as near
         for edge in range(rows // 2):
             start, normal = surface[b, 2 * edge], surface[b, 2 * edge + 1].xy
             end = surface[b, (2 * edge + 2) % rows]
@@ -64,7 +66,9 @@ class Edged(Impactor):
                 which = -1
                 squared = (point - start.xy).norm_sqr()
             if squared < nearest:
-                nearest, found_edge, found_end = squared, edge, which
+                nearest, found_edge, found_end, second = squared, edge, which, -1
+            elif squared == nearest and which == 0:
+                second = edge
         start, normal = surface[b, 2 * found_edge], surface[b, 2 * found_edge + 1].xy
         end = surface[b, (2 * found_edge + 2) % rows]
         distance = normal.dot(point - 0.5 * (start.xy + end.xy))
@@ -79,6 +83,10 @@ class Edged(Impactor):
             normal = both.normalized()
             if length > 0.0:
                 normal = side * away / length
+        elif second >= 0:
+            both = normal + surface[b, 2 * second + 1].xy
+            if both.norm_sqr() > 0.0:
+                normal = both.normalized()
         return vec3(distance, normal.x, normal.y)
 
 
