@@ -24,6 +24,8 @@ WIDE = b"<4 x double>"  # occurs in the code of a kernel compiled for such vecto
 
 # Those of the paper's nine tests that differ in their kernels: one for each impactor shape.
 PAPER = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
+# Crushable foam of one's own has no rate, unless it is given.
+NO_RATE = "foam.rate=none"
 # Blocks that need other room than the paper's: wider, higher, and smaller.
 OTHER_ROOMS = ("block.columns=80", "block.rows=40", "block.columns=20")
 SIDE_BY_SIDE = "1,2"  # batches of one run, and of the next larger room
@@ -34,6 +36,7 @@ ALONE = "1"
 CURVE = {"strain": [0.0, 0.05, 0.5, 0.7, 0.9], "stress": [0.0, 1e5, 1.5e5, 3e5, 2e6]}
 CUSHIONS = [
     ("shim2000-pu", "flat"),
+    ("rigid-pu-50", "flat"),
     *(("eps-28.8", shape) for shape in SHAPES),
     *(
         ({"law": "recovering", "curve": CURVE, **gas}, "flat")
@@ -70,6 +73,7 @@ def commands(folder: Path) -> list[list[str]]:
     usual = (PAPER[0], "gallery/own-foam")
     computed = [[name, SIDE_BY_SIDE] for name in (*PAPER, usual[1])]
     computed += [[name, SIDE_BY_SIDE, room] for name in usual for room in OTHER_ROOMS]
+    computed += [[name, SIDE_BY_SIDE, NO_RATE] for name in PAPER]
     computed += [[name, ALONE] for name in gallery if name not in usual]
     program = [sys.executable, "-m", "taichi_foam"]
     return [

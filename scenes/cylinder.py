@@ -14,13 +14,18 @@ from taichi_foam.scene import Cylinder, Foam, Scene
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
-    yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
+    yield_strain=-0.04,
+    rate=20.0,
+    overshoot_strain=0.0167,
+    fracture_energy=70.0,
+    shear_fracture_energy=100.0,
+    crush_band=0.005,
 )
 
 scene = Scene(
     name="Cylinder at 3.32 m/s",
     foam=FOAM,
-    impactor=Cylinder(radius=0.025, velocity=3.32, friction=0.14),
+    impactor=Cylinder(radius=0.025, velocity=3.32, friction=0.13),
 )
 
 if __name__ == "__main__":

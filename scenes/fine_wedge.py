@@ -17,12 +17,14 @@ scene = Scene(
     name="Wedge at 2.86 m/s, 20,000 cells",
     block=Block(cell=0.001),
     foam=Foam(
-        yield_strain=-0.042,
+        yield_strain=-0.04,
+        rate=20.0,
+        overshoot_strain=0.0167,
         fracture_energy=70.0,
         shear_fracture_energy=100.0,
         crush_band=0.005,
     ),
-    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.14),
+    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.13),
     output=Output(snapshot_interval=2e-3),
 )
 

@@ -15,13 +15,18 @@ from taichi_foam.scene import FlatBlock, Foam, Scene
 
 # the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
 FOAM = Foam(
-    yield_strain=-0.042, fracture_energy=70.0, shear_fracture_energy=100.0, crush_band=0.005
+    yield_strain=-0.04,
+    rate=20.0,
+    overshoot_strain=0.0167,
+    fracture_energy=70.0,
+    shear_fracture_energy=100.0,
+    crush_band=0.005,
 )
 
 scene = Scene(
     name="Flat block at 3.03 m/s",
     foam=FOAM,
-    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.14),
+    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.13),
 )
 
 if __name__ == "__main__":

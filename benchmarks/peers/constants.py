@@ -226,6 +226,9 @@ def _check(scene: Scene, known: Features) -> None:
         "contact of pieces": model.self_contact,
         "the room of crushed foam": model.crushed_room and not known.room,
         "a plateau that heeds the rate": foam.rate is not None and not known.rate,
+        "a rate that grows as foam yields": (
+            foam.rate is not None and foam.overshoot_strain is not None
+        ),
         f"piece size {model.piece_size:g}": model.piece_size != 1.0,
         f"rate exponent {foam.rate_exponent:g}": (
             foam.rate is not None and foam.rate_exponent != 1.0

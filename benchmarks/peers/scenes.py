@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.impacts import paper_scene
 
@@ -13,10 +14,11 @@ CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated"]
 Extent = Literal["peers", "room", "whole"]
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
-    "calibrated": {},
-    "rated": {"foam": {"rate": 3000.0}},
+    "calibrated": {"foam": {"rate": None, "overshoot_strain": None}},
+    "rated": {"foam": {"rate": 3000.0, "overshoot_strain": None}},
 }
-"""What differs from the calibrated choices. Rated: a plateau that grows with the strain rate."""
+"""What differs from the calibrated choices: the peers' foam has no overshoot. Rated: a plateau that
+grows with the strain rate."""
 
 
 WHOLE_CELLS = {"rows": 20, "mass_points": "cells"}
@@ -32,12 +34,17 @@ EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
         "model": {"self_contact": False},
         "foam": {"crush_band": None},
     },
-    "whole": {"foam": {"crush_band": None}},
+    "whole": {
+        "foam": {
+            "crush_band": None,
+            **{key: PAPERS_FOAM[key] for key in ("rate", "overshoot_strain")},
+        }
+    },
 }
 """How much of the model: what the peers have; besides, the room of crushed foam and bonds that
-soften; and all of it, with contact of pieces and mass points on the block's faces. (Pieces of foam
-without room fold, and their contact costs what it never does in a run.) All take strain rates over
-a cell: then dashpots limit the step, and all take the same ones."""
+soften; and all of it, with contact of pieces, mass points on the block's faces and overshoot.
+(Pieces of foam without room fold, and their contact costs what it never does in a run.) All take
+strain rates over a cell: then dashpots limit the step, and all take the same ones."""
 
 
 def scene_with(choices: Choices, name: str = CASE, extent: Extent = "peers") -> Scene:

@@ -104,6 +104,7 @@ def test_two_threads_give_the_numbers_of_one(kind: type) -> None:
         ("model", "shear", "face"),
         ("block", "mass_points", "faces"),
         ("foam", "rate_exponent", 4.0),
+        ("foam", "overshoot_strain", 0.02),
         ("foam", "strength_scatter", 0.1),
     ],
 )
