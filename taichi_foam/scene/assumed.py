@@ -19,10 +19,11 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, Curve
 from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
-_READINGS = frozenset({"crush_band"})
-"""Keys of a foam that sets of choices also give: alone they do not make it a user's foam."""
+_READINGS = frozenset({"crush_band", "rate", "rate_exponent", "overshoot_strain"})
+"""Keys of a foam that sets of choices also give: alone they do not make it a user's foam, and the
+other foams of a block have those of [foam] unless they give their own."""
 
-_KEPT = frozenset({*_READINGS, "softening", "strength_scatter", "strength_seed"})
+_KEPT = frozenset({"crush_band", "softening", "strength_scatter", "strength_seed"})
 """Keys that a foam keeps when a curve replaces its law."""
 
 _ELSEWHERE = {
@@ -138,13 +139,14 @@ def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
     """
     foam, own = at(scene, f"{head}foam"), f"{head}foam."
     reasons = _unless_given(type(foam), head)
-    readings = {own + key for key in _READINGS} if head else set()
+    shared = _READINGS & type(foam).model_fields.keys() & type(scene.foam).model_fields.keys()
+    readings = {own + key for key in shared} if head else set()
     if _is_papers(scene, head):
         keys = {*(own + key for key in _own(type(foam))), *_around_foam(head), *readings}
     else:
         keys = {each.key for each in scene.assumed if each.why == reasons.get(each.key)}
     rest = {key: value for key, value in at(data, own[:-1]).items() if own + key not in keys}
-    rest |= {key: getattr(scene.foam, key) for key in _READINGS if own + key in keys & readings}
+    rest |= {key: getattr(scene.foam, key) for key in shared if own + key in keys & readings}
     try:
         fresh = type(foam).model_validate(rest)
     except ValidationError:
@@ -273,7 +275,8 @@ def _is_value(scene: Any, key: str) -> bool:
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, with the origin of their defaults."""
-    shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else ()
+    shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else set()
+    shared = shared & kind.model_fields.keys()
     reasons = dict(kind.unless_given) | dict.fromkeys(shared, "that of [foam]")
     own = {f"{head}foam.{key}": why for key, why in reasons.items()}
     return {**own, **_around_foam(head)}

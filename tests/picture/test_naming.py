@@ -67,7 +67,7 @@ def test_what_differs_besides_follows_a_title() -> None:
     assert pair == list(zip(titles, words, strict=True))
     readings = [paper("wedge-2.86", "foam.rate=3000"), paper("cylinder-3.32")]
     assert called(*readings) == [
-        ("wedge, 2.86 m/s", "foam.rate = 3000 1/s"), ("cylinder, 3.32 m/s", "foam.rate = none"),
+        ("wedge, 2.86 m/s", "foam.rate = 3000 1/s"), ("cylinder, 3.32 m/s", "foam.rate = 20 1/s"),
     ]  # fmt: skip
     assert called(renamed("one", soft), renamed("two", stiff)) == [
         ("one", words[0]), ("two", words[1]),

@@ -220,6 +220,11 @@ def test_readings_hold_for_layers_too() -> None:
     assert "block.layers[0].foam.crush_band" in keys(narrow)
     wider = narrow.with_values({"foam.crush_band": 0.004})
     assert wider.block.layers[0].foam.crush_band == 0.004
+    layered = load_scene("paper/wedge-2.86").with_values({"block.layers": [layer]})
+    foam = layered.block.layers[0].foam
+    assert (foam.rate, foam.overshoot_strain) == (20.0, 0.0167)
+    same = layered.with_values({"foam.rate": 50.0})
+    assert same.block.layers[0].foam.rate == 50.0
 
 
 # --- what cannot be -------------------------------------------------------------------------------

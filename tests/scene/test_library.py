@@ -22,8 +22,8 @@ AT_REST = {"numerics": {"end": 0.01}}
 def test_the_papers_foam_is_that_of_the_defaults_but_for_what_is_calibrated() -> None:
     scene = Scene.checked({"foam": "shim2000-pu", **AT_REST}, "scene")
     paper = Foam(**PAPERS_FOAM, source=scene.foam.source)
-    # 0.12 MPa was measured; fitted to the nine impacts together it is 0.114 to 0.12 MPa
-    assert 0.114e6 <= paper.plateau_stress <= 0.12e6
+    # 0.12 MPa was measured; with the overstress that a rate adds, the nine impacts have 0.11 to 0.114
+    assert 0.110e6 <= paper.plateau_stress <= 0.114e6
     assert scene.foam == paper
     assert scene.block.density == 25.6
     assert "shim2000-pu" in names()
