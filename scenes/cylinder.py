@@ -12,7 +12,7 @@ Run time: some seconds on one core.
 
 from taichi_foam.scene import Cylinder, Foam, Scene
 
-# the plateau that was measured, what cracks cost, and the paper's cells (docs/fidelity.md)
+# as calibrated on the nine tests: plateau and overshoot, what cracks cost (docs/fidelity.md)
 FOAM = Foam(
     yield_strain=-0.04,
     rate=20.0,

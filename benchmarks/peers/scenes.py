@@ -6,19 +6,20 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_foam.choices import PAPERS_FOAM
+from taichi_foam.choices import CHOICE_SETS, PAPERS_FOAM
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.impacts import paper_scene
 
 CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated"]
 Extent = Literal["peers", "room", "whole"]
+NO_OVERSHOOT = {"rate": None, "overshoot_strain": None, "yield_strain": -0.042}
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
-    "calibrated": {"foam": {"rate": None, "overshoot_strain": None}},
-    "rated": {"foam": {"rate": 3000.0, "overshoot_strain": None}},
+    "calibrated": {"foam": NO_OVERSHOOT, "impactor": {"friction": 0.14}},
+    "rated": {"foam": {**NO_OVERSHOOT, "rate": 3000.0}, "impactor": {"friction": 0.14}},
 }
-"""What differs from the calibrated choices: the peers' foam has no overshoot. Rated: a plateau that
-grows with the strain rate."""
+"""What differs from the calibrated choices: the peers' foam has no overshoot, and the plateau and
+friction that were calibrated without. Rated: a plateau that grows with the strain rate."""
 
 
 WHOLE_CELLS = {"rows": 20, "mass_points": "cells"}
@@ -37,8 +38,9 @@ EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
     "whole": {
         "foam": {
             "crush_band": None,
-            **{key: PAPERS_FOAM[key] for key in ("rate", "overshoot_strain")},
-        }
+            **{key: PAPERS_FOAM[key] for key in NO_OVERSHOOT},
+        },
+        "impactor": {"friction": CHOICE_SETS["calibrated"]["impactor.friction"]},
     },
 }
 """How much of the model: what the peers have; besides, the room of crushed foam and bonds that

@@ -65,13 +65,14 @@ faster = scene.with_values({{"impactor.velocity": 3.0}})  # or with_values(impac
 ```
 
 A default of `none` means that no value is given. `--set foam.rate=none`, and `None` in
-`with_values`, return to it; in TOML, leave the key out. A new `impactor.shape` drops the keys that
-the new shape does not have.
+`with_values`, return to it; in TOML, leave the key out, or write `"none"` in a foam's table. A new
+`impactor.shape` drops the keys that the new shape does not have.
 
 ## Foams by name, from a file, or from a test
 
 `foam = "NAME"` selects a foam from the library, `foam = "FILE.toml"` a foam file in the scene's
-folder; both include the density. Your own values take precedence over theirs:
+folder; both include the density. Your own values take precedence over theirs, and `"none"` takes an
+optional one out, such as `rate = "none"`:
 
 ```toml
 [foam]

@@ -106,7 +106,7 @@ _REST = (
     Knob("foam", "foam.densification_strain", "densification", -0.94, -0.3, 0.01),
     Knob("foam", "foam.tensile_strain", "tensile limit", 0.01, 0.3, 0.001),
     Knob("foam", "foam.shear_strain", "shear limit", 0.01, 0.5, 0.005),
-    Knob("foam", "foam.rate", "rate D", 100, 100_000, 10, "1/s", log=True),
+    Knob("foam", "foam.rate", "rate D", 5, 100_000, 1, "1/s", log=True),
 )
 
 

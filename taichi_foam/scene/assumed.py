@@ -20,8 +20,11 @@ from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
 _READINGS = frozenset({"crush_band", "rate", "rate_exponent", "overshoot_strain"})
-"""Keys of a foam that sets of choices also give: alone they do not make it a user's foam, and the
-other foams of a block have those of [foam] unless they give their own."""
+"""Keys of a foam that sets of choices give, or that go with these: alone they do not make it a
+user's foam, and the other foams of a block have those of [foam] unless they give their own."""
+
+_RATE = _READINGS - {"crush_band"}
+"""Those of them that have to be equal in all foams of a block, given or not."""
 
 _KEPT = frozenset({"crush_band", "softening", "strength_scatter", "strength_seed"})
 """Keys that a foam keeps when a curve replaces its law."""
@@ -82,7 +85,8 @@ def _with_readings(scene: Any) -> dict[str, Any]:
     def read(part: Any) -> Any:
         if (foam := part.foam) is None:
             return part
-        missing = readings & type(foam).model_fields.keys() - _given(foam)
+        stated = _given(foam) | (foam.model_fields_set & _RATE)
+        missing = readings & type(foam).model_fields.keys() - stated
         values = {key: getattr(scene.foam, key) for key in missing}
         return part.with_computed(foam=foam.with_computed(**values))
 

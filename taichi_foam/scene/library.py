@@ -147,6 +147,8 @@ def _complete(data: dict[str, Any], head: str, folder: Path) -> None:
         foam = {"like": foam}
     if not isinstance(foam, dict):
         return
+    # TOML has no value for what is left out, and `like` may have given one
+    foam = {key: None if value == "none" else value for key, value in foam.items()}
     if isinstance(foam.get("like"), str | Path):
         foam = _like(data, head, foam, folder)
     if isinstance(foam.get("curve"), str | Path | dict):
@@ -191,13 +193,14 @@ def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list
         return dict(more), []  # a curve replaces the file's law
     table = {**foam.foam_given, **more}
     if isinstance(foam.foam, Foam) and "yield_strain" not in more:
-        if "plateau_stress" in more:
+        if more.get("plateau_stress") is not None:
             del table["yield_strain"]
         elif "youngs_modulus" in more:  # a stiffer foam has the same plateau
             del table["yield_strain"]
             table["plateau_stress"] = foam.foam.plateau_stress
     table.setdefault("source", f"{foam.title}: {foam.source}"[:1000])
-    return table, [each for each in foam.assumed if each.key.partition(".")[2] not in more]
+    replaced = {*more, *(foam.foam_given.keys() - table.keys())}
+    return table, [each for each in foam.assumed if each.key.partition(".")[2] not in replaced]
 
 
 def read_corners(path: Path) -> list[tuple[float, float]]:

@@ -162,7 +162,7 @@ _LEAST = 0.3
 class Whisker:
     """Relative errors of one figure of one test: of the median, and of the ends of its band.
 
-    inf if the impactor never stopped; `held_out`: the test was not used to choose constants.
+    inf if the impactor never stopped; `held_out`: see `scores.HELD_OUT`.
     """
 
     test: str

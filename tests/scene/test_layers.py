@@ -225,6 +225,9 @@ def test_readings_hold_for_layers_too() -> None:
     assert (foam.rate, foam.overshoot_strain) == (20.0, 0.0167)
     same = layered.with_values({"foam.rate": 50.0})
     assert same.block.layers[0].foam.rate == 50.0
+    without = {**layer, "foam": {**STIFF, "rate": "none"}}
+    with pytest.raises(UserError, match="different in rate, which only one of them gives"):
+        load_scene("paper/wedge-2.86").with_values({"block.layers": [without]})
 
 
 # --- what cannot be -------------------------------------------------------------------------------

@@ -29,6 +29,23 @@ def test_the_papers_foam_is_that_of_the_defaults_but_for_what_is_calibrated() ->
     assert "shim2000-pu" in names()
 
 
+def test_none_takes_out_what_a_foam_has() -> None:
+    foam = {"like": "shim2000-pu", "rate": "none"}
+    scene = Scene.checked({"foam": foam, **AT_REST}, "scene")
+    assert scene.foam.rate is None
+    assert "foam.rate" not in {each.key for each in scene.assumed}
+
+
+def test_a_plateau_that_is_given_is_not_assumed() -> None:
+    foam = {"like": "shim2000-pu", "plateau_stress": 1.2e5}
+    scene = Scene.checked({"foam": foam, **AT_REST}, "scene")
+    assert scene.foam.landmarks.plateau_stress == pytest.approx(1.2e5)
+    assert "foam.yield_strain" not in {each.key for each in scene.assumed}
+    kept = Scene.checked({"foam": {**foam, "plateau_stress": "none"}, **AT_REST}, "scene")
+    assert kept.foam.yield_strain == -0.04
+    assert "foam.yield_strain" in {each.key for each in kept.assumed}
+
+
 def test_the_scaled_plateau_is_the_measured_one_at_the_papers_density() -> None:
     """0.119 MPa at 25.6 kg/m3, where 0.12 MPa was measured; it grows with the power 1.5."""
     plateaus = {

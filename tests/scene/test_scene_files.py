@@ -84,7 +84,7 @@ def foams(draw):
             shear_modulus=floats(1e3, 1e7),
             crushed_tensile_stress=st.none() | floats(0, 1e9),
             rate=st.none() | floats(1, 1e9),
-            overshoot_strain=st.none() | floats(1e-3, 1),
+            overshoot_strain=st.none() | floats(5e-3, 1),
             crush_band=st.none() | floats(1e-5, 1),
             fracture_energy=st.none() | floats(1e-6, 1e6),
             shear_fracture_energy=st.none() | floats(1e-6, 1e6),

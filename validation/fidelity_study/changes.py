@@ -34,12 +34,13 @@ VALUES: Mapping[str, Sequence[str]] = {
     "foam.crushed_tensile_stress": ("10e3",),
     "foam.crushed_tensile_fraction": ("1",),
     "foam.yield_strain": ("-0.0432",),
-    "foam.rate": ("3000", "6000"),
+    "foam.rate": ("none", "15", "30"),
+    "foam.overshoot_strain": ("0.0125",),
     "foam.strength_scatter": ("0.05", "0.1", "0.2"),
 }
 
-RATES = (("20000", "2"), ("290000", "4"))
-"""Cowper and Symonds' constants D [1/s] and q that are set together."""
+RATES = (("3000", "1"), ("6000", "1"), ("20000", "2"), ("290000", "4"))
+"""Cowper and Symonds' constants D [1/s] and q that are set together, without overshoot."""
 
 CYLINDERS = tuple(name for name in NAMES if name.startswith("paper/cylinder-"))
 
@@ -115,7 +116,9 @@ def outcomes(velocities: int, kept: Kept) -> list[Outcome]:
 
 
 def _rate(constant: str, exponent: str) -> Change:
-    overrides = (f"foam.rate={constant}", f"foam.rate_exponent={exponent}")
+    overrides = (
+        f"foam.rate={constant}", f"foam.rate_exponent={exponent}", "foam.overshoot_strain=none"
+    )  # fmt: skip
     return Change(f"foam.rate = {constant}, exponent {exponent}", overrides)
 
 

@@ -91,12 +91,12 @@ class Foam(CrushingFoam):
         at_least=1,
         at_most=20,
     )
-    overshoot_strain: Annotated[float, Field(ge=1e-3, le=1)] | None = quantity(
+    overshoot_strain: Annotated[float, Field(ge=5e-3, le=1)] | None = quantity(
         None,
         "-",
         "lasting strain over which the rate D grows by a factor e: whole foam resists the rate, "
-        "and loses this resistance as it yields; none: D is constant",
-        allowed="none, or at least 0.001 and at most 1",
+        "and loses this resistance as it yields (with a rate only); none: D is constant",
+        allowed="none, or at least 0.005 and at most 1",
     )
 
     @model_validator(mode="before")

@@ -130,7 +130,7 @@ def test_what_makes_no_chart_is_refused_and_the_chart_stays(
 
 def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taichi_foam.live.page.cushion.POINTS", 2)
-    charts = Charts(WEDGE)
+    charts = Charts(WEDGE.with_values({"foam.rate": None}))
     charts.ask(OWN, 0.04, 0.3, None, None)
     chart, until = charts.chart, time.monotonic() + PATIENCE
     assert chart is not None
@@ -145,7 +145,7 @@ def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPa
     assert point["g"] == figures["peak_deceleration_g"]
     assert point["g_cfc180"] == figures["peak_deceleration_cfc180_g"]
     assert (point["strain"], point["bottomed"]) == (figures["max_strain"], False)
-    # the foam's own mass and dashpots are not in the formula
+    # the foam's own mass and dashpots are not in the formula, nor is an overshoot
     assert point["g"] == pytest.approx(chart.by_hand[0], rel=0.05)
 
 
