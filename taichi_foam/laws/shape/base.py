@@ -268,8 +268,9 @@ class Impactor(Part):
         """Signed distance [m] of a point, relative to the reference point, and the normal.
 
         Returns a vector (distance, n_x, n_y). `surface[b, row]` are the `rows` rows of `surface`.
-        A point that is as near to a second edge, such as one under a wedge's tip, has the sum of
-        both normals, so that the mirror image gives the same numbers.
+        A point that is as near to a second edge, such as one under a wedge's tip, has the mean of
+        both normals: its length is the slope of the depth along the ridge between both, and the
+        mirror image gives the same numbers.
         """
         found = vec3(-ti.math.inf, 0.0, -1.0)
         for row in range(rows):
@@ -278,10 +279,7 @@ class Impactor(Part):
             if distance > found[0]:
                 found = vec3(distance, edge.x, edge.y)
             elif distance == found[0]:
-                both = found.yz + edge.xy
-                if both.norm_sqr() > 0.0:
-                    both = both.normalized()
-                    found = vec3(distance, both.x, both.y)
+                found = vec3(distance, 0.5 * (found[1] + edge.x), 0.5 * (found[2] + edge.y))
         return found
 
 

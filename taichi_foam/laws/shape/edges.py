@@ -46,8 +46,8 @@ class Edged(Impactor):
 
         Where a corner is nearest, the sum of its edges' normals tells inside from outside
         (Baerentzen & Aanaes 2005, IEEE TVCG 11:243). Positions along an edge are relative to its
-        middle, and a point as near to a second edge has the sum of both normals, so that the mirror
-        image gives the same numbers.
+        middle, and a point that is as near to a second edge has the mean of both normals (see
+        `Impactor.distance`), so that the mirror image gives the same numbers.
         """
         nearest = ti.math.inf  # squared
         found_edge, found_end = 0, 0  # -1, 0, 1: start, between, end
@@ -84,9 +84,7 @@ class Edged(Impactor):
             if length > 0.0:
                 normal = side * away / length
         elif second >= 0:
-            both = normal + surface[b, 2 * second + 1].xy
-            if both.norm_sqr() > 0.0:
-                normal = both.normalized()
+            normal = 0.5 * (normal + surface[b, 2 * second + 1].xy)
         return vec3(distance, normal.x, normal.y)
 
 
