@@ -13,7 +13,7 @@ from taichi_foam.shim2000.impacts import paper_scene
 CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated"]
 Extent = Literal["peers", "room", "whole"]
-NO_OVERSHOOT = {"rate": None, "overshoot_strain": None, "yield_strain": -0.042}
+NO_OVERSHOOT: dict[str, object] = {"rate": None, "overshoot_strain": None, "yield_strain": -0.042}
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
     "calibrated": {"foam": NO_OVERSHOOT, "impactor": {"friction": 0.14}},
     "rated": {"foam": {**NO_OVERSHOOT, "rate": 3000.0}, "impactor": {"friction": 0.14}},
