@@ -11,19 +11,13 @@ cent more resistance than in cells of 5 mm (docs/fidelity.md has how answers mov
 Run time: 20,000 cells, some minutes on two cores.
 """
 
+from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.scene import Block, Foam, Output, Scene, Wedge
 
 scene = Scene(
     name="Wedge at 2.86 m/s, 20,000 cells",
     block=Block(cell=0.001),
-    foam=Foam(
-        yield_strain=-0.04,
-        rate=20.0,
-        overshoot_strain=0.0167,
-        fracture_energy=70.0,
-        shear_fracture_energy=100.0,
-        crush_band=0.005,
-    ),
+    foam=Foam(**PAPERS_FOAM),
     impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.13),
     output=Output(snapshot_interval=2e-3),
 )

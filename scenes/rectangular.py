@@ -11,17 +11,11 @@ overshoots its plateau, with 92 m/s2 after 1.9 ms.
 Run time: some seconds on one core.
 """
 
+from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.scene import FlatBlock, Foam, Scene
 
 # as calibrated on the nine tests: plateau and overshoot, what cracks cost (docs/fidelity.md)
-FOAM = Foam(
-    yield_strain=-0.04,
-    rate=20.0,
-    overshoot_strain=0.0167,
-    fracture_energy=70.0,
-    shear_fracture_energy=100.0,
-    crush_band=0.005,
-)
+FOAM = Foam(**PAPERS_FOAM)
 
 scene = Scene(
     name="Flat block at 3.03 m/s",

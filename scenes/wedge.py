@@ -11,17 +11,11 @@ gives 48.3 ms.
 Run time: some seconds on one core.
 """
 
+from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.scene import Foam, Scene, Wedge
 
 # as calibrated on the nine tests: plateau and overshoot, what cracks cost (docs/fidelity.md)
-FOAM = Foam(
-    yield_strain=-0.04,
-    rate=20.0,
-    overshoot_strain=0.0167,
-    fracture_energy=70.0,
-    shear_fracture_energy=100.0,
-    crush_band=0.005,
-)
+FOAM = Foam(**PAPERS_FOAM)
 
 scene = Scene(
     name="Wedge at 2.86 m/s",

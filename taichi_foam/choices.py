@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 Mode = Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "energy"]
 """The quantity that the colours of a picture show."""
@@ -15,7 +15,7 @@ Mode = Literal["worst-strain", "strain", "stress", "speed", "shear", "broken", "
 Theme = Literal["light", "dark"]
 """Colour theme of a picture."""
 
-PAPERS_FOAM: Mapping[str, float] = MappingProxyType(
+PAPERS_FOAM: Mapping[str, Any] = MappingProxyType(
     {
         "yield_strain": -0.04,  # for a plateau of 0.111 MPa; 0.12 MPa was measured
         "rate": 20.0,
