@@ -18,6 +18,7 @@ import linecache
 import os
 import sys
 import textwrap
+from collections import defaultdict
 from functools import cache
 from importlib import import_module
 from types import SimpleNamespace
@@ -96,13 +97,24 @@ def _inside_class(level_of_class_stackframe: int) -> bool:
 
 
 @cache
+def _last_lines(file: str) -> dict[int, int]:
+    """The last line of each function in a file, by its first, which is that of its decorators."""
+    found = {}
+    for node in ast.walk(ast.parse("".join(linecache.getlines(file)))):
+        if isinstance(node, ast.FunctionDef):
+            first = min(each.lineno for each in (node, *node.decorator_list))
+            found[first] = node.end_lineno or first
+    return found
+
+
+@cache
 def _getsourcelines(function: Any) -> tuple[list[str], int]:
     """The lines of a function, and the number of the first; Taichi's own searches all modules."""
     code = inspect.unwrap(function).__code__
-    lines = linecache.getlines(code.co_filename)[code.co_firstlineno - 1 :]
+    lines, first = linecache.getlines(code.co_filename), code.co_firstlineno
     if not lines:  # typed interactively, or in a notebook cell
         return _taichis_sourcelines(function)
-    return inspect.getblock(lines), code.co_firstlineno
+    return lines[first - 1 : _last_lines(code.co_filename)[first]], first
 
 
 def _getsourcefile(function: Any) -> str:
@@ -116,9 +128,52 @@ def _position(self: Any, node: ast.AST) -> str:
     return f'File "{self.file}", line {line}, in {self.func.func.__name__}:\n'
 
 
+def _no_traceback(stacklevel: int = 1) -> str:
+    """Where a field was made, for messages; Taichi's own formats the stack for every field."""
+    return ""
+
+
+_spare_trees: defaultdict[str, list[Any]] = defaultdict(list)
+
+
+def _parse(source: str) -> Any:
+    """The syntax tree of a function; Taichi parses a function at each of its calls.
+
+    A tree in use is not given out again: a function that calls itself needs several.
+    """
+    spare = _spare_trees[source]
+    if spare:
+        tree = spare.pop()
+        for node in tree.attributes:  # the vector whose method was called
+            vars(node).pop("caller", None)
+        return tree
+    tree: Any = ast.parse(source)
+    tree.source = source
+    tree.attributes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    return tree
+
+
+def _transform_tree(tree: Any, context: Any) -> Any:
+    """Translate a syntax tree, and keep it for the next call of the function.
+
+    A translation writes values into the tree, which the next one replaces or `_parse` removes. It
+    takes the arguments out of a kernel's tree, which is of no more use.
+    """
+    collects = gc.isenabled()
+    gc.disable()  # a translation makes many objects, and all of them are in use until its end
+    try:
+        result = _taichis_transform(tree, context)
+    finally:
+        if collects:
+            gc.enable()
+    if not context.is_kernel:
+        _spare_trees[tree.source].append(tree)
+    return result
+
+
 if NAME == "taichi":
     # Quadrants reads the source once and keeps positions: it does not need these
-    from taichi.lang import kernel_impl
+    from taichi.lang import impl, kernel_impl, matrix, snode
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
     _taichis_sourcelines = kernel_impl.getsourcelines
@@ -127,3 +182,7 @@ if NAME == "taichi":
     kernel_impl.getsourcefile = _getsourcefile
     kernel_impl.textwrap = SimpleNamespace(fill=cache(textwrap.fill), dedent=cache(textwrap.dedent))
     ASTTransformerContext.get_pos_info = _position
+    _taichis_transform = kernel_impl.transform_tree
+    kernel_impl.transform_tree = _transform_tree
+    kernel_impl.ast = SimpleNamespace(parse=_parse)
+    impl.get_traceback = matrix.get_traceback = snode.get_traceback = _no_traceback

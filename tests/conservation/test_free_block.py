@@ -211,7 +211,6 @@ def test_a_turning_impact_in_the_air_keeps_angular_momentum_to_the_integrators_o
         scene = small_scene(
             base=Base(kind="floor"),
             impactor=body,
-            model=Model(self_contact=False),
             numerics=numerics(dt=time / steps),
             output=Output(history_interval=time / 2, snapshot_interval=1.0),
         )

@@ -92,7 +92,8 @@ def test_absolute_damping_slows_free_flight_and_connection_damping_does_not() ->
     time = 2e-5
     for damping, rate in (("absolute", 2.78 / (RHO * 0.005**2 * 0.057)), ("stiffness", 0.0)):
         scene = small_scene(
-            base=Base(kind="floor"), model=Model(damping=damping, self_contact=False)
+            base=Base(kind="floor"),
+            model=Model(damping=damping, self_contact=False, crushed_room=False),
         )
         X = reference_positions(scene) + np.array([0.0, 0.5])
         after = run_to(scene, time, 200, position=X, velocity=np.full_like(X, 3.0))

@@ -16,6 +16,7 @@ import device_states
 import numpy as np
 import pytest
 from device_states import (
+    ALONE,
     ENERGIES,
     STEPS_AFTER,
     STEPS_BEFORE,
@@ -150,7 +151,9 @@ def test_a_lattice_has_the_same_numbers_alone_and_in_a_batch(states: tuple[State
     _, on_gpu = states
     assert on_gpu["after/broken"].min() >= 3
     for name, alone in part(on_gpu, "alone").items():
-        np.testing.assert_array_equal(on_gpu[f"after/{name}"][5:6], alone, err_msg=name)
+        np.testing.assert_array_equal(
+            on_gpu[f"after/{name}"][ALONE : ALONE + 1], alone, err_msg=name
+        )
 
 
 def test_whole_runs_that_break_agree_with_the_cpu(states: tuple[States, States]) -> None:

@@ -109,11 +109,11 @@ def test_a_lattice_that_is_lent_again_forgets_what_it_held() -> None:
 
 
 def digests() -> list[str]:
-    """Of all that four lattices hold after STEPS, fused and staged."""
+    """Of all that two lattices hold after STEPS, fused and staged: by faces, and by everything."""
     found = []
     for advance in (cpu.advance_fused, cpu.advance_staged):
         digest = hashlib.sha256()
-        for group in groups_of(impacts()):
+        for group in groups_of(impacts()[1::2]):
             with bench(group) as loaded:
                 loaded.step(STEPS, advance)
                 for snapshot in loaded.snapshots():

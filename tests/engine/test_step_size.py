@@ -205,7 +205,7 @@ def test_packed_pieces_count_as_a_close_packing() -> None:
     with_pieces, without = (
         small_scene(
             base=FREE,
-            model=Model(self_contact=on, crushed_room=False),
+            model=Model(self_contact=on),
             numerics=Numerics(end=1e-4, damping_time=0.0),
         )
         for on in (True, False)

@@ -6,6 +6,7 @@ and the big one for a few steps.
 
 import math
 import runpy
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -45,6 +46,12 @@ def script(name: str) -> SimpleNamespace:
     return SimpleNamespace(**runpy.run_path(str(SCENES / f"{name}.py"), run_name="scene"))
 
 
+@cache
+def whole_run(name: str) -> Result:
+    """The run of a script's scene, to its end."""
+    return run(script(name).scene)
+
+
 def test_no_scene_is_forgotten_here() -> None:
     assert {p.stem for p in SCENES.glob("*.py")} == {*CLOSED_FORMS, *DROPS, *BIG}
     assert {p.stem for p in SCENES.glob("*.toml")} == {*TABLES}
@@ -80,8 +87,7 @@ def test_shear_patch_unloads_from_its_top() -> None:
     displacement is 1.3 %. Terms of finite strain are of the order of gamma^2 = 0.25 %, of heights
     half that.
     """
-    patch = script("shear_patch")
-    result = run(patch.scene)
+    patch, result = script("shear_patch"), whole_run("shear_patch")
     block, full = patch.scene.block, patch.GAMMA * patch.layer
     middle = slice(block.columns // 2 - 1, block.columns // 2 + 1)
     heights = block.positions[0, :, 1]
@@ -101,7 +107,7 @@ def test_shear_patch_unloads_from_its_top() -> None:
 @pytest.mark.parametrize("name", ["shear_patch", "wave_bar"])
 def test_pictures_of_waves_show_them(name: str) -> None:
     """Neither crushes its foam, but on its way a wave leaves a part moving and a part at rest."""
-    result = run(script(name).scene)
+    result = whole_run(name)
     look, state = Look.of(result.scene), result.snapshots[len(result.snapshots) // 4]
     shares = look.shown.values(state, result.scene) / look.shown.key(result.scene).top
     assert np.mean(shares > 0.3) > 0.2
@@ -115,8 +121,7 @@ def test_wave_bar_is_a_dashpot_to_its_plate() -> None:
     impedance Z sqrt(1 + s tau): 0.04 % of the plate's mass, the velocity that it lacks from the
     start.
     """
-    bar = script("wave_bar")
-    history = run(bar.scene).history
+    bar, history = script("wave_bar"), whole_run("wave_bar").history
     time = history["time_s"]
     felt = (time > 3e-4) & (time < 4.5e-3)
     exact = np.array([bar.exact_velocity(t) for t in time[felt]])

@@ -88,8 +88,11 @@ def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
 # foam that flows, and options whose state is more than the defaults'
 OPTIONS = {
     "default": {},
-    "rate and scatter": {"foam": Foam(rate=3000.0, strength_scatter=0.2)},
-    "no contact": {"model": Model(self_contact=False, shear_failure="always")},
+    "rate and scatter": {
+        "foam": Foam(rate=3000.0, rate_exponent=2.0, strength_scatter=0.2),
+        "model": Model(shear_failure="angle"),
+    },
+    "no contact": {"model": Model(self_contact=False)},
 }
 
 

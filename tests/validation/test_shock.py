@@ -24,10 +24,10 @@ def test_stress_behind_a_front_is_that_of_rigid_locking_foam(velocity: float) ->
     assert found.dissipated == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize("cell", [0.010, 0.005])
-def test_a_front_does_not_depend_on_the_cells(cell: float) -> None:
+@pytest.mark.parametrize(("cell", "length"), [(0.010, 1.0), (0.005, 0.75)])
+def test_a_front_does_not_depend_on_the_cells(cell: float, length: float) -> None:
     """Stress and strain are the jump's. The width is the dashpots', its two ends to half a cell."""
-    bar = Shock(PAPER, 100.0, cell, length=0.75)
+    bar = Shock(PAPER, 100.0, cell, length=length)
     found = measure(bar, run(scene(bar)))
     assert found.stress == pytest.approx(bar.front.stress, rel=0.005)
     assert found.strain == pytest.approx(bar.front.strain, rel=0.005)
