@@ -5,6 +5,7 @@ Hand-made histories and lattices have answers that are known without a simulatio
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -29,6 +30,10 @@ lattice.MOST_IDLE = 10_000
 layout.ROOM_LATTICES = (16, 64)
 layout.ROOM_COLUMNS, layout.ROOM_PACKS = 96, 12
 effort.PAYS_AFTER = effort.PAYS_FROM = float("inf")  # for none of them do all passes pay
+
+# Each test has one core or so. Processes that tests start use no other for linear algebra: threads
+# that wait for such work are busy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A shell that starts a job in the background has it ignore Ctrl-C, `nohup` has it ignore a hang-up,
 # and so all that these start; the tests of both need them.
