@@ -99,8 +99,12 @@ def _inside_class(level_of_class_stackframe: int) -> bool:
 @cache
 def _last_lines(file: str) -> dict[int, int]:
     """The last line of each function in a file, by its first, which is that of its decorators."""
-    found = {}
-    for node in ast.walk(ast.parse("".join(linecache.getlines(file)))):
+    found: dict[int, int] = {}
+    try:
+        tree = ast.parse("".join(linecache.getlines(file)))
+    except SyntaxError:  # changed since it was imported, or a notebook cell with a magic command
+        return found
+    for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             first = min(each.lineno for each in (node, *node.decorator_list))
             found[first] = node.end_lineno or first
@@ -111,10 +115,11 @@ def _last_lines(file: str) -> dict[int, int]:
 def _getsourcelines(function: Any) -> tuple[list[str], int]:
     """The lines of a function, and the number of the first; Taichi's own searches all modules."""
     code = inspect.unwrap(function).__code__
-    lines, first = linecache.getlines(code.co_filename), code.co_firstlineno
-    if not lines:  # typed interactively, or in a notebook cell
+    first = code.co_firstlineno
+    last = _last_lines(code.co_filename).get(first)
+    if last is None:  # typed interactively, or changed
         return _taichis_sourcelines(function)
-    return lines[first - 1 : _last_lines(code.co_filename)[first]], first
+    return linecache.getlines(code.co_filename)[first - 1 : last], first
 
 
 def _getsourcefile(function: Any) -> str:
