@@ -251,8 +251,8 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Radius [m] of a node's disc, whose area shrinks as the node's bonds are crushed.
 
-    In whole foam only the bonds are stressed: two nodes with a third between them do not touch,
-    however flat all three are crushed.
+    While all bonds of a node are whole, its disc is no larger than its cell is thin: nodes three
+    apart in a row that is crushed evenly do not touch. Those two apart do not meet, see `may_meet`.
     """
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
@@ -392,9 +392,8 @@ def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.
 def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
-    A node at a surface of the block or of a crack may touch any node but its neighbours in the
-    lattice: for these, the bond's own law covers compression, broken or not. Only one thread adds
-    to a lattice's pushes, so there are no atomics.
+    A node at a surface of the block or of a crack may touch any node that `may_meet` it. Only one
+    thread adds to a lattice's pushes, so there are no atomics.
     """
     pushes = ti.static(lattice.scratch.candidate_push)
     for n in range(lattice.state.clock[b].candidates):
@@ -518,8 +517,23 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
+def may_meet(lattice: ti.template(), b, i, j, other_i, other_j) -> ti.i32:
+    """Whether contact acts between two nodes that are near.
+
+    It does not between neighbours in the lattice: their bond's own law covers compression, broken
+    or not. Nor, while all bonds of both are whole, between two in a row with a third between them:
+    they would harden foam whose rows are not crushed evenly.
+    """
+    across, up = ti.abs(other_i - i), ti.abs(other_j - j)
+    found = ti.i32(across + up > 1)
+    if across + up == 2 and across != 1:
+        found = bonds.is_torn(lattice, b, i, j) | bonds.is_torn(lattice, b, other_i, other_j)
+    return found
+
+
+@ti.func
 def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti.i32:
-    """Append the pairs of a surface node with nodes near it, except its lattice neighbours.
+    """Append the pairs of a surface node with nodes near it that it may meet.
 
     Of two surface nodes, the one with the lower number lists the pair.
     """
@@ -538,10 +552,8 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                     lattice.state.surface[b, there[0], there[1]][there[2]] != INSIDE
                     and other < node
                 )
-                steps = ti.abs(there[0] - i) + ti.abs(
-                    ti.raw_mod(other, lattice.counts[None].rows) - j
-                )
-                if not listed and steps > 1:
+                up = ti.raw_mod(other, lattice.counts[None].rows)
+                if not listed and may_meet(lattice, b, i, j, there[0], up):
                     radius = lattice.scratch.radius[b, there[0], there[1]][there[2]]
                     limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
