@@ -46,7 +46,7 @@ from taichi_foam.calibration.runs import (
 from taichi_foam.calibration.space import Space, space_of
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError, installed, warn_of_run
-from taichi_foam.formulas.traces import CHANNEL_CLASSES
+from taichi_foam.formulas.traces import check_channel_class
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import request_of
 from taichi_foam.scene import Scene
@@ -339,11 +339,7 @@ def _check_numbers(
         raise UserError(f"runs = {runs}: choose {LEAST_RUNS} to {_MOST_RUNS:,}, e.g. 64")
     if not 1 <= waves <= _MOST_WAVES:
         raise UserError(f"waves = {waves}: choose 1 to {_MOST_WAVES}")
-    if channel_class not in CHANNEL_CLASSES:
-        raise UserError(
-            f"channel class {channel_class}: must be one of "
-            f"{', '.join(map(str, CHANNEL_CLASSES))} (SAE J211)"
-        )
+    check_channel_class(channel_class)
     for name, part in (("noise", noise), ("discrepancy", discrepancy)):
         if part is not None and not 0 <= part <= 1:
             raise UserError(

@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 
 from taichi_foam.calibration.outcome import Calibration, Parameter
+from taichi_foam.formulas.traces import channel
 from taichi_foam.picture.style import BLUE, GREY, INK, STYLE, VERMILION, blank
 from taichi_foam.units import si_scale
 
@@ -84,7 +85,7 @@ def trace(found: Calibration) -> Figure:
         for edge in reading.reader.edges:
             axis.axvline(1e3 * edge, color=GREY, linewidth=0.7, linestyle=":")
         axis.set_xlabel("time from onset (ms)")
-        axis.set_ylabel(f"deceleration, CFC {reading.reader.channel_class} (m/s²)")
+        axis.set_ylabel(f"deceleration, {channel(reading.reader.channel_class)} (m/s²)")
         axis.legend(frameon=False)
     return figure
 

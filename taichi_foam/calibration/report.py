@@ -12,6 +12,7 @@ from taichi_foam.calibration import charts
 from taichi_foam.calibration.outcome import AS_WIDE, TOGETHER, Calibration, Parameter
 from taichi_foam.calibration.posterior import DISCREPANCY, RULED_OUT
 from taichi_foam.calibration.runs import Runs, joined
+from taichi_foam.formulas.traces import channel
 from taichi_foam.picture import document, style
 from taichi_foam.results.files import write_csv, write_json
 
@@ -55,7 +56,7 @@ def content(found: Calibration) -> dict[str, Any]:
             "median": discrepancy[1],
             "high_95": discrepancy[2],
         },
-        "filter": found.reading and f"CFC {found.reading.reader.channel_class}",
+        "filter": found.reading and channel(found.reading.reader.channel_class),
         "held_out_inside_90": found.held_out,
         "measured_inside_band": found.inside_band,
         "checks": _checks(found),
@@ -186,7 +187,7 @@ def _predicted(found: Calibration) -> list[document.Section]:
                 f"{len(found.predicted)} runs at samples of the posterior, "
                 f"{_failed(found.predicted)} of which failed. The wider band holds "
                 f"{100 * found.inside_band:.0f} % of the trace; it should hold about 90 %. "
-                f"All traces went through the filter CFC {found.reading.reader.channel_class} "
+                f"All traces went through the filter {channel(found.reading.reader.channel_class)} "
                 "(SAE J211), and begin where they first exceed "
                 f"{100 * found.reading.reader.onset:.0f} % of their peak.",
             ],

@@ -34,6 +34,7 @@ from taichi_foam.errors import UserError
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
+"""A shortfall of energy of this fraction is one of rounding."""
 
 USUAL_LOAD, USUAL_PEAK = 6.0, 3.0
 """A curve's usual range begins at the optimum over the one, and ends at the least peak times the
@@ -41,7 +42,6 @@ other."""
 
 STANDS = 0.95
 """Part of the plateau's stress that foam carries at rest."""
-"""A shortfall of energy of this fraction is one of rounding."""
 
 
 def absorbed_energy(strain: ArrayLike, stress: ArrayLike) -> Array:

@@ -45,6 +45,15 @@ def channel(channel_class: int | None) -> str:
     return "raw" if channel_class is None else f"CFC {channel_class}"
 
 
+def check_channel_class(channel_class: int) -> None:
+    """Raise UserError for a class that is none of SAE J211's."""
+    if channel_class not in CHANNEL_CLASSES:
+        raise UserError(
+            f"channel class {channel_class}: must be one of "
+            f"{', '.join(str(each) for each in CHANNEL_CLASSES)} (SAE J211)"
+        )
+
+
 def filtered(
     time: ArrayLike, values: ArrayLike, channel_class: int, *, means: bool = False
 ) -> Array:
@@ -60,11 +69,7 @@ def filtered(
     fewer than 10 CFC samples a second.
     """
     t, raw = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    if channel_class not in CHANNEL_CLASSES:
-        raise UserError(
-            f"channel class {channel_class}: must be one of "
-            f"{', '.join(str(each) for each in CHANNEL_CLASSES)} (SAE J211)"
-        )
+    check_channel_class(channel_class)
     _check_lengths(t, raw)
     if not np.isfinite(raw[1:] if means else raw).all():
         return np.full_like(raw, np.nan)
