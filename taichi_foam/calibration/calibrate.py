@@ -199,7 +199,7 @@ class _Study:
         whole, before = parts[0], None
         for wave in range(2, waves + 2):
             kept, target = self._target(whole, wave, before)
-            points, part = next_points([target], len(self.space), count, self.seed + wave)
+            points, part = next_points(target, len(self.space), count, self.seed + wave)
             left.append(part)
             if wave > waves:
                 break

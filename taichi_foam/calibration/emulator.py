@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.calibration.reading import doubt
-from taichi_foam.calibration.space import sobol
 from taichi_foam.errors import UserError, installed
+from taichi_foam.sweeps.sampling import unit_points
 
 Array = NDArray[np.float64]
 
@@ -268,7 +268,7 @@ def influences(emulator: Emulator, dimension: int, seed: int = 0) -> Array:
     The first-order indices of Sobol (1993): the variance of the mean over all other parameters,
     from the emulator's means at 4096 points in 16 classes of the parameter.
     """
-    unit = sobol(dimension, 4096, seed)
+    unit = unit_points("sobol", dimension, 4096, seed)
     mean, _ = emulator.predict(unit)
     whole = mean.var(axis=0)
     found = np.zeros((mean.shape[1], dimension))

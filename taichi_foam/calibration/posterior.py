@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.calibration.emulator import Emulator
-from taichi_foam.calibration.space import sobol
 from taichi_foam.errors import installed
+from taichi_foam.sweeps.sampling import unit_points
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def sample(
 
     random = np.random.default_rng(seed)
     walkers = max(64, 4 * size)
-    start = sobol(size, 4096, seed)
+    start = unit_points("sobol", size, 4096, seed)
     if estimated:
         start[:, dimension] *= 2.0 * DISCREPANCY
     # walkers begin where the prior's points are likely, so that hardly any steps are lost
@@ -177,16 +177,14 @@ def sample(
     )
 
 
-def next_points(
-    targets: Sequence[Target], dimension: int, count: int, seed: int
-) -> tuple[Array, float]:
+def next_points(target: Target, dimension: int, count: int, seed: int) -> tuple[Array, float]:
     """Points (count, d) for another wave, in what is not ruled out, and the part that this is.
 
-    The first points of a Sobol sequence that no target rules out. If there are too few, as when
-    nothing within the ranges agrees with the measurement, the least implausible ones fill up.
+    The first points of a Sobol sequence that the target does not rule out. If there are too few, as
+    when nothing within the ranges agrees with the measurement, the least implausible ones fill up.
     """
-    unit = sobol(dimension, 2**13, seed)
-    away = np.max([target.implausibility(unit) for target in targets], axis=0)
+    unit = unit_points("sobol", dimension, 2**13, seed)
+    away = target.implausibility(unit)
     left = np.flatnonzero(away <= RULED_OUT)
     part = len(left) / len(unit)
     chosen = left[:count] if len(left) >= count else np.argsort(away, kind="stable")[:count]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -68,17 +67,6 @@ class Space:
         """Coordinates (n, d) of values (n, d)."""
         columns = [one.unit(v) for one, v in zip(self.ranges, values.T, strict=True)]
         return np.stack(columns, axis=1)
-
-
-def sobol(dimension: int, count: int, seed: int) -> Array:
-    """The first points (count, dimension) of a scrambled Sobol sequence."""
-    from scipy.stats import qmc
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # counts that are not powers of two
-        # SciPy calls it rng since 1.15, and still accepts the older name
-        more: Any = {"seed": np.random.default_rng(seed)}
-        return qmc.Sobol(dimension, **more).random(count)
 
 
 def space_of(scene: Scene, fit: Mapping[str, Sequence[Any]] | Sequence[str]) -> Space:

@@ -17,11 +17,12 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.scene.values import by_key, changed
-from taichi_foam.sweeps.plan import Axis, Plan
+from taichi_foam.sweeps.plan import Axis, Method, Plan
 
 # Seeds of scattered strengths are 32 bits wide.
 _SEEDS = 2**32
@@ -63,9 +64,9 @@ class Design:
     def __init__(self, plan: Plan) -> None:
         """Raises UserError: a range of a non-numeric key, or with too few whole numbers."""
         self.plan = plan
-        self._base = plan.base
-        self._data = self._base.given_data()
-        known = by_key(self._base.model_dump())
+        base = plan.base
+        self._data = base.given_data()
+        known = by_key(base.model_dump())
         ranges = [axis for axis in plan.axes if axis.is_range]
         for axis in ranges:
             _check_range(axis, known.get(axis.key))
@@ -174,6 +175,18 @@ def seed_of(first: int, repeat: int) -> int:
     return (first + repeat) % _SEEDS
 
 
+def unit_points(method: Method, dimension: int, count: int, seed: int) -> NDArray[np.float64]:
+    """Points (count, dimension) of a scrambled sample, with coordinates from 0 to 1."""
+    from scipy.stats import qmc
+
+    kind = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Sobol: counts that are not powers of two
+        # SciPy calls it rng since 1.15, and still accepts the older name
+        more: Any = {"seed": np.random.default_rng(seed)}
+        return kind(dimension, **more).random(count)
+
+
 def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
     """The listed values of an axis; integers become floats if the scene's own value is a float.
 
@@ -237,16 +250,9 @@ def _ends(axis: Axis) -> tuple[float, float]:
 
 def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any]]:
     """The points of a sample, one list of values for each."""
-    from scipy.stats import qmc
-
     sample = plan.sample
     assert sample is not None
-    kind = qmc.Sobol if sample.method == "sobol" else qmc.LatinHypercube
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Sobol: counts that are not powers of two
-        # SciPy calls it rng since 1.15, and still accepts the older name
-        more: Any = {"seed": np.random.default_rng(sample.seed)}
-        unit = kind(len(ranges), **more).random(sample.count)
+    unit = unit_points(sample.method, len(ranges), sample.count, sample.seed)
     columns = []
     for axis, u in zip(ranges, unit.T, strict=True):
         low, high = _ends(axis)

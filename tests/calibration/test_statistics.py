@@ -22,9 +22,10 @@ from taichi_foam.calibration.posterior import (
     sample,
 )
 from taichi_foam.calibration.reading import Measured, Reader, reading_of
-from taichi_foam.calibration.space import Range, Space, sobol
+from taichi_foam.calibration.space import Range, Space
 from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
+from taichi_foam.sweeps.sampling import unit_points
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ def test_a_discrepancy_is_found_where_figures_contradict_each_other() -> None:
 
 def test_another_wave_goes_where_nothing_is_ruled_out() -> None:
     target = target_at(np.array([0.3, 0.7]), np.eye(2), 0.02, 0.02)
-    points, part = next_points([target], 2, 64, 0)
+    points, part = next_points(target, 2, 64, 0)
     # two figures: the larger deviation counts, so that a square is left
     reach = RULED_OUT * np.hypot(0.02, 0.02)
     assert np.abs(points - [0.3, 0.7]).max() <= reach
@@ -101,7 +102,7 @@ def test_what_an_earlier_wave_has_ruled_out_stays_out() -> None:
     error = np.sqrt(part * (1.0 - part) / found.independent)
     assert np.mean(away > FAR) == pytest.approx(part, abs=4.0 * error)
     assert away.max() < FAR + 6.0
-    points, _ = next_points([replace(ignorant, before=first)], 2, 64, 0)
+    points, _ = next_points(replace(ignorant, before=first), 2, 64, 0)
     assert np.abs(points - [0.3, 0.7]).max() <= 0.02 * RULED_OUT
 
 
@@ -114,12 +115,12 @@ def test_the_emulator_predicts_what_scikit_learn_predicts(monkeypatch) -> None:
         return fit(process, *data)
 
     monkeypatch.setattr(GaussianProcessRegressor, "fit", recorded)
-    unit = sobol(2, 32, 0)
+    unit = unit_points("sobol", 2, 32, 0)
     noise = 0.05 * np.random.default_rng(0).normal(size=32)
     x, y = unit.T
     figures = np.stack([np.sin(3 * x) + y + noise, 50.0 + x + y**2 + noise, y + noise], axis=1)
     emulator = emulator_of(unit, figures)
-    at = sobol(2, 16, 1)
+    at = unit_points("sobol", 2, 16, 1)
     mean, deviation = emulator.predict(at)
     # of each figure that of both parameters, then those without one; of the last that without x
     own = [(fitted[0], at), (fitted[3], at), (fitted[9], at[:, 1:])]
@@ -178,7 +179,7 @@ def test_a_run_is_read_as_a_recorder_reads_it() -> None:
 
 def test_what_has_no_influence_counts_by_chance_only() -> None:
     """Six figures of one parameter and scatter, and two parameters that do nothing."""
-    unit, counted = sobol(3, 48, 0), 0
+    unit, counted = unit_points("sobol", 3, 48, 0), 0
     for seed in range(20):
         random = np.random.default_rng(seed)
         figures = unit[:, :1] + 0.3 * random.normal(size=(48, 6))
@@ -196,7 +197,7 @@ def test_what_has_no_influence_counts_by_chance_only() -> None:
 
 
 def test_failed_runs_are_outside() -> None:
-    unit = sobol(2, 64, 0)
+    unit = unit_points("sobol", 2, 64, 0)
     figures = unit.sum(axis=1, keepdims=True)
     figures[unit[:, 0] > 0.7] = np.nan
     success = emulator_of(unit, figures).success(np.array([[0.2, 0.5], [0.95, 0.5]]))
