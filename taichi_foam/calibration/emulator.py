@@ -17,13 +17,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.calibration.reading import doubt
-from taichi_foam.errors import UserError, installed
+from taichi_foam.errors import UserError
 from taichi_foam.sweeps.sampling import unit_points
 
 Array = NDArray[np.float64]
@@ -31,7 +32,6 @@ Array = NDArray[np.float64]
 LEAST_RUNS = 12
 """Fewest runs with figures that an emulator is made of."""
 
-_PURPOSE, _EXTRA = "calibrating", "taichi-foam[calibrate]"
 _LONGEST = 50.0
 """Longest length, in ranges: a parameter that has it has no influence."""
 
@@ -39,7 +39,6 @@ _BY_CHANCE = 0.05
 """Probability that a parameter without influence counts for any of the figures."""
 
 _NO_SPREAD = 1e-9
-
 
 _AT_ONCE = 512  # points that are predicted together: their covariances fit into caches
 
@@ -125,18 +124,24 @@ class Emulator:
 
     errors       (n, k) of the runs, each left out, in predicted deviations
     explained    (k,) part of the variance of the runs that is predicted when each is left out
-    widening     (k,) factor of the deviations, at least 1
     correlation  (k, k) of the errors
-    doubt        factor of the covariance of all figures together, which is estimated from the runs
     """
 
     errors: Array
     explained: Array
-    widening: Array
     correlation: Array
-    doubt: float
     _processes: _Processes
     _classifier: Any
+
+    @cached_property
+    def widening(self) -> Array:
+        """(k,) factor of the deviations, at least 1."""
+        return np.maximum(1.0, np.sqrt(np.mean(self.errors**2, axis=0)))
+
+    @property
+    def doubt(self) -> float:
+        """Factor of the covariance of all figures together, which is estimated from the runs."""
+        return doubt(*self.errors.shape)
 
     def predict(self, unit: Array) -> tuple[Array, Array]:
         """Means and standard deviations (m, k) of a run's figures at points (m, d)."""
@@ -161,17 +166,15 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
         seed: of the search for the processes' constants.
 
     Raises:
-        UserError: too few runs have figures, or scikit-learn is not installed.
+        UserError: too few runs have figures.
     """
     from scipy.stats import chi2
-
-    with installed(_PURPOSE, _EXTRA):
-        from sklearn.covariance import LedoitWolf
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.linear_model import LogisticRegression
-        from sklearn.pipeline import make_pipeline
-        from sklearn.preprocessing import PolynomialFeatures
-        from threadpoolctl import threadpool_limits
+    from sklearn.covariance import LedoitWolf
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures
+    from threadpoolctl import threadpool_limits
 
     good = np.asarray(np.isfinite(figures).all(axis=1))
     if good.sum() < LEAST_RUNS:
@@ -204,9 +207,7 @@ def emulator_of(unit: Array, figures: Array, seed: int = 0) -> Emulator:
     return Emulator(
         errors=errors,
         explained=1.0 - np.mean(off**2, axis=0),
-        widening=np.maximum(1.0, np.sqrt(np.mean(errors**2, axis=0))),
         correlation=shared / np.outer(size, size),
-        doubt=doubt(len(known), known.shape[1]),
         _processes=processes,
         _classifier=classifier,
     )

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.calibration.emulator import Emulator
-from taichi_foam.errors import installed
 from taichi_foam.sweeps.sampling import unit_points
 
 Array = NDArray[np.float64]
@@ -124,12 +123,8 @@ def sample(
         discrepancy: the model discrepancy; None: estimated, with a half-normal prior.
         seed: of all random numbers.
         most: steps after which it ends, if the chain is not long enough before.
-
-    Raises:
-        UserError: emcee is not installed.
     """
-    with installed("calibrating", "taichi-foam[calibrate]"):
-        import emcee
+    import emcee
 
     estimated = discrepancy is None
     size = dimension + estimated
