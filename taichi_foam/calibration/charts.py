@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from taichi_foam.calibration.outcome import Calibration, Parameter
+from taichi_foam.calibration.outcome import NINETY, Calibration, Parameter
 from taichi_foam.formulas.traces import channel
 from taichi_foam.picture.style import BLUE, GREY, INK, STYLE, VERMILION, blank
 from taichi_foam.units import si_scale
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 _BINS = 30
 _MOST_DOTS = 1500
-_NINETY = 1.6449
+
+_PREFIXED = ("Pa", "m", "s", "J/m2", "J", "N", "m/s")
+"""Units before which a prefix means what it says: not with powers, nor with kg."""
 
 
 def posterior(found: Calibration) -> Figure:
@@ -101,7 +103,7 @@ def errors(found: Calibration) -> Figure:
         for place, each in enumerate(away.T):
             jitter = random.uniform(-0.25, 0.25, len(each))
             axis.scatter(each, place + jitter, s=12, color=BLUE, alpha=0.6, linewidths=0)
-        for end in (-_NINETY, _NINETY):
+        for end in (-NINETY, NINETY):
             axis.axvline(end, color=VERMILION, linewidth=1.2)
         axis.set_yticks(range(len(found.names)), found.names)
         axis.invert_yaxis()
@@ -132,16 +134,7 @@ def _marginal(axis: Axes, found: Calibration, d: int, scale: float, named: bool)
 
 def _axis_of(parameter: Parameter) -> tuple[float, str]:
     """The factor of a parameter's axis, and its label."""
-    if parameter.unit in ("-", ""):
-        return 1.0, f"{parameter.key} (-)"
-    scale, prefix = si_scale(max(map(abs, parameter.prior)))
-    return (
-        (scale, f"{parameter.key} ({prefix}{parameter.unit})")
-        if _takes_prefix(parameter.unit)
-        else (1.0, f"{parameter.key} ({parameter.unit})")
-    )
-
-
-def _takes_prefix(unit: str) -> bool:
-    """Whether a prefix before a unit means what it says: not with powers, nor with kg."""
-    return unit in ("Pa", "m", "s", "J/m2", "J", "N", "m/s")
+    scale, prefix = 1.0, ""
+    if parameter.unit in _PREFIXED:
+        scale, prefix = si_scale(max(map(abs, parameter.prior)))
+    return scale, f"{parameter.key} ({prefix}{parameter.unit or '-'})"

@@ -37,7 +37,8 @@ TOGETHER = 0.85
 
 _WIDE = 0.35  # ... if the interval of each is at least this part of the prior's
 
-_NINETY = 1.6449  # standard deviations either side that hold 90 % of a normal distribution
+NINETY = 1.6449
+"""Standard deviations either side that hold 90 % of a normal distribution."""
 
 _AT_END, _AT_END_PART = 0.02, 0.1
 """An interval leans on an end of its range if a tenth of the samples is in its last 2 %."""
@@ -107,10 +108,15 @@ class Calibration:
         """Samples (n, d) of the parameters."""
         return self.space.values(self.posterior.unit)
 
-    @cached_property
+    @property
     def correlation(self) -> Array:
         """Correlations (d, d) of the parameters in the posterior."""
-        return np.atleast_2d(np.corrcoef(self.posterior.unit.T))
+        return self.posterior.correlation
+
+    @cached_property
+    def discrepancy(self) -> Array:
+        """5, 50 and 95 % quantiles of the model discrepancy, a part of the figures' size."""
+        return np.quantile(self.posterior.discrepancy, LEVELS)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -147,7 +153,7 @@ class Calibration:
         runs, each left out      figures of the runs that made the emulator
         runs of the posterior    figures of runs that it has not seen, where it matters
         """
-        inside = np.abs(self.target.emulator.errors / self.target.emulator.widening) <= _NINETY
+        inside = np.abs(self.target.emulator.errors / self.target.emulator.widening) <= NINETY
         found = {"runs, each left out": float(inside.mean())}
         figures = self.predicted.figures(self.reading and self.reading.reader)
         good = np.isfinite(figures).all(axis=1)
@@ -157,7 +163,7 @@ class Calibration:
             )
             known = figures[good][:, self.kept]
             found["runs of the posterior"] = float(
-                (np.abs(known - mean) <= _NINETY * deviation).mean()
+                (np.abs(known - mean) <= NINETY * deviation).mean()
             )
         return found
 
@@ -172,7 +178,7 @@ class Calibration:
         """
         if self.reading is None:
             raise UserError("no trace was given, so none is predicted; only key figures were")
-        series = self.predicted.series[np.isfinite(self.predicted.series).all(axis=1)]
+        series = self.predicted.traces
         random = np.random.default_rng(0)
         drawn = random.choice(len(series), 2000)
         lacking = random.choice(self.posterior.discrepancy, len(drawn)) * self.level
@@ -222,7 +228,7 @@ def parameters_of(space: Space, posterior: Posterior) -> tuple[Parameter, ...]:
     ends = np.quantile(posterior.unit, LEVELS, axis=0)
     values = space.values(ends)
     widths = (ends[2] - ends[0]) / (LEVELS[2] - LEVELS[0])
-    related = np.abs(np.atleast_2d(np.corrcoef(posterior.unit.T))) - np.eye(len(space))
+    related = np.abs(posterior.correlation) - np.eye(len(space))
     found = []
     for d, one in enumerate(space.ranges):
         other = int(np.argmax(related[d]))

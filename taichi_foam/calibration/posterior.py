@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +107,11 @@ class Posterior:
     discrepancy: Array
     independent: float
     accepted: float
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Correlations (d, d) of the parameters."""
+        return np.atleast_2d(np.corrcoef(self.unit.T))
 
 
 def sample(

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from taichi_foam.calibration import charts
-from taichi_foam.calibration.outcome import AS_WIDE, TOGETHER, Calibration, Parameter
+from taichi_foam.calibration.outcome import AS_WIDE, LEVELS, TOGETHER, Calibration, Parameter
 from taichi_foam.calibration.posterior import DISCREPANCY, RULED_OUT
-from taichi_foam.calibration.runs import Runs, joined
+from taichi_foam.calibration.runs import joined
 from taichi_foam.formulas.traces import channel
 from taichi_foam.picture import document, style
 from taichi_foam.results.files import write_csv, write_json
@@ -35,7 +35,7 @@ def write_folder(found: Calibration, folder: Path) -> None:
 
 def content(found: Calibration) -> dict[str, Any]:
     """Everything that a calibration says, as plain data: `calibration.json`. SI."""
-    discrepancy = np.quantile(found.posterior.discrepancy, (0.05, 0.5, 0.95))
+    discrepancy = found.discrepancy
     return {
         "scene": found.scene.name,
         "parameters": found.table,
@@ -61,7 +61,7 @@ def content(found: Calibration) -> dict[str, Any]:
         "measured_inside_band": found.inside_band,
         "checks": _checks(found),
         "waves": [
-            {"runs": len(runs), "failed": _failed(runs), "not_ruled_out": left}
+            {"runs": len(runs), "failed": int(runs.failed.sum()), "not_ruled_out": left}
             for runs, left in zip(found.runs, found.left, strict=True)
         ],
         "chain": {
@@ -185,7 +185,7 @@ def _predicted(found: Calibration) -> list[document.Section]:
             "Predicted trace",
             [
                 f"{len(found.predicted)} runs at samples of the posterior, "
-                f"{_failed(found.predicted)} of which failed. The wider band holds "
+                f"{found.predicted.failed.sum()} of which failed. The wider band holds "
                 f"{100 * found.inside_band:.0f} % of the trace; it should hold about 90 %. "
                 f"All traces went through the filter {channel(found.reading.reader.channel_class)} "
                 "(SAE J211), and begin where they first exceed "
@@ -251,7 +251,7 @@ def _held_out(found: Calibration) -> document.Section:
 
 
 def _method(found: Calibration) -> document.Section:
-    low, middle, high = 100 * np.quantile(found.posterior.discrepancy, (0.05, 0.5, 0.95))
+    low, middle, high = 100 * found.discrepancy
     if found.given is None:
         lacking = (
             "Model discrepancy, a term of its own: estimated with the parameters as "
@@ -262,7 +262,7 @@ def _method(found: Calibration) -> document.Section:
     else:
         lacking = f"Model discrepancy: given, {100 * found.given:g} % of the figures."
     waves = [
-        f"Wave {wave}: {len(runs)} runs, {_failed(runs)} failed; after it "
+        f"Wave {wave}: {len(runs)} runs, {runs.failed.sum()} failed; after it "
         f"{100 * left:.3g} % of the ranges were not ruled out (implausibility up to {RULED_OUT:g})."
         for wave, (runs, left) in enumerate(zip(found.runs, found.left, strict=True), 1)
     ]
@@ -284,17 +284,13 @@ def _checks(found: Calibration) -> dict[str, dict[str, float]]:
     if found.reading is None:
         return {}
     reader = found.reading.reader
-    series = found.predicted.series[np.isfinite(found.predicted.series).all(axis=1)]
-    measured, predicted = reader.checks(found.reading.series), reader.checks(series)
+    measured = reader.checks(found.reading.series)
+    predicted = reader.checks(found.predicted.traces)
     found_rows = {}
     for name in measured:
-        low, high = np.quantile(predicted[name], (0.05, 0.95))
+        low, _, high = np.quantile(predicted[name], LEVELS)
         found_rows[name] = {"measured": float(measured[name]), "low_5": low, "high_95": high}
     return found_rows
-
-
-def _failed(runs: Runs) -> int:
-    return sum(reason is not None for reason in runs.failures)
 
 
 def _runs_table(found: Calibration) -> dict[str, list[Any]]:

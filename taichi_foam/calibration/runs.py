@@ -43,6 +43,16 @@ class Runs:
     def __len__(self) -> int:
         return len(self.values)
 
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """(n,) which runs have failed."""
+        return np.array([reason is not None for reason in self.failures], bool)
+
+    @property
+    def traces(self) -> Array:
+        """The series of the runs that have one."""
+        return self.series[np.isfinite(self.series).all(axis=1)]
+
     def figures(self, reader: Reader | None) -> Array:
         """The figures (n, k) of all runs: those of the trace, then the key figures."""
         if reader is None:
