@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.formulas.traces import filtered
+from taichi_foam.formulas.traces import channel, filtered
 from taichi_foam.scene import Scene
 from taichi_foam.scene.traces import read_trace
 
@@ -37,6 +37,7 @@ LEAST_NOISE = 0.01
 _ONSET = 0.1  # part of the peak at which time begins
 _CLEAR = 5.0  # standard deviations of the filtered noise that the onset is above zero
 _MOST_INTERVALS = 8
+_INTERVAL = 1.2  # cycles of the channel class in the shortest one: two of the cut-off frequency
 _BEYOND = 1.25  # compared time over the pulse's duration: longer pulses of runs show, too
 _PAD = 5.0  # cycles of the channel class before and after a trace, in which the filter settles
 _STEPS = 60  # samples per cycle of the channel class
@@ -86,7 +87,7 @@ class Reader:
     @property
     def edges(self) -> Array:
         """Ends (i + 1,) of the intervals [s]: equal, longer than two cycles of the filter."""
-        count = int(np.clip(self.length * self.channel_class / 1.2, 3, _MOST_INTERVALS))
+        count = int(np.clip(self.length * self.channel_class / _INTERVAL, 3, _MOST_INTERVALS))
         return np.linspace(0.0, self.length, count + 1)
 
     @property
@@ -94,7 +95,7 @@ class Reader:
         """Names of the figures (k)."""
         ends = [f"{1e3 * edge:.3g}" for edge in self.edges]
         means = [f"mean, {a} to {b} ms" for a, b in pairwise(ends)]
-        return [f"peak, CFC {self.channel_class:g}", *means]
+        return [f"peak, {channel(self.channel_class)}", *means]
 
     def series(self, time: ArrayLike, deceleration: ArrayLike, *, means: bool = False) -> Array:
         """The filtered deceleration (m,) at `Reader.time`; nan if it has no peak.
@@ -263,8 +264,9 @@ def reading_of(
     begin, end = at[above[0]], at[above[-1]]
     wanted = _BEYOND * (end - begin) if length is None else length
     compared = float(min(wanted, t[-1] - begin))
-    if compared < 3 * 1.2 / channel_class:
-        compared = 3 * 1.2 / channel_class
+    least = 3 * _INTERVAL / channel_class
+    if compared < least:
+        compared = least
         notes.append("the pulse is shorter than three cycles of its filter")
     reader = Reader(channel_class, onset, compared)
     series = reader._from_onset(at, smooth)
