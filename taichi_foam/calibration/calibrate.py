@@ -16,7 +16,7 @@ import hashlib
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from taichi_foam.calibration.posterior import (
     next_points,
     sample,
 )
-from taichi_foam.calibration.reading import Measured, Reading, measured_in, reading_of
+from taichi_foam.calibration.reading import Measured, Reader, Reading, measured_in, reading_of
 from taichi_foam.calibration.runs import (
     Runs,
     computed,
@@ -149,7 +149,7 @@ def calibrate(
         if out is None:
             out = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "calibration"
         claim = stack.enter_context(claimed(out, request, overwrite))
-        how = {"arch": arch, "threads": threads, "bars": bars, "solve": solve}
+        how = {"arch": arch, "threads": threads, "solve": solve}
         study = _Study(claim, scene, space, reading, known, discrepancy, seed, bars, how)
         try:
             done = study.done(runs, waves)
@@ -169,32 +169,34 @@ def calibrate(
     return done
 
 
+@dataclass(frozen=True)
 class _Study:
-    """The waves of one calibration, one after the other."""
+    """The waves of one calibration, one after the other.
 
-    def __init__(
-        self,
-        claim: Claim,
-        scene: Scene,
-        space: Space,
-        reading: Reading | None,
-        known: Mapping[str, tuple[float, float]],
-        discrepancy: float | None,
-        seed: int,
-        bars: Bars,
-        how: Mapping[str, Any],
-    ) -> None:
-        self.claim, self.scene, self.space, self.reading = claim, scene, space, reading
-        self.known, self.given, self.seed = known, discrepancy, seed
-        self.bars, self.how = bars, how
+    known  measured key figures and their standard deviations, by name
+    given  the model discrepancy; None: it is estimated
+    how    options of `sweep`
+    """
+
+    claim: Claim
+    scene: Scene
+    space: Space
+    reading: Reading | None
+    known: Mapping[str, tuple[float, float]]
+    given: float | None
+    seed: int
+    bars: Bars
+    how: Mapping[str, Any]
+
+    @property
+    def reader(self) -> Reader | None:
+        """How traces are read; None: only key figures are compared."""
+        return self.reading and self.reading.reader
 
     def done(self, count: int, waves: int) -> Calibration:
         """All waves, the posterior, and the runs that it predicts."""
-        parts = [
-            self._runs(
-                "wave-1", first_plan(self.scene, self.space, count, self.seed, [*self.known])
-            )
-        ]
+        first = first_plan(self.scene, self.space, count, self.seed, [*self.known])
+        parts = [self._runs("wave-1", first)]
         left: list[float] = []
         whole, before = parts[0], None
         for wave in range(2, waves + 2):
@@ -203,12 +205,7 @@ class _Study:
             left.append(part)
             if wave > waves:
                 break
-            values = self.space.values(points)
-            parts.append(
-                self._runs(
-                    f"wave-{wave}", plan_at(self.scene, self.space, values, wave, [*self.known])
-                )
-            )
+            parts.append(self._runs_at(f"wave-{wave}", points, wave))
             whole, before = _near(joined(parts), len(parts[-1]), target, self.space), target
         with self.bars.counting("posterior", "posterior", 1, "chain") as advance:
             found = sample([target], len(self.space), self.given, self.seed)
@@ -218,9 +215,8 @@ class _Study:
         chosen = np.random.default_rng(self.seed).choice(
             len(points), PREDICTIVE, replace=False, p=counts / counts.sum()
         )
-        plan = plan_at(self.scene, self.space, self.space.values(points[chosen]), 0, [*self.known])
-        predicted = self._runs("predicted", plan)
-        names = [*(self.reading.reader.names if self.reading else ()), *self.known]
+        predicted = self._runs_at("predicted", points[chosen], 0)
+        names = [*(self.reader.names if self.reader else ()), *self.known]
         return Calibration(
             scene=self.scene,
             space=self.space,
@@ -236,15 +232,20 @@ class _Study:
             notes=tuple(self._notes(parts, left, found)),
         )
 
+    def _runs_at(self, name: str, points: Array, seed: int) -> Runs:
+        """Runs at points (n, d) of the space."""
+        values = self.space.values(points)
+        return self._runs(name, plan_at(self.scene, self.space, values, seed, [*self.known]))
+
     def _runs(self, name: str, plan: dict[str, Any]) -> Runs:
-        found = computed(plan, self.claim.work / name, **self.how)
-        return runs_of(found, self.space, self.reading and self.reading.reader, [*self.known])
+        found = computed(plan, self.claim.work / name, bars=self.bars, **self.how)
+        return runs_of(found, self.space, self.reader, [*self.known])
 
     def _target(
         self, runs: Runs, wave: int, before: Target | None
     ) -> tuple[NDArray[np.bool_], Target]:
         """Which figures differ between runs, and these with the emulator of the runs."""
-        figures = runs.figures(self.reading and self.reading.reader)
+        figures = runs.figures(self.reader)
         kept = spreads(figures)
         if not kept.any():
             raise UserError(
@@ -309,8 +310,7 @@ def _near(runs: Runs, new: int, target: Target, space: Space) -> Runs:
     What is far away would only stretch the next emulator over figures that do not matter.
     """
     away = target.implausibility(space.unit(runs.values))
-    failed = np.array([reason is not None for reason in runs.failures])
-    near = (away <= FAR) | failed
+    near = (away <= FAR) | runs.failed
     near[-new:] = True
     return Runs(
         runs.values[near],
