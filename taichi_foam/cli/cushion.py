@@ -85,10 +85,10 @@ def cushion_command(
     """
     with command() as terminal:
         from taichi_foam.cushions import cushion
-        from taichi_foam.cushions.shown import units as units_of
+        from taichi_foam.cushions.shown import units_named
         from taichi_foam.results.files import file_name
 
-        used = units_of(units)
+        used = units_named(units)
         more: dict[str, Any] = {}
         if static_stress is not None and ":" in static_stress:
             more["static_range"] = numbers("--static-stress", static_stress, "stress", used, ":")

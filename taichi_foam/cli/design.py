@@ -88,9 +88,9 @@ def design_command(
         from taichi_foam.cushions import design_report
         from taichi_foam.cushions.checks import checks
         from taichi_foam.cushions.design import design
-        from taichi_foam.cushions.shown import units as units_of
+        from taichi_foam.cushions.shown import units_named
 
-        used = units_of(units)
+        used = units_named(units)
 
         def si(option: str, text: str | None, kind: str) -> float | None:
             return None if text is None else number(option, text, kind, used)

@@ -43,7 +43,7 @@ def efficiency_command(
     with command() as terminal:
         from taichi_foam.cushions.efficiency import efficiency
         from taichi_foam.cushions.efficiency_chart import EXPLAINED, choice, landmarks
-        from taichi_foam.cushions.shown import units as units_named
+        from taichi_foam.cushions.shown import units_named
 
         system = units_named(units)
         found = efficiency(*foams)

@@ -30,7 +30,7 @@ from taichi_foam.cushions import own_tests
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.refine import next_points
 from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene, stress_curve
-from taichi_foam.cushions.shown import units as units_named
+from taichi_foam.cushions.shown import units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
 from taichi_foam.formulas.traces import CHANNEL_CLASSES, channel, filtered

@@ -15,8 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from taichi_foam.analysis.measures import assumed_of
 from taichi_foam.cushions.cushion import WITHIN, Curve, CushionCurve
-from taichi_foam.cushions.shown import Units
-from taichi_foam.cushions.shown import units as units_named
+from taichi_foam.cushions.shown import Units, units_named
 from taichi_foam.formulas.energy import USUAL_PEAK
 from taichi_foam.picture.document import Section, Table, write
 from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank

@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any
 from taichi_foam.cushions import handling, own_tests, sizing, verify
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.scenes import cushion_scene
-from taichi_foam.cushions.shown import Units
-from taichi_foam.cushions.shown import units as units_of
+from taichi_foam.cushions.shown import UNITS, Units, units_named
 from taichi_foam.cushions.sizing import Cushioning, Pad, Relaxed, Wish
 from taichi_foam.cushions.verify import Runs
 from taichi_foam.errors import UserError
@@ -71,7 +70,7 @@ class Design:
     temperature: float | None = None
     tests: OwnTests | None = None
     by_mass: bool = False
-    units: Units = field(default_factory=lambda: units_of("si"))
+    units: Units = UNITS["si"]
 
     @property
     def harmless(self) -> bool:
@@ -190,7 +189,7 @@ def design(
         KeyboardInterrupt: Ctrl-C. With `out`, what has been computed is kept, and the same call
             goes on from there.
     """
-    shown_in = units_of(units)
+    shown_in = units_named(units)
     if temperature is not None and not -100.0 <= temperature <= 200.0:
         raise UserError(f"temperature = {temperature:g} C: must be from -100 to 200 C")
     found = Design(

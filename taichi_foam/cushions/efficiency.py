@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.cushions.shown import units as units_named
+from taichi_foam.cushions.shown import units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy as formulas
 from taichi_foam.formulas.envelope import Envelope, shoulder_envelope

@@ -28,14 +28,14 @@ class Units:
         """The value in its SI unit of a number in this unit."""
         return number * self.kinds[kind][1]
 
-    def text(self, kind: str, value: float, digits: int = 3) -> str:
+    def text(self, kind: str, value: float) -> str:
         """A value in its SI unit, in words: 50 mm."""
-        return f"{self.number(kind, value, digits)} {self.unit(kind)}"
+        return f"{self.number(kind, value)} {self.unit(kind)}"
 
-    def number(self, kind: str, value: float, digits: int = 3) -> str:
-        """The number of `text`, without an exponent."""
-        found = float(f"{self.of(kind, value):.{digits}g}")
-        return f"{found:.{max(digits, 8)}g}"
+    def number(self, kind: str, value: float) -> str:
+        """The number of `text`, with three digits and without an exponent."""
+        found = float(f"{self.of(kind, value):.3g}")
+        return f"{found:.8g}"
 
 
 UNITS = {
@@ -53,7 +53,7 @@ UNITS = {
 }  # fmt: skip
 
 
-def units(name: str) -> Units:
+def units_named(name: str) -> Units:
     """A system by name. Raises UserError: there is none of this name."""
     if name not in UNITS:
         raise UserError(f"units = {name!r}: must be {' or '.join(UNITS)}")
