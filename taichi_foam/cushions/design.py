@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_foam.cushions import handling, own_tests, sizing, verify
 from taichi_foam.cushions.own_tests import OwnTests
-from taichi_foam.cushions.scenes import cushion_scene
+from taichi_foam.cushions.scenes import FLAT, cushion_scene
 from taichi_foam.cushions.shown import UNITS, Units, units_named
 from taichi_foam.cushions.sizing import Cushioning, Pad, Relaxed, Wish
 from taichi_foam.cushions.verify import Runs
@@ -148,7 +148,7 @@ def design(
     max_thickness: float | None = None,
     max_area: float | None = None,
     stock: Sequence[float] | None = None,
-    shape: str = "flat",
+    shape: str = FLAT,
     drops: int = 1,
     runs: int = 16,
     braced: bool = False,
@@ -208,7 +208,7 @@ def design(
         raise UserError(f"runs = {runs}: must be 0, or {FEWEST} to {MOST}; 16 are a good number")
     if not found.harmless:
         found = replace(found, candidates=sizing.candidates(found.foams, found.wish))
-    if found.candidates and shape != "flat":  # an unknown shape is refused before anything is run
+    if found.candidates and shape != FLAT:  # an unknown shape is refused before anything is run
         first = found.candidates[0]
         cushion_scene(first.foam.name, first.thickness, found.wish.drop, 1e3, shape=shape)
     bars = bars or Bars()
@@ -260,7 +260,7 @@ def _verified(
                 f"candidates, and runs of {len(tried)} pads, are in {claim.folder}; the same "
                 "command goes on"
             ) from None
-        thicker = sizing.thicker(pad, found.wish)
+        thicker = sizing.thicker(pad)
         if thicker is not None:
             waiting = sorted([*waiting, thicker], key=sizing.rank)
     return replace(found, tried=tried)

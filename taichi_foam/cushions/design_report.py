@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 
 from taichi_foam.cushions import design_figures, handling, sizing, verify
 from taichi_foam.cushions.checks import Check, checks
+from taichi_foam.cushions.own_tests import OwnTests
+from taichi_foam.cushions.scenes import FLAT
+from taichi_foam.cushions.shown import Units
 from taichi_foam.cushions.sizing import Pad, Relaxed
 from taichi_foam.cushions.verify import FILTER, Runs
 from taichi_foam.picture import document
@@ -182,10 +185,8 @@ def checks_table(found: list[Check]) -> Table:
     return Table(["check", "verdict", "found, limit", "source of the limit"], rows, is_text=True)
 
 
-def tests_table(found: Design, pad: Pad) -> Table:
+def tests_table(tests: OwnTests, pad: Pad, units: Units) -> Table:
     """Own cushion tests beside the formula of a pad's foam."""
-    tests, units = found.tests, found.units
-    assert tests is not None
     rows = []
     columns = (tests.height, tests.thickness, tests.static, tests.g)
     for height, thickness, static, g in zip(*(each.tolist() for each in columns), strict=True):
@@ -240,15 +241,16 @@ def write(found: Design, path: str | Path) -> Path:
         made = checks(pad, found.units, found.temperature)
         heading = "Checks" if found.pad is not None else "Checks of the closest miss"
         sections.append(Section(heading, table=checks_table(made)))
-    if pad is not None:
         foam = pad.foam
         words = [f"{foam.title}. Source: {foam.source}."]
         rows = [each.split(": ", 1) for each in foam.assumed]
         table = Table(["assumed", "why"], rows, is_text=True) if rows else None
         sections.append(Section("The foam", words, table=table))
-    if pad is not None and found.tests is not None:
-        words = [f"Read from {found.tests.name}; the filter is that of the measurement."]
-        sections.append(Section("Own tests", words, table=tests_table(found, pad)))
+        if found.tests is not None:
+            words = [f"Read from {found.tests.name}; the filter is that of the measurement."]
+            sections.append(
+                Section("Own tests", words, table=tests_table(found.tests, pad, found.units))
+            )
     warnings = list(dict.fromkeys(text for runs in found.tried for text in runs.warnings))
     if warnings:
         sections.append(Section("Doubts about the runs", warnings))
@@ -275,7 +277,7 @@ def _not_looked_at(found: Design) -> list[str]:
         "rectangular pulse, which is the worst.",
         "Vibration, humidity and ageing of the foam are left out. Make a prototype, and drop it.",
     ]
-    if found.shape != "flat":
+    if found.shape != FLAT:
         said.insert(
             0, f"The formulas are of a flat pad; only the runs know the shape {found.shape!r}."
         )

@@ -37,7 +37,7 @@ ROWS, COLUMNS = 20, 4
 CELLS = 12
 """Cells in the thickness of any other pad."""
 
-SHAPES = ("flat", "edge", "rib")
+FLAT = "flat"
 
 LONGEST = 0.5
 """Longest time of a drop [s]; the run itself ends when the product has come to rest."""
@@ -51,7 +51,7 @@ def cushion_scene(
     drop_height: float,
     static_stress: float,
     *,
-    shape: str | Path | Sequence[tuple[float, float]] = "flat",
+    shape: str | Path | Sequence[tuple[float, float]] = FLAT,
     width: float = SIDE,
     depth: float = SIDE,
     density: float | None = None,
@@ -88,10 +88,9 @@ def cushion_scene(
         check_positive(name, value, example)
     block: dict[str, Any] = {"height": thickness, "depth": depth}
     middle = 0.0
-    if isinstance(shape, str) and shape == "flat":
+    if isinstance(shape, str) and shape == FLAT:
         cell = thickness / ROWS if cell is None else cell
-        width = COLUMNS * cell
-        width = _rounded(width)
+        width = _rounded(COLUMNS * cell)
         block |= {"width": width, "columns": COLUMNS, "rows": max(1, round(thickness / cell)) + 1}
         plate = 2.0 * width
     else:
@@ -203,6 +202,9 @@ _DRAWN: dict[str, Callable[[float, float], tuple[Corners, float, float, float]]]
     "edge": _edge,
     "rib": _rib,
 }
+
+SHAPES = (FLAT, *_DRAWN)
+"""Names of shapes."""
 
 
 def _read(shape: Any) -> Corners:

@@ -236,25 +236,32 @@ class Wish:
 class Pad:
     """A pad for a wish. SI units.
 
-    foam           what it is made of
-    thickness      m
-    area           m2
-    static_stress  weight over area [Pa]
-    g, strain      largest deceleration [g] and strain of the last drop, by the formulas
-    masses         least and largest mass [kg] that it protects at the same fragility
-    statics        their static stresses [Pa]
-    wish           what it is for
+    foam       what it is made of
+    thickness  m
+    area       m2
+    g, strain  largest deceleration [g] and strain of the last drop, by the formulas
+    statics    least and largest static stress [Pa] that it protects at the same fragility
+    wish       what it is for
     """
 
     foam: Cushioning
     thickness: float
     area: float
-    static_stress: float
     g: float
     strain: float
-    masses: tuple[float, float]
     statics: tuple[float, float]
     wish: Wish
+
+    @property
+    def static_stress(self) -> float:
+        """Weight over area [Pa]."""
+        return self.wish.weight / self.area
+
+    @property
+    def masses(self) -> tuple[float, float]:
+        """Least and largest mass [kg] that it protects at the same fragility."""
+        least, largest = (each * self.area / STANDARD_GRAVITY for each in self.statics)
+        return least, largest
 
     @property
     def volume(self) -> float:
@@ -285,21 +292,26 @@ def pad(foam: Cushioning, wish: Wish, thickness: float) -> Pad | None:
     if low > high:
         return None
     area = float(f"{wish.weight / math.sqrt(low * high):.3g}")
-    static = wish.weight / area
-    g, strain = curve.at(static)
-    masses = tuple(each * area / STANDARD_GRAVITY for each in safe)
-    return Pad(foam, thickness, area, static, g, strain, (masses[0], masses[1]), safe, wish)
+    g, strain = curve.at(wish.weight / area)
+    return Pad(foam, thickness, area, g, strain, safe, wish)
 
 
 def candidates(foams: Sequence[Cushioning], wish: Wish) -> list[Pad]:
     """The thinnest pad of each foam that meets the wish: thinnest first, then the least foam."""
-    found: list[Pad] = []
-    for foam in foams:
-        for thickness in wish.thicknesses:
-            if (fits := pad(foam, wish, thickness)) is not None:
-                found.append(fits)
-                break
-    return sorted(found, key=rank)
+    found = (_thinnest(foam, wish, wish.thicknesses) for foam in foams)
+    return sorted((each for each in found if each is not None), key=rank)
+
+
+def thicker(pad_: Pad) -> Pad | None:
+    """The next pad of the same foam that is thicker; None: there is none."""
+    rest = [each for each in pad_.wish.thicknesses if each > pad_.thickness]
+    return _thinnest(pad_.foam, pad_.wish, rest)
+
+
+def _thinnest(foam: Cushioning, wish: Wish, thicknesses: Sequence[float]) -> Pad | None:
+    """The first pad that meets the wish, of thicknesses from thin to thick; None: none does."""
+    pads = (pad(foam, wish, each) for each in thicknesses)
+    return next((each for each in pads if each is not None), None)
 
 
 def rank(pad_: Pad) -> tuple[float, float]:
@@ -321,12 +333,6 @@ class Relaxed:
     value: float
     by: float
     pad: Pad
-
-
-def thicker(pad_: Pad, wish: Wish) -> Pad | None:
-    """The next pad of the same foam that is thicker; None: there is none."""
-    rest = [each for each in wish.thicknesses if each > pad_.thickness]
-    return next((found for each in rest if (found := pad(pad_.foam, wish, each))), None)
 
 
 def relaxed(foams: Sequence[Cushioning], wish: Wish) -> list[Relaxed]:

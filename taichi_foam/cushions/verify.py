@@ -25,6 +25,9 @@ WITHIN = 0.005
 FILTER = "CFC 180"
 """The filter of the peaks that are compared with the fragility (SAE J211)."""
 
+KEY = "peak_deceleration_cfc180_g"
+"""The measure that `FILTER` belongs to."""
+
 
 @dataclass(frozen=True)
 class Runs:
@@ -111,9 +114,13 @@ def runs(
         )
         results = [ended[place] for place in sorted(ended)]
         found.append(_of_results(pad, asked, results))
-        if any(result.ending is not None and result.ending.failed for result in results):
+        if any(_failed(result) for result in results):
             break
     return _worst(found)
+
+
+def _failed(result: Result) -> bool:
+    return result.ending is not None and result.ending.failed
 
 
 def _worst(found: Sequence[Runs]) -> Runs:
@@ -142,7 +149,7 @@ def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> 
         return [math.inf if each[key] is None else float(each[key]) for each in summaries]
 
     # a run that failed has a peak so far, but may have had a larger one
-    failed = [result.ending is not None and result.ending.failed for result in results]
+    failed = [_failed(result) for result in results]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],
@@ -152,7 +159,3 @@ def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> 
         column("velocity_change_m_s"),
         list(dict.fromkeys(text for result in results for text in result.warnings)),
     )
-
-
-KEY = "peak_deceleration_cfc180_g"
-"""The measure that `FILTER` belongs to."""

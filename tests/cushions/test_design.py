@@ -113,7 +113,7 @@ def test_checks_name_their_limits() -> None:
     assert verdicts(pad, 60.0) == [True, True, None]
     assert verdicts(pad, 80.0) == [True, True, False]
     tall = replace(pad, thickness=1.01 * pad.area**0.5 / sizing.SLENDER)
-    heavy = replace(pad, static_stress=1.01 * sizing.CREEP * pad.foam.plateau)
+    heavy = replace(pad, area=pad.wish.weight / (1.01 * sizing.CREEP * pad.foam.plateau))
     assert verdicts(tall)[1] is False
     assert verdicts(heavy)[0] is False
 
