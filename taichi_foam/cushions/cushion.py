@@ -29,7 +29,7 @@ from taichi_foam.analysis.bands import band
 from taichi_foam.cushions import own_tests
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.refine import next_points
-from taichi_foam.cushions.scenes import SIDE, check_positive, cushion_scene, stress_curve
+from taichi_foam.cushions.scenes import FLAT, SIDE, check_positive, cushion_scene, stress_curve
 from taichi_foam.cushions.shown import units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
@@ -64,8 +64,6 @@ _ENDLESS = 1e6
 _LIGHT = 1.0
 """A static stress [Pa] that any foam carries, for scenes that are not computed."""
 
-FLAT = "flat"
-
 POINTS = 16
 """Usual number of static stresses of a curve."""
 
@@ -80,6 +78,9 @@ REFINED = 2.0
 
 WITHIN = 0.1
 """The range around the minimum is where the peak is larger by at most this part."""
+
+_PEAKS = {None: "peak_deceleration_g", 180: "peak_deceleration_cfc180_g"}
+"""Measures that are peaks, by the channel class of their filter."""
 
 # Keys of a scene in which the points of one shape may differ.
 _KEYS = (
@@ -266,6 +267,10 @@ class CushionCurve:
         flat = {drop.pad for drop in self.drops if drop.pad.shape == FLAT}
         return {pad: self._balance(pad) for pad in flat}
 
+    def balance_of(self, curve: Curve) -> Balance | None:
+        """The energy balance of a curve's pad; None: it does not apply."""
+        return self.balances.get(curve.pad) if curve.number == 1 else None
+
     def _balance(self, pad: Pad) -> Balance:
         statics = [drop.static_stress for drop in self.drops if drop.pad == pad]
         e, s = stress_curve(self.scene)
@@ -303,7 +308,7 @@ class CushionCurve:
         found = []
         for curve in self.curves:
             low, high = curve.good_range
-            balance = self.balances.get(curve.pad) if curve.number == 1 else None
+            balance = self.balance_of(curve)
             found.append(
                 {
                     "shape": curve.pad.shape,
@@ -386,7 +391,7 @@ def cushion_curve(
     *,
     static_range: tuple[float, float] | None = None,
     drops: int = 1,
-    shape: Any = "flat",
+    shape: Any = FLAT,
     runs: int = 1,
     channel_class: int | None = None,
     points: int = POINTS,
@@ -451,7 +456,7 @@ def cushion_curve(
     return found
 
 
-def write(found: CushionCurve, folder: Path, units: str = "si") -> None:
+def write(found: CushionCurve, folder: Path, units: str) -> None:
     """Write tables, the figure in three formats, and the report. Raises UserError, OSError."""
     from taichi_foam.cushions import cushion_chart
 
@@ -576,6 +581,16 @@ class _Asked:
         return low, high
 
     @property
+    def peak(self) -> str | None:
+        """The measure that is the peak through the filter; None: it is taken from histories."""
+        return _PEAKS.get(self.channel_class)
+
+    @property
+    def measures(self) -> list[str]:
+        """The measures that a chart needs of each drop."""
+        return [*([self.peak] if self.peak else []), "max_strain", "bottomed_out"]
+
+    @property
     def request(self) -> dict[str, Any]:
         """Everything that determines the result, for the claim on its folder."""
         scenes = [self.scene(pad, self.first[pad][0]) for pad in self.pads]
@@ -656,7 +671,7 @@ def _swept(
         for key, each in values.items()
         if NOTHING not in each and (key == "impactor.mass" or each.count(each[0]) < len(each))
     ]
-    kept = {} if _is_measured(asked) else {"histories": "float64"}
+    kept = {} if asked.peak else {"histories": "float64"}
     plan = {
         "name": f"{points[0][0].shape} pads of {asked.name}"[:100],
         "scene": scenes[0],
@@ -664,31 +679,17 @@ def _swept(
         "paired": True,
         "repeats": {"count": asked.runs},
         "drops": asked.drops,
-        "keep": {"measures": _measures(asked), **kept},
+        "keep": {"measures": asked.measures, **kept},
     }
     return sweep(plan, folder, **how)
 
 
-def _is_measured(asked: _Asked) -> bool:
-    """Whether the rows of a sweep hold peaks through the filter."""
-    return asked.channel_class in _MEASURES
-
-
-_MEASURES = {None: "peak_deceleration_g", 180: "peak_deceleration_cfc180_g"}
-
-
-def _measures(asked: _Asked) -> list[str]:
-    """The measures that a chart needs of each drop."""
-    peak = _MEASURES.get(asked.channel_class)
-    return [key for key in (peak, "max_strain", "bottomed_out") if key]
-
-
 def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> list[Drop]:
     """The figures of all drops of a sweep."""
-    peak, measures = _MEASURES.get(asked.channel_class), _measures(asked)
+    peak = asked.peak
     filtered_peaks = {} if peak else _filtered_peaks(done, asked.channel_class)
     numbers = range(1, asked.drops + 1)
-    wanted = [columns.drop_column(key, number) for number in numbers for key in measures]
+    wanted = [columns.drop_column(key, number) for number in numbers for key in asked.measures]
     rows = columns.read(done.shards(), [columns.MEMBER, "varied", "failure", *wanted]).to_pylist()
     found = []
     for row in rows:
@@ -739,7 +740,7 @@ def _shapes(shape: Any) -> dict[str, Any]:
         shape = [shape]
     elif not isinstance(shape, list | tuple) or not shape or not isinstance(shape[0], str | Path):
         return {"outline": shape}
-    found = {each if isinstance(each, str) else str(each): each for each in shape}
+    found = {str(each): each for each in shape}
     if len(found) < len(shape):
         raise UserError(f"shape = {', '.join(map(str, shape))}: one is there twice; leave it out")
     return found

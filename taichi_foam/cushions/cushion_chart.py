@@ -40,16 +40,19 @@ def chart(found: CushionCurve, units: str = "si") -> Figure:
     """Peaks over static stress: a panel for each family of curves. Raises UserError: `units`."""
     system = units_named(units)
     by, families = _families(found.curves)
+    telling = [way for way in _differences([family[0] for family in families]) if way != by]
     across = min(2, len(families))
     down = math.ceil(len(families) / across)
     with mpl.rc_context(STYLE):
         figure = blank(_WIDE * across + (1.4 if across == 1 else 0.0), _HIGH * down + 0.9)
         panels = figure.subplots(down, across, squeeze=False).ravel()
         for axis, family in zip(panels, families, strict=False):
-            _draw(axis, found, family, by, families, system)
+            _draw(axis, found, family, by, system)
+            if len(families) > 1:
+                axis.set_title(", ".join(_one(family[0], way, system) for way in telling))
         for axis in panels[len(families) :]:
             axis.set_visible(False)
-        figure.suptitle(_title(found, found.curves, by, system), fontsize=15, fontweight="bold")
+        figure.suptitle(_title(found, system), fontsize=15, fontweight="bold")
         figure.legend(
             handles=_key(found), loc="outside lower center", ncols=3, frameon=False, fontsize=10.5
         )
@@ -120,7 +123,7 @@ def _families(curves: Sequence[Curve]) -> tuple[str, list[list[Curve]]]:
     for curve in curves:
         rest = tuple(_value(curve, way) for way in _WAYS if way != by)
         families.setdefault(rest, []).append(curve)
-    if by == "thickness" and not several:
+    if not several:
         families = {(n,): [curve] for n, curve in enumerate(curves)}
     return by, list(families.values())
 
@@ -134,7 +137,6 @@ def _draw(
     found: CushionCurve,
     family: Sequence[Curve],
     by: str,
-    families: Sequence[Sequence[Curve]],
     system: Units,
 ) -> None:
     """One panel."""
@@ -152,8 +154,6 @@ def _draw(
     _label(axis, family, by, system)
     axis.set_xlabel(f"static stress ({system.unit('stress')})")
     axis.set_ylabel(f"peak deceleration G (g, {found.filter})")
-    if len(families) > 1:
-        axis.set_title(", ".join(_one(family[0], way, system) for way in _telling(families, by)))
     axis.xaxis.set_major_locator(LogLocator(subs=_subs(right / left), numticks=30))
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
@@ -173,7 +173,7 @@ def _draw_curve(
         axis.fill_between(between, low, high, color=colour, alpha=0.25, lw=0)
     axis.plot(between, middle, color=colour)
     axis.plot(x, median, "o", color=colour, ms=4)
-    balance = found.balances.get(curve.pad) if curve.number == 1 else None
+    balance = found.balance_of(curve)
     if balance is not None:
         fine = [system.of("stress", each) for each in balance.static_stress]
         axis.plot(fine, balance.g, color=INK, ls=(0, (4, 2)), lw=1.2, zorder=3)
@@ -210,19 +210,18 @@ def _label(axis: Axes, family: Sequence[Curve], by: str, system: Units) -> None:
         text.set_path_effects([*HALO])
 
 
-def _telling(families: Sequence[Sequence[Curve]], by: str) -> list[str]:
-    """In what panels differ."""
-    first = [family[0] for family in families]
-    return [way for way in _WAYS if way != by and len({_value(curve, way) for curve in first}) > 1]
+def _differences(curves: Sequence[Curve]) -> list[str]:
+    """The ways in which curves differ."""
+    return [way for way in _WAYS if len({_value(curve, way) for curve in curves}) > 1]
 
 
-def _title(found: CushionCurve, curves: Sequence[Curve], by: str, system: Units) -> str:
+def _title(found: CushionCurve, system: Units) -> str:
     """The foam, and what all curves have in common."""
+    first, differ = found.curves[0], _differences(found.curves)
     shared = [
-        _one(curves[0], way, system)
+        _one(first, way, system)
         for way in _WAYS
-        if len({_value(curve, way) for curve in curves}) == 1
-        and not (way == "number" and curves[0].number == 1)
+        if way not in differ and not (way == "number" and first.number == 1)
     ]
     return f"{found.foam}: {', '.join(shared)}" if shared else found.foam
 
@@ -241,7 +240,7 @@ def _one(curve: Curve, way: str, system: Units) -> str:
 
 def _words(curve: Curve, system: Units, among: Sequence[Curve] = ()) -> str:
     """A curve in words; `among` others, how it differs from them."""
-    ways = [way for way in _WAYS if len({_value(each, way) for each in among}) > 1]
+    ways = _differences(among)
     if not ways:
         ways = ["shape", "thickness", "drop_height", *(["number"] if curve.number > 1 else [])]
     return ", ".join(_one(curve, way, system) for way in ways)
@@ -306,7 +305,7 @@ def minima(found: CushionCurve, system: Units) -> Table:
                 of("balance_at_static_stress_Pa"),
             ]
         )
-    note = "Peaks are " + found.filter + "."
+    note = f"Peaks are {found.filter}."
     if not all(row["is_bracketed"] for row in found.minima):
         note += " * The lowest point is at an end of the range: the minimum may lie beyond."
     return Table(head, rows, note)

@@ -246,7 +246,7 @@ def efficiency(*foams: str | Path | FoamFile | BondFoam | Curve) -> Efficiency:
     return Efficiency(tuple(found))
 
 
-def absorber(foam: str | Path | FoamFile | BondFoam | Curve, called: str = "foam") -> Absorber:
+def absorber(foam: str | Path | FoamFile | BondFoam | Curve, called: str) -> Absorber:
     """A foam of the library, of a file or of a test; `called` names one that has no name.
 
     Raises UserError as `efficiency`.
