@@ -46,6 +46,9 @@ _FIRST_WORK = 1e8
 MOST = 256
 """Most drops of a chunk whose size is not given: the overhead per chunk is then negligible."""
 
+TRIED = 2
+"""Drops of a trial, at most."""
+
 # A chunk has at most this many times the drops of earlier chunks that kept the limit.
 _GROWTH = 4
 
@@ -147,14 +150,14 @@ def room(design: Design) -> Estimate:
     return Estimate(len(design), int(size))
 
 
-def trial(design: Design, solve: Solve, on_drop: Callable[[], None], drops: int = 2) -> Estimate:
-    """As `room`, with the time, extrapolated from a few drops by the work of their scenes.
+def trial(design: Design, solve: Solve, on_drop: Callable[[], None]) -> Estimate:
+    """As `room`, with the time, extrapolated from `TRIED` drops by the work of their scenes.
 
     `solve` is called for each of these drops separately. A first call, which compiles kernels, is
     not counted.
     """
     found = room(design)
-    chosen = _some(design, drops)
+    chosen = _some(design, TRIED)
     paces = []
     for count, scene in enumerate([chosen[0], *chosen]):
         begun = time.perf_counter()

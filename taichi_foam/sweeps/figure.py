@@ -23,7 +23,7 @@ from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, spread
 from taichi_foam.scene import Scene
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.plan import Plan
-from taichi_foam.sweeps.run import Sweep
+from taichi_foam.sweeps.store import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -135,7 +135,7 @@ def tried(
 ) -> Estimate:
     """Estimate the cost of a sweep from a short trial in this process. Raises UserError."""
     runtime.start(arch, threads)
-    with (bars or Bars()).counting("trial", "trial", 2, "drops") as advance:
+    with (bars or Bars()).counting("trial", "trial", dealing.TRIED, "drops") as advance:
         solve = partial(simulate.simulate_many, arch=arch, threads=threads)
         return dealing.trial(Design.of(plan), solve, advance)
 

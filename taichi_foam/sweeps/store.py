@@ -288,8 +288,8 @@ class Sweep:
                 "yet, or the plan does not keep histories (keep.histories). Fix: compute it again "
                 "in full."
             )
-        found = pandas.read_parquet(path, filters=[("member", "==", number)])
-        return found.drop(columns="member")
+        found = pandas.read_parquet(path, filters=[(table.MEMBER, "==", number)])
+        return found.drop(columns=table.MEMBER)
 
     def traces(self, names: Sequence[str]) -> Iterator[tuple[int, int, list[NDArray[np.float64]]]]:
         """Columns of all histories that are kept; see `table.read_histories`."""

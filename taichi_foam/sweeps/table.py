@@ -140,7 +140,7 @@ def write_histories(path: Path, records: Mapping[int, Sequence[Record]], kind: s
             if several:
                 head[DROP] = np.full(length, drop)
             parts.append(pa.table({**head, **columns}))
-    _write(path, pa.concat_tables(parts) if parts else pa.table({"member": pa.array([], "int64")}))
+    _write(path, pa.concat_tables(parts) if parts else pa.table({MEMBER: pa.array([], "int64")}))
 
 
 def read_histories(
