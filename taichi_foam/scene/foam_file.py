@@ -17,7 +17,7 @@ from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene.assumed import Assumed, Origin
 from taichi_foam.scene.measured import curve_of
-from taichi_foam.scene.messages import explain
+from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.toml import read_toml
 
 
@@ -102,5 +102,4 @@ def checked(data: dict[str, Any], source: str) -> FoamFile:
     try:
         return FoamFile.model_validate(data)
     except ValidationError as error:
-        listed = "\n".join(f"  {line}" for line in explain(error, FoamFile).splitlines())
-        raise UserError(f"{source}: not a valid foam file:\n{listed}") from None
+        raise UserError(titled(source, explain(error, FoamFile), "foam file")) from None
