@@ -26,11 +26,10 @@ from taichi_foam.scene.messages import shown
 from taichi_foam.scene.options import Pulse
 from taichi_foam.scene.paths import NOTHING, at, copied, heads_of_foams, put
 from taichi_foam.scene.toml import parsed
-from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, TIME_UNITS
+from taichi_foam.scene.traces import ACCELERATION, TIME
+from taichi_foam.units import LENGTH_UNITS
 
 _LENGTH = Kind("length", LENGTH_UNITS, "m")
-_TIME = Kind("time", TIME_UNITS, "s")
-_ACCELERATION = Kind("acceleration", ACCELERATION_UNITS, "m/s2")
 
 _RESILIENT = ("epe", "eva", "epp", "pe-foam", "sponge", "latex", "memory", "neoprene", "flexible")
 
@@ -225,7 +224,7 @@ def read_pulse(path: Path) -> Pulse:
     A header may give their units in brackets, such as time [ms],acceleration [g], or in a line of
     their own; by default they are s and m/s2. Raises UserError with file, line and value.
     """
-    columns = two_columns(path, "time and acceleration", (_TIME, _ACCELERATION))
+    columns = two_columns(path, "time and acceleration", (TIME, ACCELERATION))
     time, acceleration = (column.values.tolist() for column in columns)
     try:
         return Pulse(time=time, acceleration=acceleration)
