@@ -31,7 +31,7 @@ from taichi_foam.engine.model import FOLLOWED
 from taichi_foam.errors import UserError
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 from taichi_foam.simulation.stepwise import Drop
 
 GROUP = 50

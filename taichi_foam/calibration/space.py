@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 
 Array = NDArray[np.float64]
 

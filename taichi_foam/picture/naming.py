@@ -9,7 +9,7 @@ from typing import Any
 from taichi_foam.laws.bond import BondFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 from taichi_foam.units import si_scale
 
 #: Most keys in a name, and most characters of a key with its value.

@@ -30,7 +30,7 @@ from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of, values_of
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_toml, scene_to_toml
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 
 _FORMAT = 2
 _STATE = "state.npz"

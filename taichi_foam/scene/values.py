@@ -8,10 +8,8 @@ from typing import Any
 from taichi_foam.errors import UserError
 from taichi_foam.scene import assumed, block
 from taichi_foam.scene.messages import shown
-from taichi_foam.scene.paths import NOTHING, at, by_key, copied, put
+from taichi_foam.scene.paths import NOTHING, at, copied, put
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, parsed
-
-__all__ = ["by_key", "changed", "settings"]
 
 _FIRST = ("impactor.shape", "foam.law")
 """Keys that determine which other keys exist."""

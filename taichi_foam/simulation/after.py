@@ -18,7 +18,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.scene.messages import shown
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 
 SAME = ("block", "foam", "across", "model", "base", "support", "start")
 """Parts of a scene that must be the same in a run and in the one that left its block.

@@ -30,7 +30,7 @@ from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.snapshot_file import SnapshotFile
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
-from taichi_foam.scene.values import by_key
+from taichi_foam.scene.paths import by_key
 from taichi_foam.simulation.after import After
 from taichi_foam.version import version
 

@@ -36,8 +36,9 @@ from taichi_foam.parts import Part
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import completed_scene
 from taichi_foam.scene.messages import explain, shown, titled
+from taichi_foam.scene.paths import by_key
 from taichi_foam.scene.toml import read_toml
-from taichi_foam.scene.values import by_key, settings
+from taichi_foam.scene.values import settings
 
 MOST = 10_000_000
 """Largest number of drops in a sweep."""

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.scene.values import by_key, changed
+from taichi_foam.scene.paths import by_key
+from taichi_foam.scene.values import changed
 from taichi_foam.sweeps.plan import Axis, Method, Plan
 
 # Seeds of scattered strengths are 32 bits wide.

@@ -11,8 +11,8 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Block, FlatBlock, Numerics, Scene
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
+from taichi_foam.scene.paths import by_key
 from taichi_foam.scene.toml import tomllib
-from taichi_foam.scene.values import by_key
 from taichi_foam.units import STANDARD_GRAVITY
 
 PAPER = "paper/rectangular-3.03"

@@ -20,8 +20,8 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.scene.files import scene_to_toml
+from taichi_foam.scene.paths import by_key
 from taichi_foam.scene.toml import DEEPEST, LONGEST_LINE, MOST_BYTES
-from taichi_foam.scene.values import by_key
 from taichi_foam.shim2000 import impacts as paper
 
 EXAMPLES = int(os.environ.get("FUZZ", "40"))
