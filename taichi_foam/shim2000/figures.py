@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from taichi_foam.analysis import measures as q
+from taichi_foam.analysis.loads import FLAT_RISE_S, PLATEAU_END_FRACTION
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.picture.style import BLUE, GREEN, INK, ORANGE, STYLE, VERMILION, beside, blank
 from taichi_foam.scene import Scene
@@ -42,7 +43,7 @@ class Deceleration:
     time: Array
     deceleration: Array
     measured: Mapping[str, float] | None = None
-    plateau_start: float = 3e-3
+    plateau_start: float = FLAT_RISE_S
     band: tuple[Array, Array] | None = None
 
 
@@ -123,7 +124,7 @@ def _mark_measured(
     axis: Axes, impact: Deceleration, measured: Mapping[str, float], top: float
 ) -> None:
     duration, level = 1e3 * measured[q.DURATION.key], measured[q.PLATEAU.key]
-    span = [1e3 * impact.plateau_start, 0.85 * duration]
+    span = [1e3 * impact.plateau_start, PLATEAU_END_FRACTION * duration]
     axis.fill_between(span, 0.95 * level, 1.05 * level, color=ORANGE, alpha=0.35, linewidth=0)
     axis.plot(span, [level, level], color=VERMILION, linewidth=2.4, label="measured plateau ± 5 %")
     # The number is near the end, since that of the initial peak is near the start, and on the side

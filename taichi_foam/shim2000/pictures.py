@@ -14,7 +14,7 @@ from PIL import Image
 
 from taichi_foam.analysis.bands import band_of_curves
 from taichi_foam.analysis.impact import impact
-from taichi_foam.analysis.loads import NOSE_RISE_LIMIT_M, absorption_curve
+from taichi_foam.analysis.loads import FLAT_RISE_S, NOSE_RISE_LIMIT_M, absorption_curve
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, SLOPE
 from taichi_foam.catalogue import title
 from taichi_foam.picture import figures, films, style
@@ -247,7 +247,7 @@ def _law(folder: Path, case: Case) -> Picture:
 
 def _deceleration(case: Case) -> Deceleration:
     history = from_contact(case.result)
-    start = 3e-3
+    start = FLAT_RISE_S
     if case.scene.impactor is not None and case.scene.impactor.nose_depth > 0:
         depth = history["displacement_m"]
         sinking = slice(0, int(np.argmax(depth)) + 1)
