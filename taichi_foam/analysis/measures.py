@@ -118,13 +118,6 @@ def _broken_bonds(record: Record) -> int | None:
     return int(broken[-1]) if broken.size else None
 
 
-def _overlap_cells(record: Record) -> float | None:
-    block, overlap = record.scene.block, record.run.get("max_overlap_m")
-    if record.scene.impactor is None or overlap is None:
-        return None
-    return overlap / min(block.dx, block.dy)
-
-
 def _final(column: str) -> Callable[[Record], float | None]:
     """The last value of a history column; None unless the impactor can rotate."""
 
@@ -277,7 +270,7 @@ RESIDUAL = measure(
 # fmt: on
 for _key in ("steps", "dt_min_s", "dt_max_s", "dt_stable_min_s", "wall_s", "node_stages_per_s"):
     measure(_key, _of_run(_key))
-measure("max_overlap_cells", _overlap_cells)
+measure("max_overlap_cells", soundness.overlap_cells)
 measure("interrupted", lambda record: record.ending is Ending.INTERRUPTED)
 
 

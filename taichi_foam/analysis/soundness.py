@@ -93,6 +93,14 @@ def loose_share(snapshot: Snapshot, block: Block) -> float:
     return float(np.mean(~hangs_on(snapshot, block)[there(block)]))
 
 
+def overlap_cells(record: Record) -> float | None:
+    """How deep a mass point sank into the impactor, in cells; None without an impactor."""
+    block, overlap = record.scene.block, record.run.get("max_overlap_m")
+    if record.scene.impactor is None or overlap is None:
+        return None
+    return overlap / min(block.dx, block.dy)
+
+
 def warnings_of(record: Record) -> list[str]:
     """Sentences about what makes the run's figures doubtful; empty if nothing does."""
     found = (
@@ -161,14 +169,12 @@ def _cure(record: Record) -> str:
 
 
 def _of_overlap(record: Record) -> str | None:
-    overlap, scene = record.run.get("max_overlap_m"), record.scene
-    if overlap is None or scene.impactor is None:
+    cells = overlap_cells(record)
+    if cells is None or cells <= OVERLAP_LIMIT:
         return None
-    cells = overlap / min(scene.block.dx, scene.block.dy)
-    if cells <= OVERLAP_LIMIT:
-        return None
+    stiffness = record.scene.numerics.contact_stiffness
     # at a given force the overlap decreases with stiffness; half the limit leaves a margin
-    stiffer = float(f"{scene.numerics.contact_stiffness * cells / (0.5 * OVERLAP_LIMIT):.1g}")
+    stiffer = float(f"{stiffness * cells / (0.5 * OVERLAP_LIMIT):.1g}")
     if stiffer <= _STIFFEST_CONTACT:
         cure = f"set numerics.contact_stiffness = {stiffer:g}"
     else:

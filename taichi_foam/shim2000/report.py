@@ -267,14 +267,13 @@ def _choice(scene: Scene, part: str, field: str) -> Row:
 
 def _run(case: Case) -> Row:
     """How one case was computed."""
-    run, block = case.result.run, case.scene.block
-    overlap = run["max_overlap_m"] / min(block.dx, block.dy)
+    run = case.result.run
     low, high = 1e6 * run["dt_min_s"], 1e6 * run["dt_max_s"]
     return {
         "case": short(case.name, case.test is not None),
         "steps": f"{run['steps']:,}",
         "dt": f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}",
-        "overlap": f"{100 * overlap:.2f} %",
+        "overlap": f"{100 * case.figures['max_overlap_cells']:.2f} %",
         "ended_by": run["ended_by"],
     }
 
