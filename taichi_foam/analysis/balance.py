@@ -16,6 +16,7 @@ from taichi_foam.analysis.impact import is_flat
 from taichi_foam.formulas.energy import largest_until, stopping_strain
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Scene
+from taichi_foam.scene.motion import ends_of
 from taichi_foam.units import STANDARD_GRAVITY
 
 POINTS = 20_001
@@ -56,9 +57,9 @@ def balance(scene: Scene) -> Balance | None:
         return None
     if scene.support.kind != "floor" or not scene.start.is_at_rest:
         return None
-    ends = impactor.x + impactor.outline()[:, 0]
+    left, right = ends_of(impactor)
     half = 0.5 * block.width * (1.0 - 1e-9)
-    if ends.min() > -half or ends.max() < half:
+    if left > -half or right < half:
         return None
     strain = np.linspace(0.0, 1.0, POINTS)
     stress = scene.foam.loading(strain)

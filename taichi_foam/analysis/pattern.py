@@ -28,6 +28,7 @@ from taichi_foam.analysis.fragments import Crack, parts, sizes_of
 from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Impactor, Scene
+from taichi_foam.scene.motion import ends_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -173,7 +174,7 @@ def worst_beneath(snapshot: Snapshot, scene: Scene) -> float | None:
     worst = strain <= np.sort(strain[crushed])[count - 1]
     # A flat face has no nose; in contact, mass points sink into it by a fraction of a cell.
     level = snapshot.impactor_y + max(scene.impactor.nose_depth, scene.block.dy)
-    left, right = _ends(scene.impactor)
+    left, right = ends_of(scene.impactor)
     x = snapshot.position[..., 0]
     beneath = (left < x) & (x < right) & (snapshot.position[..., 1] < level)
     return float(np.count_nonzero(worst & beneath) / np.count_nonzero(worst))
@@ -292,7 +293,7 @@ def top_cracks(snapshots: Sequence[Snapshot], scene: Scene) -> TopCracks | None:
     if scene.impactor is None or not snapshots:
         return None
     dx, row_edges = scene.block.dx, scene.block.row_edges
-    left, right = _ends(scene.impactor)
+    left, right = ends_of(scene.impactor)
     edge = (_column_x(scene.block)[1:] + _column_x(scene.block)[:-1]) / 2
     outside = np.maximum(left - edge, edge - right)
     near = (outside > dx / 2) & (outside <= right - left)
@@ -364,22 +365,16 @@ def _column_x(block: Block) -> Array:
     return block.positions[:, 0, 0]
 
 
-def _ends(impactor: Impactor) -> tuple[float, float]:
-    """x of the left and right end of the impactor [m]."""
-    x = impactor.outline()[:, 0]
-    return float(impactor.x + x.min()), float(impactor.x + x.max())
-
-
 def _path_columns(scene: Scene, impactor: Impactor, margin: float = 0.0) -> Flags:
     """(columns,) whether the cells of a column lie in the path, or within `margin` [m] of it."""
-    x, (left, right) = _column_x(scene.block), _ends(impactor)
+    x, (left, right) = _column_x(scene.block), ends_of(impactor)
     slack = margin + 1e-6 * scene.block.dx
     return (x > left - slack) & (x < right + slack)
 
 
 def _middle_half(snapshot: Snapshot, impactor: Impactor) -> Flags:
     """(columns, rows) whether a mass point is now in the middle half of the impactor's width."""
-    left, right = _ends(impactor)
+    left, right = ends_of(impactor)
     return np.abs(snapshot.position[..., 0] - (left + right) / 2) <= (right - left) / 4
 
 

@@ -142,6 +142,11 @@ def problems_of_fall(
 
 def width_under(impactor: Impactor, block: Block) -> float:
     """Width of the block's outline under the impactor at the start [m]."""
-    foam = np.array(block.corners)[:, 0]
-    ends = impactor.x + impactor.outline()[:, 0]
-    return float(max(min(foam.max(), ends.max()) - max(foam.min(), ends.min()), 0.0))
+    foam, (left, right) = np.array(block.corners)[:, 0], ends_of(impactor)
+    return float(max(min(foam.max(), right) - max(foam.min(), left), 0.0))
+
+
+def ends_of(impactor: Impactor) -> tuple[float, float]:
+    """The leftmost and rightmost x of an impactor at the start [m]."""
+    x = impactor.x + impactor.outline()[:, 0]
+    return float(x.min()), float(x.max())

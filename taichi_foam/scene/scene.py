@@ -200,8 +200,7 @@ class Scene(Part):
             return self.block.height - self.block.dy / 2
         X = self.block.positions[filled.there]
         if self.impactor is not None:
-            x = self.impactor.x + self.impactor.outline()[:, 0]
-            X = X[(X[:, 0] > x.min()) & (X[:, 0] < x.max())]
+            X = X[_between(X[:, 0], *motion.ends_of(self.impactor))]
         return float(X[:, 1].max(initial=0.0))
 
 
@@ -403,9 +402,9 @@ def _ends_at_arrival(scene: Scene, impactor: Impactor) -> tuple[float, float]:
     bounds.
     """
     if impactor.spin == 0:
-        outline = impactor.outline()[:, 0]
+        left, right = motion.ends_of(impactor)
         way = impactor.velocity_x and impactor.velocity_x * _arrival(scene, impactor)
-        return impactor.x + outline.min() + way, impactor.x + outline.max() + way
+        return left + way, right + way
     middle = impactor.x + impactor.centre_of_mass[0]
     way = impactor.velocity_x and impactor.velocity_x * scene.numerics.latest_end
     ends = (middle, middle + way)
