@@ -158,8 +158,9 @@ def run(
     """
     begun = _after(scene, after)
     with _claimed(checkpoint, lambda: request_of(scene, begun and begun.told)) as claim:
+        init(arch, threads)
         kept = None if claim is None else Checkpoints([claim.work], every)
-        return _run_one(scene, on_progress, kept, arch, threads, begun)
+        return _run_one(scene, on_progress, kept, begun)
 
 
 def run_drops(
@@ -208,6 +209,7 @@ def run_drops(
             on_progress(latest)
 
     with _claimed(checkpoint, lambda: drops_request(scene, count)) as claim:
+        init(arch, threads)
         while len(results) < count and not (results and results[-1].ending is Ending.INTERRUPTED):
             over = latest
             kept = claim and Checkpoints([claim.work / drop_name(len(results) + 1)], every)
@@ -216,7 +218,7 @@ def run_drops(
             except UserError as error:
                 raise RunError(f"drop {len(results) + 1}: {error}", results) from None
             try:
-                results.append(_run_one(scene, tell, kept, arch, threads, after))
+                results.append(_run_one(scene, tell, kept, after))
             except RunError as error:
                 raise RunError(str(error), [*results, *error.results]) from None
     return results
@@ -291,8 +293,9 @@ def run_many(
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
     with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
+        init(arch, threads)
         kept = _numbered(claim, len(scenes), every)
-        return _run_all(scenes, on_progress, kept, arch, threads)
+        return _run_all(scenes, on_progress, kept)
 
 
 @contextlib.contextmanager
@@ -333,13 +336,11 @@ def _run_one(
     scene: Scene,
     on_progress: ProgressCallback | None,
     checkpoints: Checkpoints | None,
-    arch: str | None,
-    threads: int | None,
     after: After | None,
 ) -> Result:
     """The result of one scene; an interrupted one after Ctrl-C."""
     try:
-        return _run_all([scene], on_progress, checkpoints, arch, threads, [after])[0]
+        return _run_all([scene], on_progress, checkpoints, [after])[0]
     except Interrupted as interrupted:
         return interrupted.results[0]
 
@@ -348,12 +349,9 @@ def _run_all(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None,
     checkpoints: Checkpoints | None,
-    arch: str | None,
-    threads: int | None,
     after: Afters = (),
 ) -> list[Result]:
     """All results in order. On Ctrl-C raises Interrupted if there are any results."""
-    init(arch, threads)
     if checkpoints is None:
         _check_memory(scenes)
     wall = Wall()
