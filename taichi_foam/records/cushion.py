@@ -53,6 +53,17 @@ def remembered(law: BondLaw) -> dict[str, Per]:
     }
 
 
+def shapes_of(kind: type, scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Shape of each member of a class that is annotated with `Per`, and of each `own.NAME`.
+
+    They are those of a scene's block; `own.NAME` is what the bonds of its law remember.
+    """
+    block, law = scene.block, scene.foam.law_for(scene.model)
+    own = {f"own.{name}": each for name, each in remembered(law).items()}
+    told = declared(kind) | own
+    return {name: each.shape(block.columns, block.rows) for name, each in told.items()}
+
+
 @dataclass(frozen=True)
 class Cushion:
     """A block of I x J mass points as a run has left it, between two steps. SI units.
@@ -117,11 +128,3 @@ class Cushion:
         found: dict[str, Any] = {name: arrays[name] for name in declared(cls)}
         own = {name[4:]: array for name, array in arrays.items() if name.startswith("own.")}
         return cls(**{name: a if a.ndim else a.item() for name, a in found.items()}, own=own)
-
-    @classmethod
-    def shapes(cls, scene: Scene) -> dict[str, tuple[int, ...]]:
-        """Shape of each array of the cushion of a scene's block."""
-        block, law = scene.block, scene.foam.law_for(scene.model)
-        own = {f"own.{name}": each for name, each in remembered(law).items()}
-        told = declared(cls) | own
-        return {name: each.shape(block.columns, block.rows) for name, each in told.items()}

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taichi_foam.records.cushion import BONDS_A, BONDS_B, NODES, Per
 
 Array = NDArray[np.float64]
 
@@ -31,16 +34,16 @@ class Snapshot:
                   see `engine.virial`. None if the run does not keep it
     """
 
-    time: float
-    impactor_y: float
-    position: Array
-    velocity: Array
-    e_min_a: Array
-    e_min_b: Array
-    break_time_a: Array
-    break_time_b: Array
-    impactor_shift: float = 0.0
-    impactor_angle: float = 0.0
+    time: Annotated[float, Per(None)]
+    impactor_y: Annotated[float, Per(None)]
+    position: Annotated[Array, Per(NODES, (2,))]
+    velocity: Annotated[Array, Per(NODES, (2,))]
+    e_min_a: Annotated[Array, Per(BONDS_A)]
+    e_min_b: Annotated[Array, Per(BONDS_B)]
+    break_time_a: Annotated[Array, Per(BONDS_A)]
+    break_time_b: Annotated[Array, Per(BONDS_B)]
+    impactor_shift: Annotated[float, Per(None)] = 0.0
+    impactor_angle: Annotated[float, Per(None)] = 0.0
     own: Mapping[str, Array] = field(default_factory=dict)
     stress: NDArray[np.float32] | None = None
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.records.cushion import Cushion
+from taichi_foam.records.cushion import Cushion, shapes_of
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
@@ -236,7 +236,7 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     if not path.is_file():
         return None
     try:
-        return Cushion.from_arrays(_read_arrays(path, Cushion.shapes(scene)))
+        return Cushion.from_arrays(_read_arrays(path, shapes_of(Cushion, scene)))
     except KeyError:
         return None
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.records.cushion import remembered
+from taichi_foam.records.cushion import shapes_of
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import synced
 from taichi_foam.scene import Scene
@@ -28,13 +27,8 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
     Stresses are included if the run keeps them. What the bonds of the scene's law remember
     besides their worst strain is `own.NAME`.
     """
-    columns, rows = scene.block.columns, scene.block.rows
-    nodes, a, b = (columns, rows, 2), (columns - 1, rows), (columns, rows - 1)
-    names = [each.name for each in fields(Snapshot)]
-    found = dict(zip(names, ((), (), nodes, nodes, a, b, a, b, (), ()), strict=False))
-    own = remembered(scene.foam.law_for(scene.model)).items()
-    found |= {f"own.{name}": each.shape(columns, rows) for name, each in own}
-    return {**found, "stress": (columns, rows, 3)} if scene.output.keeps_stress else found
+    found, block = shapes_of(Snapshot, scene), scene.block
+    return found | ({"stress": (block.columns, block.rows, 3)} if scene.output.keeps_stress else {})
 
 
 def values_of(snapshot: Snapshot) -> dict[str, Any]:
