@@ -18,6 +18,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import thin_parts
 from taichi_foam.scene.layers import foams_of_bonds
+from taichi_foam.scene.options import STIFFEST_CONTACT
 
 RESIDUAL_LIMIT = 1e-2
 """The share of the impact energy that may be unaccounted for: it is 1e-4 in the paper's tests, and
@@ -41,8 +42,6 @@ UNTESTED_LIMIT = 0.01
 LOOSE_LIMIT = 0.25
 """The share of mass points without a whole bond up to which the lattice represents foam: the
 contact of points models the contact of pieces; the paper's tests reach 0.005."""
-
-_STIFFEST_CONTACT = 1e4  # the most that numerics.contact_stiffness may be
 
 
 def energy_residual(record: Record) -> float | None:
@@ -175,7 +174,7 @@ def _of_overlap(record: Record) -> str | None:
     stiffness = record.scene.numerics.contact_stiffness
     # at a given force the overlap decreases with stiffness; half the limit leaves a margin
     stiffer = float(f"{stiffness * cells / (0.5 * OVERLAP_LIMIT):.1g}")
-    if stiffer <= _STIFFEST_CONTACT:
+    if stiffer <= STIFFEST_CONTACT:
         cure = f"set numerics.contact_stiffness = {stiffer:g}"
     else:
         cure = "this impact is too hard for penalty contact; use a slower or lighter impactor"

@@ -17,6 +17,9 @@ from taichi_foam.units import STANDARD_GRAVITY
 LONGEST_RUN = 10.0
 """Longest duration of a run [s]."""
 
+STIFFEST_CONTACT = 10_000
+"""Largest penalty stiffness of a contact, over K times the depth."""
+
 # Lists are accepted as tuples: TOML and most scripts write lists.
 _Component = Annotated[float, Field(ge=-10, le=10)]
 _Row = Annotated[tuple[_Component, _Component], Field(strict=False)]
@@ -38,7 +41,7 @@ RISE = 0.1
 DROP = 0.01
 """Fraction of its duration in which a terminal-peak sawtooth falls, to avoid a jump."""
 
-_Time = Annotated[float, Field(ge=0, le=10)]
+_Time = Annotated[float, Field(ge=0, le=LONGEST_RUN)]
 _Acceleration = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
@@ -49,7 +52,7 @@ class Pulse(Part):
         ...,
         "s",
         "times of the points, in rising order",
-        allowed="2 to 2,000 numbers from 0 to 10 s",
+        allowed=f"2 to {MOST_PULSE_POINTS:,} numbers from 0 to {LONGEST_RUN:g} s",
     )
     acceleration: Annotated[tuple[_Acceleration, ...], Field(strict=False)] = quantity(
         ...,
@@ -262,7 +265,7 @@ class Numerics(Part):
         "-",
         "penalty stiffness of a contact over K times the depth",
         above=0,
-        at_most=10_000,
+        at_most=STIFFEST_CONTACT,
     )
     contact_damping: float = quantity(
         0.2,
@@ -280,10 +283,10 @@ class Numerics(Part):
         "rebound",
         "s",
         "end of the run; rebound: after the impactor has come to rest",
-        allowed="'rebound' or above 0 and at most 10 s",
+        allowed=f"'rebound' or above 0 and at most {LONGEST_RUN:g} s",
     )
     time_limit: float = quantity(
-        0.12, "s", "end of a run that has not rebounded by then", above=0, at_most=10
+        0.12, "s", "end of a run that has not rebounded by then", above=0, at_most=LONGEST_RUN
     )
 
     @property

@@ -299,7 +299,6 @@ def _problems_of_times(scene: Scene) -> list[str]:
             "give a time in seconds, or give [impactor] a shape"
         )
     latest = numerics.latest_end
-    key = "time_limit" if numerics.end == "rebound" else "end"
     if numerics.dt != "auto" and numerics.dt > min(latest, output.history_interval):
         problems.append(
             f"numerics.dt = {numerics.dt:g}: longer than output.history_interval = "
@@ -308,9 +307,14 @@ def _problems_of_times(scene: Scene) -> list[str]:
     if output.history_interval > latest:
         problems.append(
             f"output.history_interval = {output.history_interval:g}: longer than the run's "
-            f"{latest:g} s (numerics.{key}); times are in seconds; shorten it"
+            f"{latest:g} s ({_key_of_end(numerics)}); times are in seconds; shorten it"
         )
     return problems
+
+
+def _key_of_end(numerics: Numerics) -> str:
+    """The key that gives `latest_end`."""
+    return "numerics.time_limit" if numerics.end == "rebound" else "numerics.end"
 
 
 def _problems_of_fall(scene: Scene) -> list[str]:
@@ -366,22 +370,22 @@ def _problems_of_contact(scene: Scene) -> list[str]:
 
 
 def _problems_of_arrival(scene: Scene) -> list[str]:
-    impactor, g = scene.impactor, scene.numerics.gravity
+    impactor, numerics = scene.impactor, scene.numerics
     assert impactor is not None
     if scene.base.shaking is not None:
         return []  # the foam may move to the impactor
-    if impactor.velocity == 0 and g == 0 and impactor.spin == 0:
+    if impactor.velocity == 0 and numerics.gravity == 0 and impactor.spin == 0:
         return [
             "impactor.velocity = 0: never touches the block without gravity; must be above 0 m/s "
             "(positive downwards), or give impactor.drop_height"
         ]
     arrival = _arrival(scene, impactor)
-    if impactor.spin == 0 and arrival >= scene.numerics.latest_end:
-        key = "time_limit" if scene.numerics.end == "rebound" else "end"
+    if impactor.spin == 0 and arrival >= numerics.latest_end:
         return [
             f"impactor.gap = {impactor.gap:g}: never touches the block; at {impactor.velocity:g} "
-            f"m/s it arrives after {arrival:.4g} s, and the run ends at numerics.{key} = "
-            f"{scene.numerics.latest_end:g} s; lengths are in metres; bring it closer"
+            f"m/s it arrives after {arrival:.4g} s, and the run ends at "
+            f"{_key_of_end(numerics)} = {numerics.latest_end:g} s; lengths are in metres; bring it "
+            "closer"
         ]
     return []
 
