@@ -1,4 +1,4 @@
-"""Units in files, SI prefixes, compact numbers, and standard gravity."""
+"""Units in files and of shown figures, SI prefixes, compact numbers, and standard gravity."""
 
 from __future__ import annotations
 
@@ -25,6 +25,18 @@ FORCE_UNITS = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": POUND * STAN
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 ACCELERATION_UNITS = {"m/s2": 1.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
 """Factors that convert numbers to m, m2, kg, m/s, a fraction, Pa, N, s, or m/s2."""
+
+SHOWN_UNITS = {
+    "cm": 1e2,
+    "cm³": 1e6,
+    "ms": 1e3,
+    "%": 1e2,
+    "°": 57.29577951308232,
+    "kPa": 1e-3,
+    "10⁵ J/m³": 1e-5,
+}
+"""Factors that convert figures and columns of a run from SI units to those in which they are shown;
+1 for all others."""
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

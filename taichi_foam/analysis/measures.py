@@ -21,18 +21,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.paths import at
-from taichi_foam.units import STANDARD_GRAVITY
-
-_FACTORS = {
-    "cm": 1e2,
-    "cm³": 1e6,
-    "ms": 1e3,
-    "%": 1e2,
-    "°": 57.29577951308232,
-    "kPa": 1e-3,
-    "10⁵ J/m³": 1e-5,
-}
-"""Conversion factors from SI units to display units; 1 for all others."""
+from taichi_foam.units import SHOWN_UNITS, STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -65,7 +54,7 @@ class Quantity:
     @property
     def factor(self) -> float:
         """Conversion factor from SI units to `unit`."""
-        return _FACTORS.get(self.unit, 1.0)
+        return SHOWN_UNITS.get(self.unit, 1.0)
 
     def found_in(self, found: Any) -> Any:
         """The figure [SI], taken from what `of` returned; None if undefined."""

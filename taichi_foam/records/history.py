@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError, installed
+from taichi_foam.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
     import pandas
@@ -49,7 +50,7 @@ class Column:
     turns       whether it exists only for an impactor that can rotate
     dissipates  whether it is dissipated energy, which can only grow
     is_integer  whether history.csv holds whole numbers
-    shown       unit on the axes of figures, and the factor from the SI unit to it
+    shown       unit on the axes of figures, of `units.SHOWN_UNITS`; empty: the SI unit
     """
 
     name: str
@@ -60,7 +61,7 @@ class Column:
     turns: bool = False
     dissipates: bool = False
     is_integer: bool = False
-    shown: tuple[str, float] | None = None
+    shown: str = ""
 
     @property
     def in_ledger(self) -> bool:
@@ -70,15 +71,15 @@ class Column:
     @property
     def axis(self) -> tuple[str, float]:
         """Label of an axis, and the factor that converts values to its unit."""
-        unit, factor = self.shown or (self.unit, 1.0)
-        return f"{self.label} ({unit})", factor
+        unit = self.shown or self.unit
+        return f"{self.label} ({unit})", SHOWN_UNITS.get(unit, 1.0)
 
 
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
     Column("time_s", "s", "time", "end of the row's interval", ("clock.time",)),
     Column("displacement_m", "m", "displacement",
            "of the impactor from its start, positive downwards; relative to a shaken base",
-           ("body.y",), shown=("cm", 1e2)),
+           ("body.y",), shown="cm"),
     Column("velocity_m_s", "m/s", "velocity",
            "of the impactor, positive downwards; relative to a shaken base", ("body.v",)),
     Column("deceleration_m_s2", "m/s²", "deceleration, raw",
@@ -90,12 +91,12 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "of the foam on the impactor, upwards", ("body.force",)),
     Column("displacement_x_m", "m", "sideways displacement",
            "of the impactor's centre of mass from its start, positive to the right", ("turn.x",),
-           turns=True, shown=("cm", 1e2)),
+           turns=True, shown="cm"),
     Column("velocity_x_m_s", "m/s", "sideways velocity",
            "of the impactor's centre of mass, positive to the right", ("turn.u",), turns=True),
     Column("angle_rad", "rad", "angle",
            "rotation of the impactor since its start, counter-clockwise", ("turn.angle",),
-           turns=True, shown=("°", 57.29577951308232)),
+           turns=True, shown="°"),
     Column("spin_rad_s", "rad/s", "spin",
            "angular velocity of the impactor, counter-clockwise", ("turn.spin",), turns=True),
     Column("impactor_kinetic_J", "J", "impactor, kinetic",
