@@ -24,6 +24,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.picture.naming import Caption
 from taichi_foam.scene import CHOICE_SETS, Scene
+from taichi_foam.scene.assumed import KEPT, READINGS
 from taichi_foam.scene.files import read_scene
 from taichi_foam.scene.messages import explain, shown, titled
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
@@ -35,10 +36,7 @@ _LONGEST_NAME = 1_000
 
 # Keys of a foam that select how the model treats it; the others are its constants.
 _FOAM_READINGS = frozenset({"softening"})
-_NO_CONSTANTS = _FOAM_READINGS | {
-    "law", "source", "crush_band", "rate", "rate_exponent", "overshoot_strain", "strength_scatter",
-    "strength_seed",
-}  # fmt: skip
+_NO_CONSTANTS = _FOAM_READINGS | READINGS | KEPT | {"law", "source"}
 
 
 def load_scene(

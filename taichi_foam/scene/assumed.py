@@ -19,14 +19,14 @@ from taichi_foam.laws.bond import FOAMS, BondFoam, Curve
 from taichi_foam.parts import Part
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
-_READINGS = frozenset({"crush_band", "rate", "rate_exponent", "overshoot_strain"})
+READINGS = frozenset({"crush_band", "rate", "rate_exponent", "overshoot_strain"})
 """Keys of a foam that sets of choices give, or that go with these: alone they do not make it a
 user's foam, and the other foams of a block have those of [foam] unless they give their own."""
 
-_RATE = _READINGS - {"crush_band"}
+_RATE = READINGS - {"crush_band"}
 """Those of them that have to be equal in all foams of a block, given or not."""
 
-_KEPT = frozenset({"crush_band", "softening", "strength_scatter", "strength_seed"})
+KEPT = frozenset({"crush_band", "softening", "strength_scatter", "strength_seed"})
 """Keys that a foam keeps when a curve replaces its law."""
 
 _ELSEWHERE = {
@@ -78,7 +78,7 @@ def followed(scene: Any) -> dict[str, Any]:
 def _with_readings(scene: Any) -> dict[str, Any]:
     """Parts whose foams take the readings of [foam] that they do not give themselves."""
 
-    readings = _READINGS & _given(scene.foam)
+    readings = READINGS & _given(scene.foam)
     if not readings:
         return {}
 
@@ -143,7 +143,7 @@ def _not_given(scene: Any, data: Mapping[str, Any], head: str) -> set[str]:
     """
     foam, own = at(scene, f"{head}foam"), f"{head}foam."
     reasons = _unless_given(type(foam), head)
-    shared = _READINGS & type(foam).model_fields.keys() & type(scene.foam).model_fields.keys()
+    shared = READINGS & type(foam).model_fields.keys() & type(scene.foam).model_fields.keys()
     readings = {own + key for key in shared} if head else set()
     if _is_papers(scene, head):
         keys = {*(own + key for key in _own(type(foam))), *_around_foam(head), *readings}
@@ -204,7 +204,7 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
             _take(data, key)
         place["foam"] = {}
         if curved and not named and isinstance(foam, dict):
-            place["foam"] = {key: foam[key] for key in _KEPT & foam.keys()}
+            place["foam"] = {key: foam[key] for key in KEPT & foam.keys()}
 
 
 def _forget(data: dict[str, Any], head: str) -> list[str]:
@@ -279,7 +279,7 @@ def _is_value(scene: Any, key: str) -> bool:
 
 def _unless_given(kind: type[BondFoam], head: str) -> dict[str, str]:
     """All keys of a scene that describe a foam of a law, with the origin of their defaults."""
-    shared = {"shear_modulus", *_READINGS} if head == "across." else _READINGS if head else set()
+    shared = {"shear_modulus", *READINGS} if head == "across." else READINGS if head else set()
     shared = shared & kind.model_fields.keys()
     reasons = dict(kind.unless_given) | dict.fromkeys(shared, "that of [foam]")
     own = {f"{head}foam.{key}": why for key, why in reasons.items()}
@@ -301,7 +301,7 @@ def _key(entry: Any) -> str | None:
 
 def _own(kind: type[BondFoam]) -> set[str]:
     """Keys of a law any of which, if given, makes it a user's foam."""
-    return kind.unless_given.keys() - _READINGS
+    return kind.unless_given.keys() - READINGS
 
 
 def _implied(kind: type[BondFoam]) -> set[str]:
