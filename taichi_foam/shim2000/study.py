@@ -63,8 +63,7 @@ class Member:
     @property
     def velocity(self) -> float:
         """Impact velocity [m/s]."""
-        assert self.scene.impactor is not None  # every test has one
-        return self.scene.impactor.velocity
+        return _velocity(self.scene)
 
 
 @dataclass(frozen=True)
@@ -93,10 +92,9 @@ class Case:
     @property
     def velocity(self) -> float:
         """Impact velocity of the test itself [m/s]; members of an ensemble have similar ones."""
-        assert self.scene.impactor is not None  # every test has one
-        return self.scene.impactor.velocity
+        return _velocity(self.scene)
 
-    @cached_property
+    @property
     def figures(self) -> dict[str, Any]:
         """The measures of `result`, as in its summary.json."""
         return self.result.summary
@@ -158,8 +156,7 @@ def check(count: int) -> None:
 
 def faster(scene: Scene, factor: float) -> Scene:
     """The scene with its impact velocity multiplied by a factor."""
-    assert scene.impactor is not None  # every test has one
-    return scene.with_values(impactor__velocity=factor * scene.impactor.velocity)
+    return scene.with_values(impactor__velocity=factor * _velocity(scene))
 
 
 def members_of(scene: Scene, count: int) -> list[Scene]:
@@ -285,15 +282,20 @@ def _member(result: Result) -> Member:
 
 
 def _failure(result: Result) -> str:
-    scene = result.scene
-    assert scene.impactor is not None  # every test has one
-    changed = [f"impactor.velocity={scene.impactor.velocity!r}"]
+    scene, velocity = result.scene, _velocity(result.scene)
+    changed = [f"impactor.velocity={velocity!r}"]
     if scene.foam.strength_scatter > 0.0:
         changed.append(f"foam.strength_seed={scene.foam.strength_seed}")
     return (
-        f"{scene.name} at {scene.impactor.velocity:.4f} m/s: {result.ending} and left out; "
+        f"{scene.name} at {velocity:.4f} m/s: {result.ending} and left out; "
         f"to look at it, run {scene.name} with {', '.join(changed)}"
     )
+
+
+def _velocity(scene: Scene) -> float:
+    """Impact velocity of a test's scene [m/s]."""
+    assert scene.impactor is not None  # every test has one
+    return scene.impactor.velocity
 
 
 def _cell(value: float | bool | str | list[str] | None) -> str:
