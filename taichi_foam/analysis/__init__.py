@@ -1,1 +1,1 @@
-"""Measures of an impact: figures, fragments, crushing, filters."""
+"""Measures of an impact: figures, fragments, crushing, energy balance, warnings."""
