@@ -33,6 +33,9 @@ OBLONG = 1.25
 _Outline = Annotated[tuple[Corner, ...], Field(strict=False, max_length=MOST_CORNERS)]
 _Hole = Annotated[tuple[Corner, ...], Field(strict=False, min_length=3, max_length=MOST_CORNERS)]
 
+_FOAM = "none, a table like [foam], a name in the library, or a file"
+"""How another foam than that of [foam] may be given."""
+
 _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 
 
@@ -47,9 +50,7 @@ class Layer(Part):
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
         description="its foam, given as in [foam]; none: that of [foam]",
-        json_schema_extra={
-            "allowed": "none, a table like [foam], a name in the library, or a file"
-        },
+        json_schema_extra={"allowed": _FOAM},
     )
     density: Annotated[float, Field(ge=1, le=5000)] | None = quantity(
         None,
@@ -70,9 +71,7 @@ class Across(Part):
     foam: Annotated[BondFoam, FOAMS] | None = Field(
         default=None,
         description="the foam along x, given as in [foam]; none: it is the same in both directions",
-        json_schema_extra={
-            "allowed": "none, a table like [foam], a name in the library, or a file"
-        },
+        json_schema_extra={"allowed": _FOAM},
     )
 
 
