@@ -115,8 +115,9 @@ def _range(scene: Scene, key: str, ends: Sequence[Any]) -> Range:
     numbers = all(isinstance(end, int | float) and math.isfinite(end) for end in ends[:2])
     if len(ends) not in (2, 3) or not numbers:
         raise UserError(f"fit {key}: {ends!r}: must be two finite numbers, low and high")
-    low, high = float(ends[0]), float(ends[1])
-    spacing = str(ends[2]) if len(ends) == 3 else "linear"
+    low, high, spacing = float(ends[0]), float(ends[1]), ends[2] if len(ends) == 3 else "linear"
+    if spacing not in ("linear", "log"):
+        raise UserError(f"fit {key}: spacing = {spacing!r}: must be 'linear' or 'log'")
     if low >= high:
         raise UserError(f"fit {key}: LOW = {low:g} is not below HIGH = {high:g}; exchange them")
     if spacing == "log" and low <= 0:

@@ -85,6 +85,7 @@ def cushion_command(
     """
     with command() as terminal:
         from taichi_foam.cushions import cushion
+        from taichi_foam.cushions.scenes import called
         from taichi_foam.cushions.shown import units_named
         from taichi_foam.results.files import file_name
 
@@ -98,7 +99,7 @@ def cushion_command(
             more["width"] = number("--width", width, "length", used)
         if points is not None:
             more["points"] = points
-        folder = out or f"cushions/{file_name(cushion.name_of(foam))}"
+        folder = out or f"cushions/{file_name(called(foam))}"
         found = cushion.cushion_curve(
             foam,
             numbers("--thickness", thickness, "length", used),

@@ -29,7 +29,14 @@ from taichi_foam.analysis.bands import band
 from taichi_foam.cushions import own_tests
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.refine import next_points
-from taichi_foam.cushions.scenes import FLAT, SIDE, check_positive, cushion_scene, stress_curve
+from taichi_foam.cushions.scenes import (
+    FLAT,
+    SIDE,
+    called,
+    check_positive,
+    cushion_scene,
+    stress_curve,
+)
 from taichi_foam.cushions.shown import units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
@@ -538,7 +545,7 @@ class _Asked:
             raise UserError("static_stress, static_range: give one of them")
         sizes = {"width": width, "depth": depth, "density": density}
         asked = cls(
-            foam, name_of(foam), shapes, pads, {}, static_stress is None, drops, runs,
+            foam, called(foam), shapes, pads, {}, static_stress is None, drops, runs,
             channel_class, points, sizes, None if tests is None else own_tests.read(Path(tests)),
         )  # fmt: skip
         if static_stress is not None:
@@ -792,13 +799,6 @@ def _rounded(value: float) -> float:
 def _check_count(name: str, value: Any, least: int, most: int) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
         raise UserError(f"{name} = {value!r}: must be a whole number from {least} to {most}")
-
-
-def name_of(foam: Any) -> str:
-    """What a foam is called in titles: as it was asked for."""
-    if isinstance(foam, str | Path):
-        return Path(foam).stem if str(foam).lower().endswith((".csv", ".toml")) else str(foam)
-    return "foam of one's own"
 
 
 def _median(values: Sequence[float | None]) -> float:

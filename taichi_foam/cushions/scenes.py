@@ -143,6 +143,13 @@ def foam_data(foam: Any) -> Any:
     return dict(foam) if isinstance(foam, Mapping) else foam
 
 
+def called(foam: Any) -> str:
+    """What a foam is called in titles and folders: as it was asked for; of a file, its name."""
+    if isinstance(foam, str | Path):
+        return Path(foam).stem if str(foam).lower().endswith((".csv", ".toml")) else str(foam)
+    return "foam of one's own"
+
+
 def check_positive(name: str, value: Any, example: str) -> None:
     """Raise UserError unless a value is a finite number above 0; `example` helps with units."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)

@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.cushions.scenes import called
 from taichi_foam.errors import UserError
 from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import BondFoam
@@ -90,7 +91,7 @@ class Cushioning:
     @property
     def label(self) -> str:
         """Its name in tables; of a file, the file's."""
-        return Path(self.name).stem if self.name.endswith((".toml", ".csv")) else self.name
+        return called(self.name)
 
     @cached_property
     def strain(self) -> Array:

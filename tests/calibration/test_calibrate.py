@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from taichi_foam.calibration.calibrate import calibrate
 from taichi_foam.calibration.outcome import Calibration
+from taichi_foam.calibration.space import space_of
 from taichi_foam.catalogue import load_scene
 from taichi_foam.cli.app import _app
 from taichi_foam.errors import RunWarning, UserError
@@ -160,3 +161,11 @@ def test_bad_input_is_refused_with_a_remedy(
     assert asked.exit_code == 2, asked.output
     assert says in " ".join(asked.stderr.split())
     assert not out.exists()
+
+
+def test_a_range_is_linear_or_logarithmic_and_nothing_else() -> None:
+    """In a program as in text: a misspelt word would be linear unseen."""
+    scene = load_scene("paper/wedge-2.86")
+    assert space_of(scene, {"impactor.mass": (1.0, 5.0, "log")}).ranges[0].log
+    with pytest.raises(UserError, match="spacing = 'LOG': must be 'linear' or"):
+        space_of(scene, {"impactor.mass": (1.0, 5.0, "LOG")})

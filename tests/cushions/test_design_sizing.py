@@ -105,6 +105,15 @@ def test_a_light_fragile_product_needs_pads_that_are_held(foams: list[sizing.Cus
     assert "braced" in {each.key for each in sizing.relaxed(foams, asked)}
 
 
+def test_a_test_in_a_file_is_called_as_the_file_whatever_the_case_of_its_ending(
+    tmp_path: Path,
+) -> None:
+    """Its name also names a folder: the whole path would lead out of the design's own."""
+    file = tmp_path / "FOAM.CSV"
+    file.write_bytes(OWN.read_bytes())
+    assert sizing.cushioning(str(file)).label == "FOAM"
+
+
 def test_drop_heights_are_those_of_ista_1a() -> None:
     assert [handling.drop_height(m) for m in (10.0, 10.1, 28.0, 45.0, 68.0)] == [
         0.76, 0.61, 0.46, 0.31, 0.20,
