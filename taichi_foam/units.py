@@ -60,6 +60,12 @@ def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str
     return 10.0**power, _PREFIXES[power]
 
 
+def pressure_text(stress: float) -> str:
+    """A stress [Pa] with three digits and a prefix: 111 kPa."""
+    scale, prefix = si_scale(stress, digits=3)
+    return f"{stress / scale:.3g} {prefix}Pa"
+
+
 def duration_text(seconds: float) -> str:
     """A duration in a convenient unit: 40 s, 12 min, 3.5 h, 2.1 days."""
     for limit, unit, per in ((90, "s", 1), (5400, "min", 60), (172_800, "h", 3600)):

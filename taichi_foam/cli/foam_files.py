@@ -29,7 +29,7 @@ from taichi_foam.scene.library import FoamFile, foam_of, listed
 from taichi_foam.scene.measured import FINEST, CompressionTest
 from taichi_foam.scene.messages import explain, shown
 from taichi_foam.scene.paths import NOTHING, at
-from taichi_foam.units import plain, si_scale
+from taichi_foam.units import plain, pressure_text
 
 _HEADER = """\
 # If you know a constant better, give it in the table [foam] and remove its [[assumed]] table.
@@ -119,7 +119,7 @@ def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
     """Strains and stresses that measures and pictures refer to."""
     marks = foam.landmarks
     rows = {
-        "plateau": _pressure(marks.plateau_stress),
+        "plateau": pressure_text(marks.plateau_stress),
         "crushing starts": _percent(marks.crush_start),
         "densification": _percent(marks.crush_end),
         "locking": _percent(marks.limit),
@@ -175,11 +175,6 @@ def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
         return "", ""
     part, _, last = key.rpartition(".")
     return written(value), unit_of(type(at(whole, part)).model_fields[last])
-
-
-def _pressure(stress: float) -> str:
-    scale, prefix = si_scale(stress, digits=3)
-    return f"{stress / scale:.3g} {prefix}Pa"
 
 
 def _percent(strain: float) -> str:
@@ -290,8 +285,8 @@ def file_of(
     if curve.smoothing > 0.0:
         part = 100.0 * curve.smoothing / curve.plateau_stress
         measured.append(
-            f"smoothed by at most {_pressure(curve.smoothing)} ({part:.2g} % of the plateau), so "
-            "that the stress never falls"
+            f"smoothed by at most {pressure_text(curve.smoothing)} ({part:.2g} % of the plateau), "
+            "so that the stress never falls"
         )
     kind = TabulatedFoam
     foam: dict[str, Any] = {"law": "tabulated", "curve": curve}
@@ -357,14 +352,14 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
         yield Text(f"{lines} of text above the header skipped")
     for key, column in zip(("strain", "stress"), read.columns, strict=True):
         yield Text(_column_in_words(key, column))
-    yield Text(f"largest stress {_pressure(float(read.stress.max()))}")
+    yield Text(f"largest stress {pressure_text(float(read.stress.max()))}")
     for text in _left_out(read):
         yield Text(text)
     if len(curve.strain) < read.loading.sum():
         yield Text(f"thinned to {len(curve.strain):,} points")
     if curve.smoothing > 0.0:
         yield Text(
-            f"smoothed by at most {_pressure(curve.smoothing)}, so that the stress never falls"
+            f"smoothed by at most {pressure_text(curve.smoothing)}, so that the stress never falls"
         )
     yield Text()
 
@@ -402,9 +397,13 @@ def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType
     table = _table("", ">from the curve", ">Eq. 26 fitted")
     beyond = "not tested"
     rows = [
-        ("Young's modulus K", _pressure(foam.youngs_modulus), _pressure(fitted.youngs_modulus)),
-        ("shear modulus", _pressure(foam.shear_modulus), _pressure(fitted.shear_modulus)),
-        ("plateau", _pressure(marks.plateau_stress), _pressure(fitted.plateau_stress)),
+        (
+            "Young's modulus K",
+            pressure_text(foam.youngs_modulus),
+            pressure_text(fitted.youngs_modulus),
+        ),
+        ("shear modulus", pressure_text(foam.shear_modulus), pressure_text(fitted.shear_modulus)),
+        ("plateau", pressure_text(marks.plateau_stress), pressure_text(fitted.plateau_stress)),
         ("crushing starts", _percent(marks.crush_start), _percent(theirs.crush_start)),
         (
             "densification" if fit.densifies else "densification, where the test ends",

@@ -34,7 +34,7 @@ from taichi_foam.picture.style import (
     spread,
 )
 from taichi_foam.records.history import COLUMNS, LEDGER
-from taichi_foam.units import STANDARD_GRAVITY, si_scale
+from taichi_foam.units import STANDARD_GRAVITY, pressure_text, si_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -386,9 +386,10 @@ def _stresses(
             100 * strain[~loading], stress[~loading] / scale, ".", color=GREY, markersize=5, mew=0,
             label=f"unloading and reloading, {np.count_nonzero(~loading):,} points",
         )  # fmt: skip
+    largest = pressure_text(stress.max())
     axis.plot(
         100 * strain[loading], stress[loading] / scale, "o", color=GREY, markersize=6, alpha=0.5,
-        mew=0, label=f"test, {np.count_nonzero(loading):,} points, to {_pressure(stress.max())}",
+        mew=0, label=f"test, {np.count_nonzero(loading):,} points, to {largest}",
     )  # fmt: skip
     along = np.linspace(0.0, 1.0, table.size)
     beyond = along >= curve.tested
@@ -427,7 +428,7 @@ def _plateau(axis: Axes, foam: CurveFoam, fit: CrushableFit, scale: float) -> No
     covered = np.linspace(middle - 0.2, min(middle + 0.2, foam.curve.tested), 50)
     lines = np.concatenate([foam.curve.stress_at(covered), fit.foam.loading(covered)]) / scale
     below = lines.max() > 0.88 * axis.get_ylim()[1]
-    height, text = float(lines.min() if below else lines.max()), f"plateau {_pressure(plateau)}"
+    height, text = float(lines.min() if below else lines.max()), f"plateau {pressure_text(plateau)}"
     offset, vertical = ((0, -9), "top") if below else ((0, 7), "bottom")
     beside(axis, 100 * middle, height, text, BLUE, offset, vertical, "center")
 
@@ -447,11 +448,6 @@ def _landmark(
         ha="left" if to_the_right else "right", va="bottom" if low else "top", color=INK,
         fontsize=11, path_effects=HALO,
     )  # fmt: skip
-
-
-def _pressure(stress: float) -> str:
-    scale, prefix = si_scale(stress, digits=3)
-    return f"{stress / scale:.3g} {prefix}Pa"
 
 
 def _efficiency(axis: Axes, foam: CurveFoam) -> None:
