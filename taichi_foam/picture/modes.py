@@ -95,7 +95,7 @@ def _strain(snapshot: Snapshot, scene: Scene) -> Array:
 def _stress_key(scene: Scene) -> Key:
     top = KEY_STRESS * max(marks.plateau_stress for marks in _landmarks(scene))
     scale, prefix = si_scale(top, least=0, digits=3)
-    ticks = _ticks(top, 1 / scale, open_ended=True)
+    ticks = _ticks(top, 1 / scale)
     # both sides share the space that a single side has elsewhere
     above = [*(tick for tick in ticks[:-1] if tick[0] < 0.6 * top), ticks[-1]]
     below = tuple((-value, f"−{text}".replace("−≥ ", "≤ −")) for value, text in above[:0:-1])
@@ -118,7 +118,7 @@ def _stress(snapshot: Snapshot, scene: Scene) -> Array:
 def _speed_key(scene: Scene) -> Key:
     top = _fastest(scene)
     words = ("speed", "(m/s)") if top >= 0.1 else ("speed", "(mm/s)")
-    return Key(words, "cool", top, _ticks(top, 1.0 if top >= 0.1 else 1e3, open_ended=True))
+    return Key(words, "cool", top, _ticks(top, 1.0 if top >= 0.1 else 1e3))
 
 
 def _speed(snapshot: Snapshot, scene: Scene) -> Array:
@@ -143,7 +143,7 @@ def _fastest(scene: Scene) -> float:
 
 def _shear_key(scene: Scene) -> Key:
     top = KEY_SHEAR * max(marks.shear for marks in _landmarks(scene))
-    return Key(("shear", "strain"), "cool", top, _ticks(top, 1e2, " %", open_ended=True))
+    return Key(("shear", "strain"), "cool", top, _ticks(top, 1e2, " %"))
 
 
 def _shear(snapshot: Snapshot, scene: Scene) -> Array:
@@ -182,7 +182,7 @@ def _energy_key(scene: Scene) -> Key:
     )
     scale, prefix = si_scale(top, least=0, digits=3)
     words = ("crush energy", f"({prefix}J/m³)")
-    return Key(words, "heat", top, _ticks(top, 1 / scale, open_ended=True))
+    return Key(words, "heat", top, _ticks(top, 1 / scale))
 
 
 def _energy(snapshot: Snapshot, scene: Scene) -> Array:
@@ -226,18 +226,16 @@ def _lengthwise(snapshot: Snapshot, scene: Scene) -> tuple[Array, Array]:
     )
 
 
-def _ticks(
-    top: float, factor: float, unit: str = "", open_ended: bool = False
-) -> tuple[tuple[float, str], ...]:
+def _ticks(top: float, factor: float, unit: str = "") -> tuple[tuple[float, str], ...]:
     """Ticks at round numbers up to `top` [SI], shown multiplied by `factor`, and one at `top`.
 
-    With `open_ended` the last means "or more". Round numbers near the last are left out.
+    The last means "or more". Round numbers near it are left out.
     """
     from matplotlib.ticker import MaxNLocator
 
     shown = MaxNLocator(nbins=5, steps=[1, 2, 5, 10]).tick_values(0.0, factor * top)
     inner = [value for value in shown if -1e-9 <= value < 0.9 * factor * top]
-    last = f"{'≥ ' if open_ended else ''}{_figure(factor * top)}{unit}"
+    last = f"≥ {_figure(factor * top)}{unit}"
     return (*((value / factor, f"{_figure(value)}{unit}") for value in inner), (top, last))
 
 
