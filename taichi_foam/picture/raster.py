@@ -7,7 +7,6 @@ is needed.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -76,7 +75,6 @@ def frame(
         world: the part of the world to show; default `view.window(scene)`.
         curve: the deceleration so far, drawn into the field's upper left corner.
         threads: CPU threads to draw with; default all. A live view leaves the others to the run.
-
         shown: result of `Shown.of`, if an instant is drawn at several sizes.
 
     Returns:
@@ -107,7 +105,8 @@ def frame(
             annotate.write(image, layout.note, note, small, anchor="rs", colour=look.tones.soft_ink)
         if scene.impactor is not None:
             if displacement is None:
-                displacement = sunk(snapshot, scene)
+                start = scene.contact_height + scene.impactor.gap
+                displacement = start - snapshot.impactor_y
             annotate.write(image, layout.depth, depth_text(displacement), face, colour=ink)
     return image
 
@@ -123,13 +122,6 @@ def check_size(size: tuple[int, int]) -> None:
     width, height = size
     if width < SMALLEST[0] or height < SMALLEST[1]:
         raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
-
-
-def sunk(snapshot: Snapshot, scene: Scene) -> float:
-    """Downward displacement of the impactor from its start [m]; NaN without an impactor."""
-    if scene.impactor is None:
-        return math.nan
-    return scene.contact_height + scene.impactor.gap - snapshot.impactor_y
 
 
 def depth_text(displacement: float) -> str:
