@@ -88,9 +88,6 @@ class Names:
         return cls(mp4, gif, "frames" if output.frames else None)
 
 
-LINEUP_NAMES = Names(mp4="comparison.mp4", gif="comparison.gif")
-
-
 @dataclass(frozen=True)
 class _Screen:
     """Consumers of frames of one size.
@@ -234,16 +231,13 @@ def write_gif(result: Result, path: Path, width: int, every: int, title: str | N
     return path
 
 
-def lineup_frames_to_draw(lineup: Lineup, names: Names = LINEUP_NAMES) -> int:
+def lineup_frames_to_draw(lineup: Lineup, names: Names) -> int:
     """Number of frames that `write_lineup` draws."""
     return _lineup_reel(lineup).frames_to_draw(names)
 
 
 def write_lineup(
-    lineup: Lineup,
-    folder: Path,
-    on_frame: Callable[[], object] = lambda: None,
-    names: Names = LINEUP_NAMES,
+    lineup: Lineup, folder: Path, on_frame: Callable[[], object], names: Names
 ) -> list[Path]:
     """Draw runs side by side into an existing folder, as `write` does one; return the paths.
 

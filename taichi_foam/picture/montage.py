@@ -39,21 +39,17 @@ def montage(
     *,
     times: Sequence[float] | None = None,
     n: int = 8,
-    columns: int | None = None,
     title: str | None = None,
     note: Sequence[str] = (),
     width: int = WIDTH,
-    look: Look | None = None,
 ) -> Image8:
-    """Draw several instants of a run as one picture.
+    """Draw several instants of a run as one picture, with mode and theme of its scene.
 
     Args:
         snapshots: the run's instants, in order of time.
         scene: the run's scene.
         times: instants to show [s], each by the snapshot nearest to it; default `n` of them,
             evenly spaced from the first snapshot to the last.
-        columns: panels in a row; default one row up to four panels, else three or four
-            in a row.
         title: text above the panels; default the name of the scene.
         note: lines of text below them; lines longer than the width are cut.
         width: width of the picture [pixels].
@@ -67,9 +63,9 @@ def montage(
     """
     check_width(width)
     chosen = choose(snapshots, times, n)
-    look = look or Look.of(scene)
+    look = Look.of(scene)
     tones = look.tones
-    across = columns or _columns(len(chosen))
+    across = _columns(len(chosen))
     down = math.ceil(len(chosen) / across)
     unit = width / WIDTH
     gap, text = round(GAP * unit), TEXT * unit
