@@ -166,8 +166,7 @@ class PageView:
             if message != self.session.message:
                 traceback.print_exc()  # in full, and once
             self.session.fail(message)
-            told = {"state": "failed", "waiting": "", "message": message}
-            self.view_state.post("numbers", told | Numbers(self.session.number).told())
+            self._post_standing(Numbers(self.session.number))
             return False
         return True
 
@@ -286,8 +285,13 @@ class PageView:
         at_rest = session.settled or session.ended
         self._numbers.read(session.so_far, session.result is not None, at_rest)
         self.view_state.set_curve(self._numbers.curve)
+        self._post_standing(self._numbers)
+
+    def _post_standing(self, numbers: Numbers) -> None:
+        """Post how the drop stands, and its numbers."""
+        session = self.session
         told = {"state": session.state, "waiting": session.waiting, "message": session.message}
-        self.view_state.post("numbers", told | self._numbers.told())
+        self.view_state.post("numbers", told | numbers.told())
 
     def _post_scene(self) -> None:
         scene, controls = self.session.scene, self.controls
