@@ -87,9 +87,10 @@ class Archive:
 
     def check(self, scene: Scene) -> None:
         """Raise UserError if a result of this scene could not be saved."""
-        if len(self._waiting()) >= MOST_WAITING:
-            problem = next(filter(None, (drop.problem for drop in self._waiting())), "")
-            raise UserError(f"{len(self._waiting())} drops are waiting to be saved; {problem}")
+        waiting = self._waiting()
+        if len(waiting) >= MOST_WAITING:
+            problem = next(filter(None, (drop.problem for drop in waiting)), "")
+            raise UserError(f"{len(waiting)} drops are waiting to be saved; {problem}")
         check_output_folder(self._next_folder(scene), needed_bytes=storage_bytes(scene))
 
     def add(self, number: int, about: list[str], ended: str, result: Result) -> None:
@@ -159,7 +160,7 @@ class Archive:
             for drop in self._waiting():
                 self._save(drop)
             with self._state:
-                waiting = [drop for drop in self._drops if drop.result is not None]
+                waiting = self._waiting()
                 if self._is_closing and all(drop.problem for drop in waiting):
                     return
                 if any(drop.problem is None for drop in waiting) or self._tries != tries:
