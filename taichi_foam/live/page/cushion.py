@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -334,7 +334,7 @@ def _chart(
     statics = tuple(float(f"{each:.3g}") for each in np.geomspace(least, most, POINTS))
     if len(set(statics)) < POINTS:
         raise UserError(f"most = {1e-3 * most:.6g} kPa: must be at least 5 % above the least one")
-    drops = Drops(asked.called, asked.foam, asked.density, thickness, height, statics)
+    drops = replace(asked, statics=statics)
     for each in (statics[0], statics[-1]):
         drops.scene(each)  # what cannot be dropped is best told by its scene
     fine = np.union1d(np.geomspace(statics[0], statics[-1], FINE), [best])

@@ -39,6 +39,8 @@ ENERGIES = (
 MEASURE_SECONDS = 1.0
 #: A curve has at most so many points; a longer one is sent at every second row, and so on.
 MOST_POINTS = 2000
+#: One of a former drop, which is a thin line, has at most so many.
+MOST_FORMER = 400
 #: The smoothing filter changes the newest part of a curve when rows follow: so much of it [s].
 UNSETTLED = 0.006
 
@@ -92,10 +94,10 @@ class Curve:
         )
 
 
-def thinned(time: Array, deceleration: Array, most: int = 400) -> dict[str, list[float]]:
-    """At most so many points of a curve that is over: t [ms], a [m/s2]."""
+def thinned(time: Array, deceleration: Array) -> dict[str, list[float]]:
+    """At most `MOST_FORMER` points of a curve that is over: t [ms], a [m/s2]."""
     known = np.flatnonzero(np.isfinite(deceleration))
-    kept = known[:: max(1, -(-len(known) // most))]
+    kept = known[:: max(1, -(-len(known) // MOST_FORMER))]
     return {
         "t": np.round(1e3 * time[kept], 4).tolist(),
         "a": np.round(deceleration[kept], 2).tolist(),

@@ -75,10 +75,10 @@ class Server:
         self,
         scene: Scene,
         out: str | Path,
-        host: str = "127.0.0.1",
-        port: int = 8000,
-        arch: str = "cpu",
-        threads: int | None = None,
+        host: str,
+        port: int,
+        arch: str,
+        threads: int | None,
     ) -> None:
         """Check everything and take the port. Raises UserError for what cannot be done."""
         self.view = PageView(scene, Path(out), arch, threads)
