@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from taichi_foam.cli.foam import foams_begun
 from taichi_foam.cli.numbers import number, numbers
@@ -124,15 +122,11 @@ def cushion_command(
 
 def _show(terminal: Any, found: CushionCurve, used: Units) -> None:
     """The minima, and what is doubtful."""
+    from taichi_foam.cli import tables
     from taichi_foam.cushions.cushion_chart import minima
 
     made = minima(found, used)
-    table = Table(box=None, pad_edge=False)
-    for place, head in enumerate(made.head):
-        table.add_column(head.replace(" (", "\n("), justify="right" if place else "left")
-    for row in made.rows:
-        table.add_row(*map(escape, row))
-    terminal.show(table, made.note)
+    terminal.show(tables.reported(made), made.note)
     failures = sorted({drop.failure for drop in found.drops if drop.failure})
     terminal.warn(failures)
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from taichi_foam.cli.numbers import number, numbers
 from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads
 from taichi_foam.cli.outcome import command
-
-if TYPE_CHECKING:
-    from taichi_foam.picture import document
 
 
 def design_command(
@@ -85,6 +80,7 @@ def design_command(
     Numbers may carry their unit: 500g, 12lb, 76cm, 2in, 400cm2.
     """
     with command() as terminal:
+        from taichi_foam.cli import tables
         from taichi_foam.cushions import design_report
         from taichi_foam.cushions.checks import checks
         from taichi_foam.cushions.design import design
@@ -123,19 +119,8 @@ def design_command(
         for text in design_report.lead(found):
             terminal.show(text)
         if found.pads:
-            terminal.show("", _terminal_table(design_report.candidates_table(found), "Candidates"))
+            terminal.show("", tables.reported(design_report.candidates_table(found), "Candidates"))
         if found.pad is not None:
             made = design_report.checks_table(checks(found.pad, used, temperature))
-            terminal.show("", _terminal_table(made, "Checks"), "")
+            terminal.show("", tables.reported(made, "Checks"), "")
         terminal.where(folder)
-
-
-def _terminal_table(found: document.Table, title: str) -> Table:
-    """A table of a report, for the terminal."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for place, head in enumerate(found.head):
-        justify = "left" if place == 0 or found.is_text else "right"
-        table.add_column(head.replace(" (", "\n("), justify=justify)
-    for row in found.rows:
-        table.add_row(*map(escape, row))
-    return table

@@ -1,10 +1,11 @@
-"""Tables for the terminal: key figures of a run, of drops, and of a whole study."""
+"""Tables for the terminal: figures of a run, of drops, of a whole study, and those of reports."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -20,6 +21,9 @@ from taichi_foam.shim2000.compare import (
     is_miss,
     median_and_allowed,
 )
+
+if TYPE_CHECKING:
+    from taichi_foam.picture import document
 
 _OF_DROPS = {
     q.CREST_G: "peak in g\nCFC 180",
@@ -143,6 +147,17 @@ def criteria(content: Mapping[str, Any]) -> Table | Text:
     return table
 
 
+def reported(found: document.Table, words: str | None = None) -> Table:
+    """A table of a report, with a title if there are `words`."""
+    table = _table(words)
+    for place, head in enumerate(found.head):
+        justify = "left" if place == 0 or found.is_text else "right"
+        table.add_column(head.replace(" (", "\n("), justify=justify)
+    for row in found.rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
 def _runs(cases: Sequence[Mapping[str, Any]]) -> str:
     """Number of finished runs per case: equal for all cases, unless Ctrl-C came."""
     counts = sorted({case["runs"] for case in cases})
@@ -161,7 +176,7 @@ def _judged(case: Mapping[str, Any], quantity: Quantity) -> Text:
     return Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style)
 
 
-def _table(words: str) -> Table:
+def _table(words: str | None) -> Table:
     return Table(title=words, title_justify="left", title_style="bold", box=None, pad_edge=False)
 
 
