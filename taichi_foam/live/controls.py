@@ -228,6 +228,7 @@ class Controls:
         allowed = f"{spoken} {knob.unit}".strip()
         return {
             **asdict(knob),
+            "shapes": [shape for shape in self.shapes if self._has(shape, knob)],
             "whole": schema["type"] == "integer",
             "optional": schema["optional"],
             "min": given.get("", given.get("above")),

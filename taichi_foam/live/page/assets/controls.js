@@ -150,10 +150,7 @@ export class Controls {
 
   // Only what the shape has.
   fit() {
-    for (const knob of this.knobs.values()) {
-      knob.row.hidden = (knob.shapes.length > 0 && !knob.shapes.includes(this.shape)) ||
-        (knob.group === "impactor" && this.shape === "none");
-    }
+    for (const knob of this.knobs.values()) knob.row.hidden = !knob.shapes.includes(this.shape);
   }
 
   drop() {
