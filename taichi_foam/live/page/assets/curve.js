@@ -8,6 +8,8 @@ export function roundUp(value) {
   return (NICE.find((n) => n * power >= value * (1 - 1e-9)) ?? 10) * power;
 }
 
+const most = ({ a }) => a.reduce((top, value) => Math.max(top, value ?? 0), 0); // [m/s2]
+
 export class Curve {
   constructor(element) {
     this.element = element;
@@ -59,9 +61,9 @@ export class Curve {
     const known = this.a.findLastIndex((value) => value !== null);
     if (known < 0) return;
     this.told = performance.now();
-    const most = this.a.reduce((top, value) => Math.max(top, value ?? 0), 0), m = this.measured;
+    const m = this.measured;
     const words = [`Deceleration over time: ${this.a[known].toFixed(1)} m/s² at ${this.t[known].toFixed(1)} ms`,
-      `at most ${most.toFixed(1)} m/s² so far`];
+      `at most ${most(this).toFixed(1)} m/s² so far`];
     if (m) words.push(`measured plateau ${m.plateau_deceleration_m_s2} m/s²`);
     this.element.setAttribute("aria-label", words.join(", "));
   }
@@ -77,7 +79,6 @@ export class Curve {
     const m = this.measured;
     const all = [...others, this];
     const last = roundUp(Math.max(5, m ? 1e3 * m.impact_duration_s : 0, ...all.map(({ t }) => t.at(-1) ?? 0)));
-    const most = ({ a }) => a.reduce((top, value) => Math.max(top, value ?? 0), 0);
     const top = roundUp(1.08 * Math.max(10, m ? m.plateau_deceleration_m_s2 : 0, ...all.map(most)));
     const least = ({ a }) => a.reduce((low, value) => Math.min(low, value ?? 0), 0); // in free fall it is -g
     const bottom = Math.min(-0.04 * top, 1.1 * Math.min(...all.map(least)));

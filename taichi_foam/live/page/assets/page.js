@@ -158,14 +158,11 @@ async function draw(data) {
   }
 }
 
-const WORDS = { preparing: "preparing", running: "running", paused: "paused", ended: "ended",
-  "cut short": "cut short", failed: "failed", died: "stopped" };
-
 function tell(message) {
   if (message.state !== state || $("state").dataset.state === "lost") {
     state = message.state;
     $("state").dataset.state = state;
-    $("state").textContent = WORDS[state];
+    $("state").textContent = state === "died" ? "stopped" : state;
     $("pause").textContent = state === "paused" ? "Resume" : "Pause";
     for (const id of ["pause", "step"]) $(id).disabled = !["running", "paused", "preparing"].includes(state);
   }
