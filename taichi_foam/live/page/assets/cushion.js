@@ -1,7 +1,7 @@
 // The cushion chart: its inputs, the formula's curve, the simulated drops, and the table of them.
 import { css, roundUp } from "./curve.js";
 import { dash, row } from "./tables.js";
-import { DIGITS, fitted, mark } from "./typed.js";
+import { fitted, mark } from "./typed.js";
 
 const $ = (id) => document.getElementById(id);
 const CAP = 3.5; // beyond the optimum, the highest of the chart over the least peak: bottomed out may be far above
@@ -177,8 +177,8 @@ export class Cushion {
     const traces = [
       { x: formula.static.map(kPa), y: formula.g, name: "formula (energy balance)", mode: "lines", line: { width: 2, color: blue, simplify: false },
         hovertemplate: "formula: %{y:.1f} g at %{x:.2f} kPa<extra></extra>" },
-      { ...marks(false, "simulated, raw", { size: 11, color: accent, line: { width: 1, color: css("--card") } }) },
-      { ...marks(true, "simulated, bottomed out", { size: 11, symbol: "x", color: bad }) },
+      marks(false, "simulated, raw", { size: 11, color: accent, line: { width: 1, color: css("--card") } }),
+      marks(true, "simulated, bottomed out", { size: 11, symbol: "x", color: bad }),
     ];
     if (tests.g.length) {
       traces.push({ x: tests.static.map(kPa), y: tests.g, name: "own tests", mode: "markers", marker: { size: 10, symbol: "diamond", color: ink },
@@ -206,7 +206,7 @@ export class Cushion {
   }
 }
 
-const shown = (value, factor) => String(Number((value * factor).toPrecision(Math.min(6, DIGITS))));
+const shown = (value, factor) => String(Number((value * factor).toPrecision(6)));
 
 function small(words) {
   const element = document.createElement("small");
