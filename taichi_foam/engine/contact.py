@@ -251,8 +251,9 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Radius [m] of a node's disc, whose area shrinks as the node's bonds are crushed.
 
-    While all bonds of a node are whole, its disc is no larger than its cell is thin: nodes three
-    apart in a row that is crushed evenly do not touch. Those two apart do not meet, see `may_meet`.
+    While all bonds of a node are whole, its radius is at most the shorter side of its crushed cell,
+    so that nodes three apart in an evenly crushed row do not touch; for those two apart see
+    `may_meet`.
     """
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
@@ -523,13 +524,21 @@ def may_meet(lattice: ti.template(), b, i, j, other_i, other_j) -> ti.i32:
     """Whether contact acts between two nodes that are near.
 
     It does not between neighbours in the lattice: their bond's own law covers compression, broken
-    or not. Nor, while all bonds of both are whole, between two in a row with a third between them:
-    they would harden foam whose rows are not crushed evenly.
+    or not. Nor, while all bonds of both are whole, between two in a row with foam between them,
+    which would be hardened where rows are not crushed evenly.
     """
     across, up = ti.abs(other_i - i), ti.abs(other_j - j)
     found = ti.i32(across + up > 1)
     if across + up == 2 and across != 1:
-        found = bonds.is_torn(lattice, b, i, j) | bonds.is_torn(lattice, b, other_i, other_j)
+        low_i, low_j, whole = ti.min(i, other_i), ti.min(j, other_j), 0
+        if up == 0:
+            whole = bonds.is_whole(lattice, A, b, low_i, low_j)
+            whole += bonds.is_whole(lattice, A, b, low_i + 1, low_j)
+        else:
+            whole = bonds.is_whole(lattice, B, b, low_i, low_j)
+            whole += bonds.is_whole(lattice, B, b, low_i, low_j + 1)
+        torn = bonds.is_torn(lattice, b, i, j) | bonds.is_torn(lattice, b, other_i, other_j)
+        found = torn | ti.i32(whole < 2)
     return found
 
 
