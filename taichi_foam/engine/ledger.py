@@ -101,6 +101,10 @@ def _sources(lattice: Any) -> list[tuple[int, int, Any]]:
             found.append((n, NOW, ENERGIES_NOW.index(name)))
         elif name in BOOKED:
             found.append((n, WORK, BOOKED.index(name)))
-        else:
+        elif name in lattice.numbers:
             found.append((n, MEMBER, lattice.singles[lattice.numbers.index(name)]))
+        else:
+            raise ValueError(
+                f"history: {name!r} is no member of clock, body or turn, and no energy"
+            )
     return found

@@ -180,7 +180,7 @@ def _after(name: str, names: list[str], by: int) -> str:
 def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
     """Draw a panel of keys and their effects over the middle of `image` (h, w, 3), in place."""
     height, width = image.shape[:2]
-    tones, unit = THEMES[theme], raster.unit_of(width, height)
+    tones, unit = THEMES[theme], raster.line_width(width, height)
     size = 22 * unit
     bold, plain = annotate.font(size, bold=True), annotate.font(size)
     left = max(bold.getlength(key) for key, _ in rows)
@@ -198,7 +198,7 @@ def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
 def strip(image: Image8, text: str, theme: str) -> None:
     """Draw a strip with wrapped `text` across the bottom of `image` (h, w, 3), in place."""
     height, width = image.shape[:2]
-    tones, unit = THEMES[theme], raster.unit_of(width, height)
+    tones, unit = THEMES[theme], raster.line_width(width, height)
     size = 20 * unit
     face, gap, line = annotate.font(size), 0.9 * size, 1.4 * size
     lines = _wrapped(text, face, width - 2 * gap)

@@ -53,7 +53,6 @@ def montage(
         title: text above the panels; default the name of the scene.
         note: lines of text below them; lines longer than the width are cut.
         width: width of the picture [pixels].
-        look: mode, theme and grid; default those of the scene.
 
     Returns:
         uint8 (h, width, 3), h even.

@@ -124,7 +124,7 @@ def check_size(size: tuple[int, int]) -> None:
         raise UserError(f"picture size = {width} x {height}: must be at least 64 x 64 pixels")
 
 
-def unit_of(width: int, height: int) -> float:
+def line_width(width: int, height: int) -> float:
     """Width of a thin line in a picture [pixels], to which text is proportional, too."""
     return min(width / 1280, height / 720)
 
@@ -140,7 +140,7 @@ class Layout:
 
     def __init__(self, size: tuple[int, int], words: bool = True) -> None:
         width, height = self.size = (int(size[0]), int(size[1]))
-        unit = self.unit = unit_of(width, height)
+        unit = self.unit = line_width(width, height)
         self.has_text = words and width >= SMALLEST_WITH_TEXT[0] and height >= SMALLEST_WITH_TEXT[1]
         margin = round(18 * unit) if words else 0
         side, head = (round(250 * unit), round(62 * unit)) if self.has_text else (margin, margin)

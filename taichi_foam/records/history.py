@@ -71,8 +71,8 @@ class Column:
     @property
     def axis(self) -> tuple[str, float]:
         """Label of an axis, and the factor that converts values to its unit."""
-        unit = self.shown or self.unit
-        return f"{self.label} ({unit})", SHOWN_UNITS.get(unit, 1.0)
+        factor = SHOWN_UNITS[self.shown] if self.shown else 1.0
+        return f"{self.label} ({self.shown or self.unit})", factor
 
 
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
