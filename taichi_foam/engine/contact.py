@@ -251,9 +251,8 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
 def full_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Radius [m] of a node's disc, whose area shrinks as the node's bonds are crushed.
 
-    While all bonds of a node are whole, its radius is at most the shorter side of its crushed cell,
-    so that nodes three apart in an evenly crushed row do not touch; for those two apart see
-    `may_meet`.
+    In whole foam only the bonds are stressed: two nodes with a third between them do not touch,
+    however flat all three are crushed.
     """
     width = p.cell.x * (1.0 + _least_width(lattice, b, i, j))
     height = p.cell.y * (1.0 + _least_height(lattice, b, i, j))
@@ -393,8 +392,9 @@ def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.
 def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
     """The pushes [N] on all nodes that touch others.
 
-    A node at a surface of the block or of a crack may touch any node that `may_meet` it. Only one
-    thread adds to a lattice's pushes, so there are no atomics.
+    A node at a surface of the block or of a crack may touch any node but its neighbours in the
+    lattice: for these, the bond's own law covers compression, broken or not. Only one thread adds
+    to a lattice's pushes, so there are no atomics.
     """
     pushes = ti.static(lattice.scratch.candidate_push)
     for n in range(lattice.state.clock[b].candidates):
@@ -470,11 +470,11 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
     Being serial, the order of the list, and so every sum, is the same for any number of threads.
-    It is seldom needed: when a node has moved by half the skin, or a bond has broken. Until it is
-    made, the nodes' full radii [m] are in place of their pushes along x.
+    It is seldom needed: when a node has moved by half the skin, or a bond has broken.
     """
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
+        lattice.scratch.push[b, place[0], place[1]].x[place[2]] = 0.0
         lattice.scratch.push[b, place[0], place[1]].y[place[2]] = 0.0
     for n in range(lattice.counts[None].bins_x * lattice.counts[None].bins_y):
         lattice.scratch.bin_head[b, n] = -1
@@ -483,7 +483,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         for j in range(lattice.counts[None].rows):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
-            lattice.scratch.push[b, i, k].x[lane] = full_radius(lattice, b, i, j, p)
+            lattice.scratch.radius[b, i, k][lane] = full_radius(lattice, b, i, j, p)
             lattice.state.surface[b, i, k][lane] = looked_at(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
             )
@@ -509,8 +509,6 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     _list_candidates(lattice, b)
     _make_room(lattice, b)
     for i in range(lattice.counts[None].columns):
-        for k in range(lattice.counts[None].packs):
-            lattice.scratch.push[b, i, k].x = lanes.zeros(lattice)
         for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             lattice.state.surface[b, i, k][lane] = listed(
@@ -520,31 +518,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
 
 
 @ti.func
-def may_meet(lattice: ti.template(), b, i, j, other_i, other_j) -> ti.i32:
-    """Whether contact acts between two nodes that are near.
-
-    It does not between neighbours in the lattice: their bond's own law covers compression, broken
-    or not. Nor, while all bonds of both are whole, between two in a row with foam between them,
-    which would be hardened where rows are not crushed evenly.
-    """
-    across, up = ti.abs(other_i - i), ti.abs(other_j - j)
-    found = ti.i32(across + up > 1)
-    if across + up == 2 and across != 1:
-        low_i, low_j, whole = ti.min(i, other_i), ti.min(j, other_j), 0
-        if up == 0:
-            whole = bonds.is_whole(lattice, A, b, low_i, low_j)
-            whole += bonds.is_whole(lattice, A, b, low_i + 1, low_j)
-        else:
-            whole = bonds.is_whole(lattice, B, b, low_i, low_j)
-            whole += bonds.is_whole(lattice, B, b, low_i, low_j + 1)
-        torn = bonds.is_torn(lattice, b, i, j) | bonds.is_torn(lattice, b, other_i, other_j)
-        found = torn | ti.i32(whole < 2)
-    return found
-
-
-@ti.func
 def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti.i32:
-    """Append the pairs of a surface node with nodes near it that it may meet.
+    """Append the pairs of a surface node with nodes near it, except its lattice neighbours.
 
     Of two surface nodes, the one with the lower number lists the pair.
     """
@@ -552,7 +527,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    own = lattice.scratch.push[b, here[0], here[1]].x[here[2]]
+    own = lattice.scratch.radius[b, here[0], here[1]][here[2]]
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
@@ -563,9 +538,11 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                     lattice.state.surface[b, there[0], there[1]][there[2]] != INSIDE
                     and other < node
                 )
-                up = ti.raw_mod(other, lattice.counts[None].rows)
-                if not listed and may_meet(lattice, b, i, j, there[0], up):
-                    radius = lattice.scratch.push[b, there[0], there[1]].x[there[2]]
+                steps = ti.abs(there[0] - i) + ti.abs(
+                    ti.raw_mod(other, lattice.counts[None].rows) - j
+                )
+                if not listed and steps > 1:
+                    radius = lattice.scratch.radius[b, there[0], there[1]][there[2]]
                     limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
@@ -597,7 +574,7 @@ def _make_room(lattice: ti.template(), b):
             gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        full = lattice.scratch.push[b, place[0], place[1]].x[place[2]]
+        full = lattice.scratch.radius[b, place[0], place[1]][place[2]]
         radius = _listed_radius(lattice, b, place)
         lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
             radius, full, gaps[b, n][0], gaps[b, n][1]
@@ -606,9 +583,9 @@ def _make_room(lattice: ti.template(), b):
 
 @ti.func
 def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
-    """A node's radius [m] before the list is made, see `list_neighbours`."""
+    """A node's radius [m] before the list is made; `scratch.radius` is the full radius."""
     return ti.min(
-        lattice.scratch.push[b, place[0], place[1]].x[place[2]],
+        lattice.scratch.radius[b, place[0], place[1]][place[2]],
         lattice.state.room[b, place[0], place[1]][place[2]],
     )
 

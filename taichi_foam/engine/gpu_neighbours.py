@@ -124,7 +124,7 @@ def _search(
 ) -> ti.i32:
     """Count a node's partners, and list them from `start` on if `listing`.
 
-    A partner is near and may meet the node, and at least one of the two is at a surface.
+    A partner is near, is not a lattice neighbour, and at least one of the two is at a surface.
     """
     i, j = _place(lattice, node)
     point = _point(lattice, lattice.state.motion, b, node)
@@ -140,7 +140,7 @@ def _search(
                 oi, oj = _place(lattice, other)
                 both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
                 both_there = there and makeup.is_there(lattice, b, oi, oj)
-                if both_there and not both_inside and contact.may_meet(lattice, b, i, j, oi, oj):
+                if both_there and not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
                     limit = contact.touch_of(own, lattice.state.radius[b, oi, oj][0]) + p.skin
                     away = _point(lattice, lattice.state.motion, b, other) - point
                     if away.norm_sqr() < limit * limit:

@@ -54,25 +54,6 @@ def assert_close(one: tf.Result, other: tf.Result) -> None:
         )
 
 
-def test_foam_meets_across_a_slot_one_cell_high() -> None:
-    """Roof and floor, next but one in their columns, with nothing broken: no foam is between."""
-    cell, floor, roof = 0.005, 4, 6
-    slot = [(-0.03, 0.025), (0.03, 0.025), (0.03, 0.03), (-0.03, 0.03)]
-    size = {"width": 0.1, "columns": 20, "height": 11 * cell, "rows": 11, "depth": 0.05}
-    scene = Scene(
-        block=Block(mass_points="cells", **size, density=20.0, holes=[slot]),
-        foam=Foam(tensile_strain=0.9, shear_strain=2.0),
-        impactor=FlatBlock(width=0.2, mass=2.0, velocity=2.2, friction=0.0),
-        base=Base(kind="gripped"),
-        numerics=Numerics(time_limit=0.03),
-        output=Output(film=False),
-    )
-    result = tf.run(scene)
-    assert result.summary["broken_bonds"] == 0
-    y = np.array([snapshot.position[4:16, :, 1] for snapshot in result.snapshots])
-    assert 0.2 * cell < np.min(y[..., roof] - y[..., floor]) < 0.8 * cell
-
-
 def test_a_block_drawn_as_a_polygon_is_the_plain_block(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit; the kernels of shaped blocks, where all shares are 1, agree to rounding."""
     plain = tf.run(wedge_drop())

@@ -17,7 +17,7 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.recovering import RecoveringFoam
 from taichi_foam.records.history import DISSIPATIONS
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Block, FlatBlock, Output, Scene
+from taichi_foam.scene import Block, FlatBlock, Model, Output, Scene
 from taichi_foam.simulation.after import After
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -48,6 +48,7 @@ SCENE = Scene(
         width=2 * WIDE, mass=STATIC * WIDE * DEEP / STANDARD_GRAVITY, drop_height=HEIGHT,
         friction=0.0,
     ),
+    model=Model(self_contact=False),
     output=Output(film=False),
 )  # fmt: skip
 
