@@ -31,7 +31,7 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
-    t, y, v = of["time"], of["y"], of["v"]
+    t, y, v = of["clock.time"], of["body.y"], of["body.v"]
     interval = np.diff(t, prepend=t[:1])
     pulse = scene.base.shaking
     upwards = v if pulse is None else v + pulse.velocity(t)  # the engine's v is relative
@@ -62,8 +62,8 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         "gravity_J": potential - potential[:1],
     }
     if impactor is not None and scene.turns:
-        turning = 0.5 * impactor.moment_of_inertia * of["spin"] ** 2
-        found["impactor_kinetic_J"] += 0.5 * mass * of["u"] ** 2 + turning
+        turning = 0.5 * impactor.moment_of_inertia * of["turn.spin"] ** 2
+        found["impactor_kinetic_J"] += 0.5 * mass * of["turn.u"] ** 2 + turning
     for name, column in COLUMNS.items():
         if name not in found and column.source and (scene.turns or not column.turns):
             found[name] = reduce(add, (of[member] for member in column.source))

@@ -470,11 +470,11 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     """Build the search grid and the neighbour list of one lattice, serially.
 
     Being serial, the order of the list, and so every sum, is the same for any number of threads.
-    It is seldom needed: when a node has moved by half the skin, or a bond has broken.
+    It is seldom needed: when a node has moved by half the skin, or a bond has broken. Until it is
+    made, the nodes' full radii [m] are in place of their pushes along x.
     """
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        lattice.scratch.push[b, place[0], place[1]].x[place[2]] = 0.0
         lattice.scratch.push[b, place[0], place[1]].y[place[2]] = 0.0
     for n in range(lattice.counts[None].bins_x * lattice.counts[None].bins_y):
         lattice.scratch.bin_head[b, n] = -1
@@ -483,7 +483,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
         for j in range(lattice.counts[None].rows):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
-            lattice.scratch.radius[b, i, k][lane] = full_radius(lattice, b, i, j, p)
+            lattice.scratch.push[b, i, k].x[lane] = full_radius(lattice, b, i, j, p)
             lattice.state.surface[b, i, k][lane] = looked_at(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
             )
@@ -509,6 +509,8 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     _list_candidates(lattice, b)
     _make_room(lattice, b)
     for i in range(lattice.counts[None].columns):
+        for k in range(lattice.counts[None].packs):
+            lattice.scratch.push[b, i, k].x = lanes.zeros(lattice)
         for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             lattice.state.surface[b, i, k][lane] = listed(
@@ -527,7 +529,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    own = lattice.scratch.radius[b, here[0], here[1]][here[2]]
+    own = lattice.scratch.push[b, here[0], here[1]].x[here[2]]
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
@@ -542,7 +544,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                     ti.raw_mod(other, lattice.counts[None].rows) - j
                 )
                 if not listed and steps > 1:
-                    radius = lattice.scratch.radius[b, there[0], there[1]][there[2]]
+                    radius = lattice.scratch.push[b, there[0], there[1]].x[there[2]]
                     limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
@@ -574,7 +576,7 @@ def _make_room(lattice: ti.template(), b):
             gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        full = lattice.scratch.radius[b, place[0], place[1]][place[2]]
+        full = lattice.scratch.push[b, place[0], place[1]].x[place[2]]
         radius = _listed_radius(lattice, b, place)
         lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
             radius, full, gaps[b, n][0], gaps[b, n][1]
@@ -583,9 +585,9 @@ def _make_room(lattice: ti.template(), b):
 
 @ti.func
 def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
-    """A node's radius [m] before the list is made; `scratch.radius` is the full radius."""
+    """A node's radius [m] before the list is made, see `list_neighbours`."""
     return ti.min(
-        lattice.scratch.radius[b, place[0], place[1]][place[2]],
+        lattice.scratch.push[b, place[0], place[1]].x[place[2]],
         lattice.state.room[b, place[0], place[1]][place[2]],
     )
 

@@ -31,7 +31,6 @@ class Features:
     alike          columns of such a block are identical and stored once, see `Filling.is_alike`
     foams          number of foams of the bonds
     turns          the impactor moves and turns in the plane
-    crosshead      the impactor keeps its velocity, whatever the force
     shaken         a pulse accelerates the base
     supported      the block stands on a support with an outline, in place of the floor
     """
@@ -49,7 +48,6 @@ class Features:
     alike: bool
     foams: int
     turns: bool
-    crosshead: bool
     shaken: bool
     supported: bool
 
@@ -76,7 +74,6 @@ def features_of(scene: Scene) -> Features:
         alike=shaped and filled.is_alike,
         foams=len(foams),
         turns=scene.turns,
-        crosshead=scene.impactor is not None and scene.impactor.motion == "crosshead",
         shaken=scene.base.shaking is not None,
         supported=scene.support.kind != "floor",
     )

@@ -1,18 +1,19 @@
 """The energies of a lattice, and the rows of its history."""
 
+from typing import Any
+
 from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, cells, lanes, makeup
 from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
-from taichi_foam.records.history import BOOKED, ENERGIES_NOW, TURN_COLUMNS, row_columns
+from taichi_foam.records.history import BOOKED, ENERGIES_NOW, row_columns
 
-vec4 = ti.types.vector(4, ti.f64)
 vec_now = ti.types.vector(len(ENERGIES_NOW), ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
 KINETIC, POTENTIAL, IN_BONDS, IN_SHEAR, IN_ROOM = range(len(ENERGIES_NOW))
-COLUMN = {name: n for n, name in enumerate(row_columns(turns=True))}
-FIRST_NOW, FIRST_BOOKED = COLUMN[ENERGIES_NOW[0]], COLUMN[BOOKED[0]]
-FIRST_OF_TURN = COLUMN[TURN_COLUMNS[0]]
+
+# What a row is made of.
+MEMBER, NOW, WORK = range(3)
 
 
 @ti.func
@@ -79,24 +80,31 @@ def add_strips(lattice: ti.template(), b):
 @ti.func
 def write_row(lattice: ti.template(), b, energy: vec_now, by_nodes: vec_works):
     """Append a row to the lattice's history; `by_nodes` are the works booked by its nodes."""
-    clock = lattice.state.clock[b]
-    row = clock.rows
     works = by_nodes
     works[BASE] += lattice.state.body[b].support_work
-    history = ti.static(lattice.scratch.history)
-    history[b, row, ti.static(COLUMN["time"])] = clock.time
-    history[b, row, ti.static(COLUMN["step"])] = clock.step
-    history[b, row, ti.static(COLUMN["y"])] = lattice.state.body[b].y
-    history[b, row, ti.static(COLUMN["v"])] = lattice.state.body[b].v
-    history[b, row, ti.static(COLUMN["force"])] = lattice.state.body[b].force
-    history[b, row, ti.static(COLUMN["broken"])] = clock.broken
-    for k in ti.static(range(len(ENERGIES_NOW))):
-        history[b, row, FIRST_NOW + k] = energy[k]
-    for k in ti.static(range(WORKS)):
-        history[b, row, FIRST_BOOKED + k] = works[k]
-    if ti.static(lattice.features.turns):
-        turn = lattice.state.turn[b]
-        of_body = vec4(turn.x, turn.u, turn.angle, turn.spin)
-        for k in ti.static(range(len(TURN_COLUMNS))):
-            history[b, row, FIRST_OF_TURN + k] = of_body[k]
+    row = lattice.state.clock[b].rows
+    for n, kind, source in ti.static(_sources(lattice)):
+        if ti.static(kind == NOW):
+            lattice.scratch.history[b, row, n] = energy[source]
+        elif ti.static(kind == WORK):
+            lattice.scratch.history[b, row, n] = works[source]
+        else:
+            lattice.scratch.history[b, row, n] = source[b]
     lattice.state.clock[b].rows = row + 1
+
+
+def _sources(lattice: Any) -> list[tuple[int, int, Any]]:
+    """The entries of a row: number, kind, and the number of the energy or the member's field."""
+    found: list[tuple[int, int, Any]] = []
+    for n, name in enumerate(row_columns(lattice.features.turns)):
+        if name in ENERGIES_NOW:
+            found.append((n, NOW, ENERGIES_NOW.index(name)))
+        elif name in BOOKED:
+            found.append((n, WORK, BOOKED.index(name)))
+        elif name in lattice.numbers:
+            found.append((n, MEMBER, lattice.singles[lattice.numbers.index(name)]))
+        else:
+            raise ValueError(
+                f"history: {name!r} is no member of clock, body or turn, and no energy"
+            )
+    return found

@@ -81,6 +81,7 @@ MEMBERS = {
     "impactor_mass": ti.f64,
     "impactor_rate": ti.f64,  # squared, of its oscillation on touched nodes [1/s2]; 0: heavy
     "impactor_friction": ti.f64,
+    "crosshead": ti.f64,  # 1: the impactor keeps its velocity; a float, for integers see Layout
     "surface_rows": ti.f64,  # number in `ModelFields.surface`; a float, for integers see Layout
     "piece_area": ti.f64,  # of the contact between two nodes [m2]
     "piece_length": ti.f64,
@@ -403,6 +404,7 @@ def parameters_of(scene: Scene) -> dict:
             "impactor_mass": impactor.mass,
             "impactor_rate": _impactor_rate(scene, contact),
             "impactor_friction": impactor.friction,
+            "crosshead": float(impactor.motion == "crosshead"),
             "surface_rows": len(_surface(scene)),
             "support_stiffness": (
                 contact * answering / block.node_mass / SLOWNESS**2 if base.stops_impactor else 0.0

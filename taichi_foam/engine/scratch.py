@@ -36,7 +36,8 @@ class ScratchFields:
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
     cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
     column_softens  bonds of each column that soften in this step
-    push      forces of other pieces on the nodes [N]; on a CPU also by candidate
+    push      forces of other pieces on the nodes [N]; on a CPU also by candidate, and along x the
+              nodes' radii while neighbours are listed
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, `row_columns`) rows since the last harvest
     shake     acceleration of the base at the next stage [m/s2]
@@ -108,8 +109,6 @@ class ScratchFields:
             self.bin_of_node = ti.field(ti.i32)
             layout.listed(layout.nodes, self.bin_of_node, whole=True)
         else:
-            self.radius = layout.pack.field()  # at the time of listing [m]
-            layout.of_nodes(self.radius)
             # separate from fields that are read: a wide load after a narrow store would stall
             self.candidate_push = ti.types.vector(2, ti.f64).field()
             layout.listed(layout.most_candidates, self.candidate_push)

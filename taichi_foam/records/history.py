@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,26 +35,6 @@ BOOKED: tuple[str, ...] = (
 )  # fmt: skip
 """Quantities that strips of nodes accumulate as they step."""
 
-ROW_COLUMNS: tuple[str, ...] = (
-    "time", "step",                             # s
-    "y", "v", "force",                          # impactor: height [m], upward velocity [m/s], N
-    "broken",                                   # broken bonds
-    *ENERGIES_NOW,
-    *BOOKED,
-)  # fmt: skip
-"""Entries of each row that the engine writes on the device, in order."""
-
-TURN_COLUMNS: tuple[str, ...] = (
-    "x", "u",                                   # impactor: sideways since the start [m], m/s
-    "angle", "spin",                            # rad, rad/s
-)  # fmt: skip
-"""Further entries of the rows for an impactor that can rotate."""
-
-
-def row_columns(turns: bool) -> tuple[str, ...]:
-    """Entries of the engine's rows; `turns`: the scene's impactor can rotate."""
-    return ROW_COLUMNS + TURN_COLUMNS if turns else ROW_COLUMNS
-
 
 @dataclass(frozen=True)
 class Column:
@@ -63,8 +44,9 @@ class Column:
     unit        SI unit; empty for a count
     label       label in tables and on the page
     meaning     definition, including the sign
-    source      entries of the device's row that it is computed from, see `row_columns`; their sum
-                unless `analysis.columns.history_of` says otherwise
+    source      what it is computed from: members of the engine's clock, body (the impactor) and
+                turn ("body.y"), ENERGIES_NOW and BOOKED; their sum unless
+                `analysis.columns.history_of` says otherwise
     turns       whether it exists only for an impactor that can rotate
     dissipates  whether it is dissipated energy, which can only grow
     is_integer  whether history.csv holds whole numbers
@@ -94,31 +76,31 @@ class Column:
 
 
 COLUMNS: Mapping[str, Column] = {column.name: column for column in (
-    Column("time_s", "s", "time", "end of the row's interval", ("time",)),
+    Column("time_s", "s", "time", "end of the row's interval", ("clock.time",)),
     Column("displacement_m", "m", "displacement",
            "of the impactor from its start, positive downwards; relative to a shaken base",
-           ("y",), shown="cm"),
+           ("body.y",), shown="cm"),
     Column("velocity_m_s", "m/s", "velocity",
-           "of the impactor, positive downwards; relative to a shaken base", ("v",)),
+           "of the impactor, positive downwards; relative to a shaken base", ("body.v",)),
     Column("deceleration_m_s2", "m/s²", "deceleration, raw",
            "of the impactor, positive upwards, mean over the row's interval; on a shaken base its "
-           "absolute acceleration", ("time", "v")),
+           "absolute acceleration", ("clock.time", "body.v")),
     Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
-           "the same, smoothed: CFC 180, zero phase", ("time", "v")),
+           "the same, smoothed: CFC 180, zero phase", ("clock.time", "body.v")),
     Column("contact_force_N", "N", "contact force",
-           "of the foam on the impactor, upwards", ("force",)),
+           "of the foam on the impactor, upwards", ("body.force",)),
     Column("displacement_x_m", "m", "sideways displacement",
-           "of the impactor's centre of mass from its start, positive to the right", ("x",),
+           "of the impactor's centre of mass from its start, positive to the right", ("turn.x",),
            turns=True, shown="cm"),
     Column("velocity_x_m_s", "m/s", "sideways velocity",
-           "of the impactor's centre of mass, positive to the right", ("u",), turns=True),
+           "of the impactor's centre of mass, positive to the right", ("turn.u",), turns=True),
     Column("angle_rad", "rad", "angle",
-           "rotation of the impactor since its start, counter-clockwise", ("angle",),
+           "rotation of the impactor since its start, counter-clockwise", ("turn.angle",),
            turns=True, shown="°"),
     Column("spin_rad_s", "rad/s", "spin",
-           "angular velocity of the impactor, counter-clockwise", ("spin",), turns=True),
+           "angular velocity of the impactor, counter-clockwise", ("turn.spin",), turns=True),
     Column("impactor_kinetic_J", "J", "impactor, kinetic",
-           "kinetic energy of the impactor", ("v",)),
+           "kinetic energy of the impactor", ("body.v",)),
     Column("foam_kinetic_J", "J", "foam, kinetic",
            "kinetic energy of the mass points", ("kinetic",)),
     Column("strain_J", "J", "elastic strain", "stored in bonds", ("in_bonds",)),
@@ -152,14 +134,26 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "crosshead or a pulse",
            ("base",)),
     Column("gravity_J", "J", "gravity",
-           "potential energy of foam and impactor above that at the start", ("potential", "y")),
+           "potential energy of foam and impactor above that at the start",
+           ("potential", "body.y")),
     Column("residual_J", "J", "unaccounted for",
            "sum of the ledger at the first row minus the present sum", ()),
     Column("broken_bonds", "", "broken bonds",
-           "number of broken bonds", ("broken",), is_integer=True),
-    Column("dt_s", "s", "time step", "time step at the end of the row's interval", ("step",)),
+           "number of broken bonds", ("clock.broken",), is_integer=True),
+    Column("dt_s", "s", "time step", "time step at the end of the row's interval", ("clock.step",)),
 )}  # fmt: skip
 """Columns of the history by name, in order."""
+
+
+@cache
+def row_columns(turns: bool) -> tuple[str, ...]:
+    """Entries of each row that the engine writes: all that columns are computed from, in order.
+
+    turns: the scene's impactor can rotate.
+    """
+    columns = [column for column in COLUMNS.values() if turns or not column.turns]
+    return tuple(dict.fromkeys(source for column in columns for source in column.source))
+
 
 HISTORY_COLUMNS = tuple(name for name, column in COLUMNS.items() if not column.turns)
 """Names of the columns that every history has, in order."""

@@ -31,7 +31,7 @@ from taichi_foam.errors import LongRunWarning, warn_of_run
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.ending import Ending
-from taichi_foam.records.history import ROW_COLUMNS, row_columns
+from taichi_foam.records.history import row_columns
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.results.snapshot_file import SnapshotFile, rounded
@@ -142,8 +142,8 @@ class Run:
             return 1.0
         done = self.time / numerics.latest_end
         if numerics.end == "rebound" and impactor is not None and self.rows:
-            start = self.rows[0][0, ROW_COLUMNS.index("v")]
-            now = self.rows[-1][-1, ROW_COLUMNS.index("v")]
+            velocity = row_columns(self.scene.turns).index("body.v")
+            start, now = self.rows[0][0, velocity], self.rows[-1][-1, velocity]
             if start < 0.0:
                 done = max(done, 1.0 - now / start)
         return float(np.clip(done, 0.0, 1.0))

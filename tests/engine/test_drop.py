@@ -10,7 +10,7 @@ from test_same_numbers import assert_same_results, assert_same_snapshots, impact
 from taichi_foam.analysis.columns import history_of
 from taichi_foam.errors import RunError
 from taichi_foam.records.ending import Ending
-from taichi_foam.records.history import HISTORY_COLUMNS, ROW_COLUMNS
+from taichi_foam.records.history import HISTORY_COLUMNS, row_columns
 from taichi_foam.scene import FlatBlock, Numerics, Output
 from taichi_foam.simulation.simulate import run
 from taichi_foam.simulation.stepwise import Drop
@@ -60,7 +60,7 @@ def test_it_goes_on_to_the_time_asked_for_past_snapshots_and_full_rows() -> None
         rows = drop.rows()
         assert len(rows) > 256
         np.testing.assert_array_equal(drop.rows(since=123), rows[123:])
-        assert drop.rows(since=len(rows)).shape == (0, len(ROW_COLUMNS))
+        assert drop.rows(since=len(rows)).shape == (0, len(row_columns(turns=False)))
         history = history_of(scene, rows)
     whole = run(scene)
     for name in HISTORY_COLUMNS:

@@ -11,7 +11,7 @@ from taichi_foam import load_scene
 from taichi_foam.engine import effort, kernel_cache
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.layout import SMALL_BLOCK, Size
-from taichi_foam.laws.shape.bodies import Cylinder
+from taichi_foam.laws.shape.bodies import Ellipse
 
 ROOM = Size(1, 48, 24)
 FEATURES = features_of(load_scene("paper/wedge-2.86"))
@@ -80,7 +80,7 @@ def test_names_tell_rooms_features_and_places_apart_and_nothing_else() -> None:
         effort.name_of(ROOM, FEATURES, SECOND),
         effort.name_of(replace(ROOM, columns=96), FEATURES, FIRST),
         effort.name_of(ROOM, replace(FEATURES, scattered=True), FIRST),
-        effort.name_of(ROOM, replace(FEATURES, distance=Cylinder.distance), FIRST),
+        effort.name_of(ROOM, replace(FEATURES, distance=Ellipse.distance), FIRST),
         effort.name_of(ROOM, features_of(load_scene("gallery/own-foam")), FIRST),
     }
     assert len(others | {name}) == 6

@@ -29,10 +29,11 @@ from taichi_foam.live.messages import (
 )
 from taichi_foam.live.session import Session
 from taichi_foam.records.ending import Ending
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.simulate import run
 
+ROW = row_columns(turns=False)
 PATIENCE = 120.0  # a busy machine that compiles [s]
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -129,7 +130,7 @@ def test_frames_come_when_asked_for(session: Session) -> None:
     assert second.snapshot.time > first.snapshot.time
     assert second.steps > first.steps
     assert second.wall > first.wall
-    times = session.rows[:, ROW_COLUMNS.index("time")]
+    times = session.rows[:, ROW.index("clock.time")]
     assert np.all(np.diff(times) > 0)
     assert times[0] == 0.0
     assert times[-1] <= second.snapshot.time
@@ -137,7 +138,7 @@ def test_frames_come_when_asked_for(session: Session) -> None:
 
 def test_no_rows_have_as_many_columns_as_rows(session: Session) -> None:
     session.drop(ENDLESS)
-    assert session.rows.shape == (0, len(ROW_COLUMNS))
+    assert session.rows.shape == (0, len(ROW))
 
 
 @on_linux
@@ -162,13 +163,13 @@ def test_a_frame_is_of_an_instant_that_the_history_holds(session: Session) -> No
         for _ in range(4):
             frame = look(session)
             rows.append(frame.rows)
-            times = np.concatenate(rows)[:, ROW_COLUMNS.index("time")]
+            times = np.concatenate(rows)[:, ROW.index("clock.time")]
             assert frame.snapshot.time in times[-3:]
     session.tell(Pause(True))
     # at rest it is the latest, and stays so
     frames = [look(session) for _ in range(4)]
     assert len({frame.snapshot.time for frame in frames[2:]}) == 1
-    assert frames[-1].snapshot.time == session.rows[-1, ROW_COLUMNS.index("time")]
+    assert frames[-1].snapshot.time == session.rows[-1, ROW.index("clock.time")]
 
 
 def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
@@ -213,7 +214,7 @@ def test_another_scene_may_start_at_any_time(session: Session) -> None:
     assert (session.frame, len(session.rows)) == (None, 0)
     frame = wait_for(session, lambda event: isinstance(event, Frame) and len(event.rows))
     assert frame.drop == session.number == old + 1
-    assert frame.rows[0, ROW_COLUMNS.index("v")] == -1.0
+    assert frame.rows[0, ROW.index("body.v")] == -1.0
     assert session.result is None
 
 
@@ -259,9 +260,7 @@ def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
     last = look(session)
     assert last.ended
     assert last.fraction == 1.0
-    np.testing.assert_array_equal(
-        session.rows[:, ROW_COLUMNS.index("time")], whole.history["time_s"]
-    )
+    np.testing.assert_array_equal(session.rows[:, ROW.index("clock.time")], whole.history["time_s"])
 
 
 def test_a_failed_run_says_why(session: Session) -> None:

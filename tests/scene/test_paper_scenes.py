@@ -4,6 +4,7 @@ import pytest
 
 from taichi_foam import load_scene
 from taichi_foam.catalogue import title
+from taichi_foam.engine.features import features_of
 from taichi_foam.errors import UserError
 from taichi_foam.scene import CHOICE_SETS, Block, Cylinder, Foam, Numerics, Scene
 from taichi_foam.scene.reference import _OPEN
@@ -53,6 +54,11 @@ def test_node_mass_and_plateau():
     """36.48 mg a cell; 0.139 MPa is what Eq. 26 makes of Table 1."""
     assert Block().node_mass == pytest.approx(36.48e-6)
     assert Foam().plateau_stress == pytest.approx(0.139e6)
+
+
+def test_all_nine_have_the_same_kernels() -> None:
+    """One set is compiled for them, comes with the package, and is timed."""
+    assert len({features_of(impacts.paper_scene(name)) for name in impacts.NAMES}) == 1
 
 
 @pytest.mark.parametrize("name", impacts.NAMES)

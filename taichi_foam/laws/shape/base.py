@@ -23,6 +23,7 @@ SURFACE_ROWS = 1024
 MOST_CORNERS = SURFACE_ROWS // 2
 """Most corners of an outline."""
 
+vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
 
 
@@ -48,8 +49,8 @@ class Impactor(Part):
     Its fields must have a hash (tuples, not lists): equal shapes share one outline.
 
     A shape defines its corners, from which the contact of a convex polygon follows. A curved shape
-    also defines its own `distance`, with the numbers of `surface`, and whatever its corners
-    approximate too roughly.
+    also defines its own `surface` and, unless that is a circle, the `distance` that reads it, and
+    whatever its corners approximate too roughly.
     """
 
     label: ClassVar[str]
@@ -251,7 +252,8 @@ class Impactor(Part):
         """Rows of three numbers (n, 3) that `distance` reads, n <= SURFACE_ROWS.
 
         Here they are the half-planes (n_x, n_y, offset) of a convex polygon, with outward normals:
-        a point p relative to the reference point is inside if n . p < offset for all.
+        a point p relative to the reference point is inside if n . p < offset for all. A single row
+        is a circle that rests on the reference point; it begins with the radius.
         """
         outline = self.outline()
         following = np.roll(outline, -1, axis=0)
@@ -270,7 +272,8 @@ class Impactor(Part):
         Returns a vector (distance, n_x, n_y). `surface[b, row]` are the `rows` rows of `surface`.
         A point that is as near to a second edge, such as one under a wedge's tip, has the mean of
         both normals: its length is the slope of the depth along the ridge between both, and the
-        mirror image gives the same numbers.
+        mirror image gives the same numbers. Circles are here too, so that the paper's three
+        impactors share their kernels.
         """
         found = vec3(-ti.math.inf, 0.0, -1.0)
         for row in range(rows):
@@ -280,6 +283,13 @@ class Impactor(Part):
                 found = vec3(distance, edge.x, edge.y)
             elif distance == found[0]:
                 found = vec3(distance, 0.5 * (found[1] + edge.x), 0.5 * (found[2] + edge.y))
+        if rows == 1:
+            radius = surface[b, 0].x
+            away = point - vec2(0.0, radius)
+            length = away.norm()
+            found = vec3(length - radius, 0.0, -1.0)
+            if length > 0.0:
+                found = vec3(length - radius, away.x / length, away.y / length)
         return found
 
 

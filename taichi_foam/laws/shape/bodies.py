@@ -96,18 +96,6 @@ class Cylinder(Impactor):
         """Return the radius [m], in one row."""
         return np.array([[self.radius, 0.0, 0.0]])
 
-    @staticmethod
-    @ti.func
-    def distance(surface: ti.template(), b, rows, point):
-        """Signed distance [m] to the circle, which rests on the origin, and the normal."""
-        radius = surface[b, 0].x
-        away = point - vec2(0.0, radius)
-        length = away.norm()
-        normal = vec2(0.0, -1.0)
-        if length > 0.0:
-            normal = away / length
-        return vec3(length - radius, normal.x, normal.y)
-
 
 class Wedge(Impactor):
     """A symmetric wedge tip below a straight shank (paper, Fig. 4c)."""

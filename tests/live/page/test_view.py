@@ -25,7 +25,7 @@ from taichi_foam.live.page.commands import MOST_AT_ONCE, MOST_OF_ONE, Inbox
 from taichi_foam.live.page.view import LENGTH, PageView
 from taichi_foam.live.session import MOST_SIZES, WAITING
 from taichi_foam.picture.look import THEMES
-from taichi_foam.records.history import ROW_COLUMNS
+from taichi_foam.records.history import row_columns
 from taichi_foam.shim2000.impacts import paper_scene
 
 
@@ -49,7 +49,8 @@ class _Worker:
             case Start(drop, scene):
                 self.drops.append(drop)
                 if self.shows:
-                    start, rows = initial_state(scene).snapshot(), np.empty((0, len(ROW_COLUMNS)))
+                    start = initial_state(scene).snapshot()
+                    rows = np.empty((0, len(row_columns(turns=False))))
                     self.told.append(Frame(drop, start, rows, 0.0, 0, 0.0, False, False))
             case "finish":
                 self.told.append(Ended(self.drops[-1], None))
