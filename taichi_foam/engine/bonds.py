@@ -392,7 +392,11 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     if lanes.any_of(there & lattice.law.flows(c, e, history)):
         # if only half the strain rate counts, foam flows as in twice the time
         slowed = makeup.shares(lattice, axis, b, k, p).flow_share
-        flowed = lattice.law.flowed(c, e, history, lattice.state.clock[b].step, slowed)
+        around = lanes.zeros(lattice)
+        if ti.static(lattice.law.looks_around):
+            around = ti.cast(lattice.scratch.around[axis][b, i, k], ti.f64)
+        step = lattice.state.clock[b].step
+        flowed = lattice.law.flowed(c, e, history, step, slowed, around)
         _remember(lattice, axis, b, i, k, there, flowed)
 
 

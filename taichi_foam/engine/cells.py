@@ -14,7 +14,7 @@ Cell (i, j) is the one to the right of and above node (i, j).
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import lanes, makeup
-from taichi_foam.engine.grading import B
+from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.state import ABSENT, BROKEN, LOST_BY_ROOM, LOST_BY_SHEAR, WHOLE, book
 from taichi_foam.laws import elementary, kinematics
 
@@ -105,6 +105,8 @@ def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.tem
 def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
     """Update what a pack's cells hold between two steps, and find whether any may press.
 
+    If the law asks for it, also find what is around the pack's bonds.
+
     A cell's hold only falls, and is frozen during a step, so that all stages see one potential.
     Returns `lost` plus the stored energies lost, of shear and of room [J].
     """
@@ -153,7 +155,26 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
                     now_lost[1] += volume * (share * (before - hold) * energy).sum()
     if ti.static(lattice.features.crushed_room):
         lattice.scratch.presses[b, i, k] = near
+    if ti.static(lattice.law.looks_around):
+        _look_around(lattice, b, i, k)
     return now_lost
+
+
+@ti.func
+def _look_around(lattice: ti.template(), b, i, k):
+    """Find for a pack of bonds the worst strain of the bonds around each, between two steps.
+
+    It is kept for the flow before the next step, which changes worst strains in any order.
+    """
+    for axis in ti.static((A, B)):
+        bonds = ti.static(lattice.state.bonds[axis])
+        here = bonds[b, i, k].worst
+        along = elementary.smaller(bonds[b, i - 1, k].worst, bonds[b, i + 1, k].worst)
+        up = elementary.smaller(
+            lanes.above(here, bonds.worst, b, i, k), lanes.below(here, bonds.worst, b, i, k)
+        )
+        found = elementary.smaller(along, up)
+        lattice.scratch.around[axis][b, i, k] = ti.cast(found, ti.f32)
 
 
 @ti.func

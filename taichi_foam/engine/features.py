@@ -23,7 +23,8 @@ class Features:
     scattered      each bond has its own strength
     softens        bonds soften beyond their limits instead of breaking at once
     faces          bonds carry shear, by the strain at their faces (Model.shear = "face")
-    cells          cells carry the shear, or keep the room that their bonds have left them
+    cells          cells carry the shear, or keep the room that their bonds have left them, or the
+                   law looks around each bond
     drag           a dashpot acts on each node's absolute velocity
     self_contact   pieces can touch each other
     crushed_room   cells keep the room that their bonds have left them
@@ -66,7 +67,7 @@ def features_of(scene: Scene) -> Features:
             each.tail > 1.0 for foam in foams for pair in limits(foam, scene.block) for each in pair
         ),
         faces=faces,
-        cells=model.crushed_room or not faces,
+        cells=model.crushed_room or not faces or law.looks_around,
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,

@@ -35,6 +35,7 @@ class ScratchFields:
     column_breaks   bonds of each column that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
     cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
+    around    for each bond A and B the worst strain of the bonds around it, see `cells.look_pack`
     column_softens  bonds of each column that soften in this step
     push      forces of other pieces on the nodes [N]; on a CPU also by candidate, and along x the
               nodes' radii while neighbours are listed
@@ -91,6 +92,9 @@ class ScratchFields:
                 ends += ("lean_x", "lean_y")
             self.cell_push = ti.types.struct(**dict.fromkeys(ends, pack)).field()
             layout.of_sweeps(self.cell_push)
+        if features.law.looks_around:
+            self.around = layout.small_pack.field(), layout.small_pack.field()
+            layout.of_nodes(*self.around)
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)

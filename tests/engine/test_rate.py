@@ -81,6 +81,29 @@ def test_whole_foam_overshoots_its_plateau_and_comes_down_to_it() -> None:
     np.testing.assert_allclose(stress[yielding], expected, rtol=0, atol=0.01 * K * -E_Y)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_foam_overshoots_unless_foam_next_to_it_has_been_crushed(axis: int) -> None:
+    """Of a block strained to twice the yield strain, with one crushed bond: those around it."""
+    foam = Foam(rate=20.0, overshoot_strain=0.0167, tensile_strain=1.0, shear_strain=2.0)
+    scene = small_scene(base=Base(kind="floor"), model=LOOSE, foam=foam, numerics=numerics())
+    squeezed = np.ones(2)
+    squeezed[axis] += 2 * E_Y
+    name, shape = [("worst_a", (COLUMNS - 1, ROWS)), ("worst_b", (COLUMNS, ROWS - 1))][axis]
+    worst = np.full(shape, E_Y)
+    worst[3, 3] = -0.4
+    start = {"position": reference_positions(scene) * squeezed + [0.0, 0.5], name: worst}
+    found = run_to(scene, 1e-6, 1, **start)
+    flowed = (found.e_min_a, found.e_min_b)[axis]
+    around = np.zeros(shape, dtype=bool)
+    around[[2, 4, 3, 3], [3, 3, 2, 4]] = True
+    np.testing.assert_allclose(flowed[around], 2 * E_Y, rtol=1e-3)
+    others = ~around
+    others[3, 3] = False
+    # the lag is the yield strain, at which foam flows at the rate D
+    np.testing.assert_allclose(flowed[others] - E_Y, -20.0 * 1e-6, rtol=1e-3)
+    assert flowed[3, 3] == -0.4
+
+
 def test_flow_is_of_second_order_in_the_step() -> None:
     """A free bar at the yield point that closes at 800 1/s, and swings: flow, no kinks.
 

@@ -59,13 +59,16 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
             out[k] = law.stored_energy(c, e[k], law.History(worst=e_min), broken)
 
     @ti.kernel
-    def flowed(c: law.Constants, e: Array, e_min: ti.f64, time: ti.f64, out: Array):
+    def flowed(
+        c: law.Constants, e: Array, e_min: ti.f64, time: ti.f64, slowed: ti.f64, around: ti.f64,
+        out: Array,
+    ):  # fmt: skip
         for k in range(e.shape[0]):
-            out[k] = law.flowed(c, e[k], law.History(worst=e_min), time, 1.0).worst
+            out[k] = law.flowed(c, e[k], law.History(worst=e_min), time, slowed, around).worst
 
     @ti.kernel
     def leaked(c: law.Constants, e: ti.f64, lost: ti.f64, time: ti.f64) -> ti.f64:
-        return law.flowed(c, e, law.History(0.0, lost), time, 1.0).lost
+        return law.flowed(c, e, law.History(0.0, lost), time, 1.0, 0.0).lost
 
     @ti.kernel
     def gas_energy(c: law.Constants, e: ti.f64, lost: ti.f64) -> ti.f64:
@@ -121,10 +124,17 @@ def stored(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np
     return out
 
 
-def flowed(foam: Bound, e: np.ndarray, e_min: float, time: float) -> np.ndarray:
-    """What `e_min` becomes at strains `e` in a time [s]."""
+def flowed(
+    foam: Bound,
+    e: np.ndarray,
+    e_min: float,
+    time: float,
+    slowed: float = 1.0,
+    around: float = 0.0,
+) -> np.ndarray:
+    """What `e_min` becomes at strains `e` in a time [s]; see `BondLaw.flowed`."""
     e, out = _arrays(e)
-    foam.kernels.flowed(foam.constants, e, e_min, time, out)
+    foam.kernels.flowed(foam.constants, e, e_min, time, slowed, around, out)
     return out
 
 

@@ -71,7 +71,7 @@ class Slipping(BondLaw):
         return e != history.creep
 
     @ti.func
-    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed, around):
         now = history
         now.creep = e + (history.creep - e) * ti.exp(-time / c.relaxation_time)
         return now

@@ -115,6 +115,35 @@ def test_foam_that_has_yielded_heeds_the_rate_no_more() -> None:
     np.testing.assert_array_equal(flowed(foam, np.array([-0.3]), -0.45, 1e-6), -0.45)
 
 
+def test_foam_next_to_crushed_foam_heeds_the_rate_as_if_it_had_yielded_as_far() -> None:
+    foam = constants(Foam(rate=20.0, overshoot_strain=0.0167))
+    e = np.array([-0.1])
+    assert flowed(foam, e, E_Y, 1e-6, around=-0.45)[0] == -0.1
+    # the rate D grows by exp(0.02 / p0): as much flows in a time that is shorter by that
+    growth = math.exp(0.02 / 0.0167)
+    alone = flowed(foam, e, E_Y, 1e-7)[0]
+    helped = flowed(foam, e, E_Y, 1e-7 / growth, around=-0.07)[0]
+    assert helped - E_Y == pytest.approx(alone - E_Y, rel=1e-4)
+    # what has yielded less makes no difference
+    np.testing.assert_array_equal(
+        flowed(foam, e, -0.08, 1e-3, around=-0.07), flowed(foam, e, -0.08, 1e-3)
+    )
+
+
+def test_a_thin_row_of_cells_overshoots_over_the_same_displacement() -> None:
+    """Half of the rate counts in a row of half the band: it flows twice as fast, and p0 is double.
+
+    So a row of half the height, whose strains are twice as large, has the same displacements.
+    """
+    foam = Foam(rate=20.0, overshoot_strain=0.0167)
+    lag, time = 0.02, 1e-6  # the lag is elastic: it has the same stress in both
+    for slowed in (1.0, 2.0):
+        e_min = E_Y - slowed * 0.03
+        flow = slowed * Reference(foam).flow(E_Y - 0.03 - lag, E_Y - 0.03)
+        found = flowed(constants(foam), np.array([e_min - lag]), e_min, time, slowed)[0]
+        assert found - e_min == pytest.approx(flow * time, rel=1e-3)
+
+
 @pytest.mark.parametrize("e_min", [0.0, -0.03, -0.05, -0.3, -0.79, -0.85])
 def test_the_overstress_is_elastic_in_what_the_history_is_short_of(e_min: float) -> None:
     foam = sensitive(4.0)

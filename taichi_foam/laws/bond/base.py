@@ -242,6 +242,8 @@ class BondLaw:
     table_columns: int = TABLE_COLUMNS
     heeds_rate: bool = False
     """Whether a history also changes in time: `flowed` updates it before each step."""
+    looks_around: bool = False
+    """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -302,11 +304,13 @@ class BondLaw:
         return e < history.worst
 
     @ti.func
-    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed, around):
         """The history after `time` [s] at strain `e` (`heeds_rate` only).
 
         `slowed` is a time over `time`: that in which foam flows if only part of the strain rate
-        counts, see `BondFoam.crush_band`.
+        counts, see `BondFoam.crush_band`. `around` is the worst strain of the four bonds around
+        this one along the same axis, two in line and two abreast, if the law `looks_around`, and 0
+        if not.
         """
         return history
 

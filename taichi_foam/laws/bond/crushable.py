@@ -249,7 +249,8 @@ class Crushable(Crushing):
     """The law's functions, for one set of options.
 
     heeds_rate      with Cowper & Symonds' overstress
-    overshoots      its rate D grows with the lasting strain: a yield point above the plateau
+    overshoots      its rate D grows with the lasting strain, its own or that of the foam around it:
+                    a yield point above the plateau, which crushing does not meet as it spreads
     linear_flow     its exponent q is 1
     linear_room     the constant b of Eq. 26 is 1: no power is computed
 
@@ -262,6 +263,10 @@ class Crushable(Crushing):
     linear_room: bool = True
 
     Constants = Constants
+
+    @property
+    def looks_around(self) -> bool:
+        return self.overshoots
 
     @ti.func
     def densified(self, c: ti.template(), e):
@@ -311,23 +316,25 @@ class Crushable(Crushing):
         return turn - c.yield_strain, c.youngs_modulus
 
     @ti.func
-    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed, around):
         """The history of rate-dependent foam after `time` [s] at strain `e`.
 
         In flow at the rate r the plateau stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
         1957, as Perzyna's overstress): while e_min lags behind e by y, its rate is
         D (y / |e_y|)^q. At a constant strain and D this has a closed-form solution for any time.
-        Where D grows with the lasting strain, its value in the middle of the time counts, which
-        leaves an error of second order.
+        Where D grows with the lasting strain, its own or that around it, its value in the middle of
+        the time counts, which leaves an error of second order.
         """
         elastic = elementary.larger(e, c.yield_strain)
         start = elementary.smaller(elastic, history.worst)
         lag = elementary.larger(start - e, 0.0)
         acts, left = time * slowed, lag
         if ti.static(self.overshoots):
-            yielded = elementary.larger(c.yield_strain - start, 0.0)
-            half = self._lag_after(c, lag, self._grown_rate(c, yielded), 0.5 * acts)
-            rate = self._grown_rate(c, yielded + (lag - half))
+            near = c.yield_strain - around
+            own = elementary.larger(c.yield_strain - start, 0.0)
+            rate = self._grown_rate(c, elementary.larger(own, near), slowed)
+            half = self._lag_after(c, lag, rate, 0.5 * acts)
+            rate = self._grown_rate(c, elementary.larger(own + (lag - half), near), slowed)
             left = self._lag_after(c, lag, rate, acts)
         else:
             left = self._lag_after(c, lag, c.rate, acts)
@@ -336,9 +343,13 @@ class Crushable(Crushing):
         return now
 
     @ti.func
-    def _grown_rate(self, c: ti.template(), yielded):
-        """D [1/s] of foam whose lasting strain is `yielded`."""
-        return c.rate * elementary.exp(yielded / c.overshoot_strain)
+    def _grown_rate(self, c: ti.template(), yielded, slowed):
+        """D [1/s] of foam in which the lasting strain `yielded` counts.
+
+        If a row of cells is thinner than the band that its rate counts over, so is its yielding:
+        the overshoot fades over the same displacement.
+        """
+        return c.rate * elementary.exp(yielded / (c.overshoot_strain * slowed))
 
     @ti.func
     def _lag_after(self, c: ti.template(), lag, rate, time):

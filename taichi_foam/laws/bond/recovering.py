@@ -378,7 +378,7 @@ class Recovering(ByCurve):
         return ti.abs(self._amount(history) * dense - 1.0) > 1e-12
 
     @ti.func
-    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed):
+    def flowed(self, c: ti.template(), e, history: ti.template(), time, slowed, around):
         """Gas leaks at the rate (pressure - 1) / leak time, at a constant strain to its end."""
         now = history
         dense, _ = self._looked_up(c, e, DENSE)
