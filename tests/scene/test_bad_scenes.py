@@ -110,7 +110,7 @@ BAD = [
     (
         RECTANGULAR,
         "foam.densification_strain=-0.02",
-        ["foam.densification_strain = -0.02", "below foam.yield_strain = -0.04"],
+        ["foam.densification_strain = -0.02", "below foam.yield_strain = -0.041"],
     ),
     (RECTANGULAR, "foam.locking_strain=-1.2", ["foam.locking_strain = -1.2", "above -1"]),
     # an impactor that cannot hit, or has hit already
