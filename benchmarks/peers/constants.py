@@ -214,7 +214,8 @@ def _check(scene: Scene, known: Features) -> None:
     refused = {
         "a scene without impactor": scene.impactor is None,
         "an impactor that is no polygon": (
-            scene.impactor is not None and scene.impactor.distance is not Impactor.distance
+            scene.impactor is not None
+            and (scene.impactor.is_circle or scene.impactor.distance is not Impactor.distance)
         ),
         "mass points that stand for no whole cells": not scene.block.is_rectangle,
         f"damping {model.damping!r}": model.damping != "stiffness",

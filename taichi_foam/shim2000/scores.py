@@ -17,8 +17,8 @@ SCORED = (DURATION, DISPLACEMENT, PLATEAU)
 """The figures that the headline counts: 27 in the nine tests."""
 
 HELD_OUT = ("paper/rectangular-3.03", "paper/cylinder-2.94", "paper/wedge-2.86")
-"""The middle velocity of each impactor: held out when the constants were first fitted (those of the
-overshoot, plateau and friction were then chosen by all tests, docs/fidelity.md)."""
+"""The middle velocity of each impactor: held out when the constants were first fitted (those
+of today were chosen by all tests, docs/fidelity.md)."""
 
 SHARE = 0.8
 """A criterion is met when at least this share of the runs meets it."""

@@ -114,6 +114,11 @@ def test_peers_refuse_choices_that_they_do_not_have(part: str, field: str, value
         case_of(scene)
 
 
+def test_peers_refuse_a_circle() -> None:
+    with pytest.raises(ValueError, match="no polygon"):
+        case_of(scene_with("rated", "paper/cylinder-2.94"))
+
+
 def test_absent_compiler_is_skipped_and_one_that_fails_is_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

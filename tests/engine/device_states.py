@@ -56,7 +56,7 @@ States = dict[str, np.ndarray]
 
 
 def paper_scenes() -> list[Scene]:
-    """Of the paper's tests, two shapes that share a lattice, alternately, and one of the third.
+    """Of the paper's tests, two shapes alternately, and one of the third.
 
     They differ in all that is data. They touch within a step, and beside the middle: rounding is
     not to say whether the first stage is damped, nor to which side of a wedge its point goes.

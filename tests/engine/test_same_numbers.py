@@ -23,7 +23,9 @@ STEPS = 1500
 
 # Every option that acts on forces or on what breaks.
 EVERYTHING = {
-    "foam": Foam(rate=300.0, rate_exponent=2.0, strength_scatter=0.2, strength_seed=4),
+    "foam": Foam(
+        rate=300.0, rate_exponent=2.0, overshoot_strain=0.02, strength_scatter=0.2, strength_seed=4
+    ),
     "model": Model(shear_failure="angle", piece_size=0.8, piece_friction=0.3),
     "start": Start(cuts=((-0.011, 0.02, 0.004, 0.07),)),
 }

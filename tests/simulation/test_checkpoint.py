@@ -89,7 +89,7 @@ def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
 OPTIONS = {
     "default": {},
     "rate and scatter": {
-        "foam": Foam(rate=3000.0, rate_exponent=2.0, strength_scatter=0.2),
+        "foam": Foam(rate=3000.0, rate_exponent=2.0, overshoot_strain=0.02, strength_scatter=0.2),
         "model": Model(shear_failure="angle"),
     },
     "no contact": {"model": Model(self_contact=False)},

@@ -34,8 +34,8 @@ VALUES: Mapping[str, Sequence[str]] = {
     "foam.crushed_tensile_stress": ("10e3",),
     "foam.crushed_tensile_fraction": ("1",),
     "foam.yield_strain": ("-0.0432",),
-    "foam.rate": ("none", "15", "30"),
-    "foam.overshoot_strain": ("0.0125",),
+    "foam.rate": ("none", "5", "10"),
+    "foam.overshoot_strain": ("0.0105",),
     "foam.strength_scatter": ("0.05", "0.1", "0.2"),
 }
 

@@ -119,7 +119,8 @@ class BondFoam(Part):
         None,
         "m",
         "width of the bands in which foam crushes and shears: dashpots and rate dependence use "
-        "strain rates over this length, whatever the cell size; none: over one cell",
+        "strain rates, and the overshoot lasting strains, over this length, whatever the cell "
+        "size; none: over one cell",
         allowed="none, or at least 1e-5 and at most 1 m",
     )
     strength_scatter: float = quantity(

@@ -95,7 +95,8 @@ class Foam(CrushingFoam):
         None,
         "-",
         "lasting strain over which the rate D grows by a factor e: whole foam resists the rate, "
-        "and loses this resistance as it yields (with a rate only); none: D is constant",
+        "and loses this resistance as it or the foam beside it yields (with a rate only); "
+        "none: D is constant",
         allowed="none, or at least 0.005 and at most 1",
     )
 
@@ -322,8 +323,9 @@ class Crushable(Crushing):
         In flow at the rate r the plateau stress is K e_y (1 + (r / D)^(1/q)) (Cowper & Symonds
         1957, as Perzyna's overstress): while e_min lags behind e by y, its rate is
         D (y / |e_y|)^q. At a constant strain and D this has a closed-form solution for any time.
-        Where D grows with the lasting strain, its own or that around it, its value in the middle of
-        the time counts, which leaves an error of second order.
+        Where D grows with the lasting strain, its value in the middle of the time counts, which
+        leaves an error of second order; where it grows with that around it, its value at the start,
+        which leaves one of first order.
         """
         elastic = elementary.larger(e, c.yield_strain)
         start = elementary.smaller(elastic, history.worst)

@@ -248,6 +248,11 @@ class Impactor(Part):
         depth = np.maximum(np.asarray(displacement, dtype=np.float64), 0.0)
         return geometry.swept_area(self.outline(), depth) * thickness
 
+    @property
+    def is_circle(self) -> bool:
+        """Whether it touches as a circle, see `surface`."""
+        return self.distance is Impactor.distance and len(self.surface()) == 1
+
     def surface(self) -> np.ndarray:
         """Rows of three numbers (n, 3) that `distance` reads, n <= SURFACE_ROWS.
 

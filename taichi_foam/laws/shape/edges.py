@@ -124,11 +124,8 @@ def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
 
 def _is_rounded(impactor: Impactor) -> bool:
     """Whether a body slides and turns, and its distance follows from its corners."""
-    if impactor.guided:
-        return False
-    if impactor.distance is Impactor.distance:
-        return len(impactor.surface()) > 1  # one row is a circle
-    return impactor.distance is Edged.distance
+    cornered = impactor.distance in (Impactor.distance, Edged.distance)
+    return cornered and not impactor.is_circle and not impactor.guided
 
 
 def radii(outline: np.ndarray, reach: float) -> np.ndarray:
