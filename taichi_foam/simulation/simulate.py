@@ -9,12 +9,15 @@ successive drops on one block. All take `arch` and `threads`, which start Taichi
 None keeps what already runs, else uses the CPU with all its cores.
 """
 
+import atexit
 import contextlib
+import functools
 import hashlib
+import weakref
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import psutil
 
@@ -61,9 +64,38 @@ def init(arch: str | None = None, threads: int | None = None) -> None:
     runtime.start(arch, threads)
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_open: weakref.WeakSet[Generator[Any, None, None]] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_open() -> None:
+    """Close what a script has left half done, while its modules and the device still exist."""
+    for left in list(_open):
+        with contextlib.suppress(ValueError):  # another thread is in it
+            left.close()
+
+
+def _closed_at_exit(
+    function: Callable[P, Generator[T, None, None]],
+) -> Callable[P, Generator[T, None, None]]:
+    """Close the function's generators at the end of the program, where the caller did not."""
+
+    @functools.wraps(function)
+    def opened(*args: P.args, **kwargs: P.kwargs) -> Generator[T, None, None]:
+        generator = function(*args, **kwargs)
+        _open.add(generator)
+        return generator
+
+    return opened
+
+
+@_closed_at_exit
 def simulate(
     scene: Scene, *, arch: str | None = None, threads: int | None = None
-) -> Iterator[Snapshot]:
+) -> Generator[Snapshot, None, None]:
     """Step through `scene`, yielding a snapshot every `output.snapshot_interval`.
 
     Raises:
@@ -78,6 +110,7 @@ def simulate(
         _raise_on_failure([run])
 
 
+@_closed_at_exit
 def simulate_many(
     scenes: Sequence[Scene],
     on_progress: ProgressCallback | None = None,

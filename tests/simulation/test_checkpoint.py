@@ -253,6 +253,29 @@ def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -
     assert (done.returncode, "has ended" in err) == (2, True)
 
 
+LEFT_HALF_DONE = """
+import sys
+import taichi_foam as tf
+long = tf.load_scene("scene.toml")
+scenes = [long.with_values(numerics__end=1e-3), long]
+runs = tf.simulate_many(scenes, checkpoint="many")
+assert next(runs)[0] == 0
+snapshots = tf.simulate(long)
+next(snapshots)
+"""
+
+
+def test_a_script_that_ends_half_way_keeps_what_it_has_computed(tmp_path: Path) -> None:
+    """Its generators are closed before modules are taken away: no traceback, all is saved."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    done = subprocess.run(
+        [sys.executable, "-c", LEFT_HALF_DONE], cwd=tmp_path, env=ENVIRONMENT,
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert (done.returncode, "ignored" in done.stderr) == (0, False), done.stderr
+    assert len(list((tmp_path / "many").rglob(CHECKPOINT))) == 2
+
+
 def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     scene = cut_off(folder)
