@@ -33,7 +33,7 @@ class Quantity:
     part    name of that attribute; empty: `of` returns the figure itself
     per     reference value that the figure is divided by [SI]
     label   label for display; empty: not displayed
-    name    short label, a word or two
+    name    short label, a word or two, shown beside the unit
     unit    unit for display
     digits  decimals shown in that unit
     tables  tables that show it: "run" in the terminal, "page", and "cell" of a notebook
@@ -131,7 +131,7 @@ CREST = measure(
     "peak deceleration (CFC 180)", "peak", "m/s²", 1, _ALL, 4, "deceleration")
 CREST_G = measure(
     "peak_deceleration_cfc180_g", loads.filtered_peak_deceleration,
-    "peak deceleration (CFC 180)", "peak in g", "g", 1, _ALL, 5, "deceleration", _G)
+    "peak deceleration (CFC 180)", "peak", "g", 1, _ALL, 5, "deceleration", _G)
 CREST_TIME = measure(
     "peak_deceleration_cfc180_time_s", loads.filtered_peak_deceleration,
     "time of peak deceleration (CFC 180)", "time of the peak", "ms", 2, "run page", 6, "time")
@@ -140,7 +140,7 @@ RAW_CREST = measure(
     "peak deceleration, raw", "raw peak", "m/s²", 1, _ALL, 7, "deceleration")
 RAW_CREST_G = measure(
     "peak_deceleration_g", loads.peak_deceleration,
-    "peak deceleration, raw", "raw peak in g", "g", 1, _ALL, 8, "deceleration", _G)
+    "peak deceleration, raw", "raw peak", "g", 1, _ALL, 8, "deceleration", _G)
 measure(
     "peak_deceleration_time_s", loads.peak_deceleration,
     "time of peak deceleration, raw", "time of the raw peak", "ms", 2, part="time")

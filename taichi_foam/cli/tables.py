@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from taichi_foam.picture import document
 
 _OF_DROPS = {
-    q.CREST_G: "peak in g\nCFC 180",
+    q.CREST_G: "peak g\nCFC 180",
     q.RAW_CREST_G: "raw",
     q.STRAIN: "strain\n%",
     q.RESTITUTION: "restitution",

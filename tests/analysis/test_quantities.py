@@ -23,7 +23,7 @@ ALL = [each for each in MEASURES.values() if each.label]
 def test_every_figure_is_a_measure_of_a_run(make_result) -> None:
     assert {quantity.key for quantity in ALL} <= summary(make_result()).keys()
     assert len({quantity.key for quantity in ALL}) == len(ALL)
-    assert len({quantity.name for quantity in ALL}) == len(ALL)
+    assert len({(quantity.name, quantity.unit) for quantity in ALL}) == len(ALL)  # shown together
 
 
 def test_a_measure_of_ones_own_follows(make_result, monkeypatch: pytest.MonkeyPatch) -> None:

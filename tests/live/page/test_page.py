@@ -461,7 +461,7 @@ def test_a_point_of_the_cushion_chart_is_watched(browser: Chrome, tmp_path: Path
         page.until(lambda: page.text("#state") == "ended")
         raw = (
             "[...document.querySelectorAll('#figures tr')].find((tr) =>"
-            " tr.textContent.startsWith('raw peak in g')).children[1].textContent"
+            " tr.textContent.startsWith('raw peak g')).children[1].textContent"
         )
         page.until(lambda: page.ask(raw) == f"{peak:.1f}")  # figures come after the last picture
         page.until(lambda: "cushion" in page.text("#list tbody tr:first-child td:nth-child(2)"))
