@@ -15,6 +15,7 @@ from taichi_foam.live.screen import Screen
 from taichi_foam.live.session import PACE, Outcome, Session
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
+from taichi_foam.simulation.simulate import check_scenes
 
 #: Pictures per second: notebooks keep up with this rate even over a slow connection.
 FPS = 15
@@ -47,9 +48,10 @@ def watch(
         The result of the last drop; its `ending` says whether it was cut short.
 
     Raises:
-        UserError: no display, or the arch is not available.
+        UserError: no scene, no display, or the arch is not available.
         RunError: the drop failed, with the data so far in `results`; or it gave no result.
     """
+    check_scenes([scene])
     kept: list[Result] = []
 
     def keep(outcome: Outcome) -> None:

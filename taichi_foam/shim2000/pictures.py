@@ -248,11 +248,12 @@ def _law(folder: Path, case: Case) -> Picture:
 def _deceleration(case: Case) -> Deceleration:
     history = from_contact(case.result)
     start = FLAT_RISE_S
-    if case.scene.impactor is not None and case.scene.impactor.nose_depth > 0:
+    nose = case.scene.impactor.nose_depth if case.scene.impactor is not None else 0.0
+    if nose > 0:
         depth = history["displacement_m"]
         sinking = slice(0, int(np.argmax(depth)) + 1)
-        time = history["time_s"][sinking]
-        start = float(np.interp(NOSE_RISE_LIMIT_M, depth[sinking], time))
+        immersed = min(nose, NOSE_RISE_LIMIT_M)
+        start = float(np.interp(immersed, depth[sinking], history["time_s"][sinking]))
     time, deceleration, band = history["time_s"], history["deceleration_smoothed_m_s2"], None
     if case.members:
         found = band_of_curves([(member.time, member.deceleration) for member in case.members])

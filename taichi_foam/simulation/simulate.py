@@ -64,6 +64,19 @@ def init(arch: str | None = None, threads: int | None = None) -> None:
     runtime.start(arch, threads)
 
 
+def check_scenes(scenes: object) -> None:
+    """Raise UserError unless `scenes` is a sequence of scenes."""
+    if not isinstance(scenes, Sequence) or isinstance(scenes, str):
+        raise UserError(f"scenes: must be a list of scenes, not {type(scenes).__name__}")
+    for each in scenes:
+        if isinstance(each, Scene):
+            continue
+        if isinstance(each, str | Path):
+            found = str(each)
+            raise UserError(f"scene = {found!r}: must be a Scene. Fix: tf.load_scene({found!r})")
+        raise UserError(f"scene: must be a Scene, not {type(each).__name__}")
+
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -102,6 +115,7 @@ def simulate(
         UserError: as `init`.
         RunError: the run diverged, or too many pieces touch in one place.
     """
+    check_scenes([scene])
     init(arch, threads)
     for (run,) in batches.advance_all([scene], Wall()):
         assert isinstance(run.snapshots, list)
@@ -142,6 +156,7 @@ def simulate_many(
     Raises:
         UserError: as `run`.
     """
+    check_scenes(scenes)
     init(arch, threads)
     if after and len(after) != len(scenes):
         raise UserError(f"after: {len(after)} earlier runs for {len(scenes)} scenes; give one each")
@@ -189,6 +204,7 @@ def run(
         UserError: as `init`, a checkpoint cannot be continued, or the run cannot follow `after`.
         RunError: as `simulate`; its `results` hold what came before.
     """
+    check_scenes([scene])
     begun = _after(scene, after)
     with _claimed(checkpoint, lambda: request_of(scene, begun and begun.told)) as claim:
         init(arch, threads)
@@ -325,6 +341,7 @@ def run_many(
             place; unfinished ones have the ending INTERRUPTED.
         RunError: as `run`, once all others have ended; its `results` hold everything.
     """
+    check_scenes(scenes)
     with _claimed(checkpoint, lambda: _requests_of(scenes)) as claim:
         init(arch, threads)
         kept = _numbered(claim, len(scenes), every)

@@ -27,6 +27,27 @@ def test_all_that_compute_take_arch_and_threads_alike(call) -> None:
         assert found[name].kind is inspect.Parameter.KEYWORD_ONLY
 
 
+@pytest.mark.parametrize(
+    "call",
+    [tf.run, lambda found: next(tf.simulate(found)), tf.watch, lambda found: tf.run_many([found])],
+)
+def test_what_is_no_scene_is_refused(call) -> None:
+    for found in ("paper/wedge-2.86", Path("paper/wedge-2.86")):
+        with pytest.raises(
+            tf.UserError, match=r"'paper/wedge-2.86': .* Fix: tf.load_scene\('paper"
+        ):
+            call(found)
+    with pytest.raises(tf.UserError, match="must be a Scene, not dict"):
+        call({"impactor": {"shape": "wedge"}})
+
+
+def test_one_scene_is_no_list_of_scenes(scene: tf.Scene) -> None:
+    for many in (tf.run_many, lambda found: next(tf.simulate_many(found))):
+        for found in (scene, "paper/wedge-2.86", (each for each in [scene])):
+            with pytest.raises(tf.UserError, match="must be a list of scenes, not "):
+                many(found)
+
+
 def test_what_runs_already_is_kept_and_another_is_refused(scene: tf.Scene) -> None:
     tf.init()
     here = runtime.settings()

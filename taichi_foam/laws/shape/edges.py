@@ -125,7 +125,7 @@ def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
 def _is_rounded(impactor: Impactor) -> bool:
     """Whether a body slides and turns, and its distance follows from its corners."""
     cornered = impactor.distance in (Impactor.distance, Edged.distance)
-    return cornered and not impactor.is_circle and not impactor.guided
+    return cornered and not impactor.guided and not impactor.is_circle
 
 
 def radii(outline: np.ndarray, reach: float) -> np.ndarray:
