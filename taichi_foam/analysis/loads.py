@@ -26,6 +26,7 @@ from taichi_foam.analysis.impact import (
     is_flat,
 )
 from taichi_foam.records.record import Record
+from taichi_foam.scene import Impactor
 from taichi_foam.scene.motion import width_under
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -124,6 +125,11 @@ def _largest(record: Record, deceleration: Array, is_raw: bool) -> Peak | None:
     return Peak(float(deceleration[top]), max(float(at[top]) - touch.contact, 0.0))
 
 
+def rise_depth(impactor: Impactor) -> float:
+    """Displacement from contact at which the initial rise is over [m]; 0 for a flat face."""
+    return min(impactor.nose_depth, NOSE_RISE_LIMIT_M)
+
+
 def plateau(record: Record) -> float | None:
     """Time average of the raw deceleration over the plateau (m/s2).
 
@@ -154,7 +160,7 @@ def _plateau(record: Record) -> float | str | None:
     if is_flat(found.impactor):
         start = found.contact + FLAT_RISE_S
     else:
-        depth = found.depth_0 + min(found.impactor.nose_depth, NOSE_RISE_LIMIT_M)
+        depth = found.depth_0 + rise_depth(found.impactor)
         sinking = slice(0, found.stop_row)  # d increases up to the last row before the stop
         if d[sinking][-1] < depth:
             return "the nose did not sink in deep enough"

@@ -14,7 +14,7 @@ from PIL import Image
 
 from taichi_foam.analysis.bands import band_of_curves
 from taichi_foam.analysis.impact import impact
-from taichi_foam.analysis.loads import FLAT_RISE_S, NOSE_RISE_LIMIT_M, absorption_curve
+from taichi_foam.analysis.loads import FLAT_RISE_S, absorption_curve, rise_depth
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, SLOPE
 from taichi_foam.catalogue import title
 from taichi_foam.picture import figures, films, style
@@ -248,12 +248,11 @@ def _law(folder: Path, case: Case) -> Picture:
 def _deceleration(case: Case) -> Deceleration:
     history = from_contact(case.result)
     start = FLAT_RISE_S
-    nose = case.scene.impactor.nose_depth if case.scene.impactor is not None else 0.0
-    if nose > 0:
+    rise = rise_depth(case.scene.impactor) if case.scene.impactor is not None else 0.0
+    if rise > 0:
         depth = history["displacement_m"]
         sinking = slice(0, int(np.argmax(depth)) + 1)
-        immersed = min(nose, NOSE_RISE_LIMIT_M)
-        start = float(np.interp(immersed, depth[sinking], history["time_s"][sinking]))
+        start = float(np.interp(rise, depth[sinking], history["time_s"][sinking]))
     time, deceleration, band = history["time_s"], history["deceleration_smoothed_m_s2"], None
     if case.members:
         found = band_of_curves([(member.time, member.deceleration) for member in case.members])

@@ -254,7 +254,6 @@ def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -
 
 
 LEFT_HALF_DONE = """
-import sys
 import taichi_foam as tf
 long = tf.load_scene("scene.toml")
 scenes = [long.with_values(numerics__end=1e-3), long]
