@@ -14,7 +14,7 @@ from taichi_foam.calibration.posterior import DISCREPANCY, RULED_OUT
 from taichi_foam.calibration.runs import joined
 from taichi_foam.formulas.traces import channel
 from taichi_foam.picture import document, style
-from taichi_foam.results.files import write_csv, write_json
+from taichi_foam.results.files import write_csv, write_json, write_rows
 
 REPORT, TABLE, WHOLE, RUNS = "report.html", "calibration.csv", "calibration.json", "runs.csv"
 FIGURES = "figures"
@@ -22,14 +22,12 @@ FIGURES = "figures"
 
 def write_folder(found: Calibration, folder: Path) -> None:
     """Write all files of a calibration into a folder. Raises UserError, OSError."""
-    rows = found.table
-    write_csv(folder / TABLE, {key: [row[key] for row in rows] for key in rows[0]})
+    write_rows(folder / TABLE, found.table)
     write_csv(folder / RUNS, _runs_table(found))
     write_json(folder / WHOLE, content(found))
     (folder / FIGURES).mkdir()
     for name, figure in _figures(found).items():
-        for suffix in (".png", ".svg", ".pdf"):
-            style.save(figure, folder / FIGURES / f"{name}{suffix}")
+        style.save_all(figure, folder / FIGURES / name)
     write(found, folder / REPORT)
 
 

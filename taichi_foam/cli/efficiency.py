@@ -73,21 +73,19 @@ def _jobs(found: Efficiency, units: str) -> list[Job]:
     """What is written: data, the figure, and the report."""
 
     def data(folder: Path, on_piece: Callable[[], None]) -> None:
-        from taichi_foam.results.files import whole_file, write_csv
+        from taichi_foam.results.files import whole_file, write_csv, write_rows
 
-        rows = found.table
-        landmarks = {key: [row[key] for row in rows] for key in rows[0]}
-        for name, columns in zip(_DATA, (found.curves, landmarks), strict=True):
-            with whole_file(folder / name) as partial:
-                write_csv(partial, columns)
+        with whole_file(folder / _DATA[0]) as partial:
+            write_csv(partial, found.curves)
+        with whole_file(folder / _DATA[1]) as partial:
+            write_rows(partial, found.table)
         on_piece()
 
     def figure(folder: Path, on_piece: Callable[[], None]) -> None:
         from taichi_foam.picture import style
 
         drawn = found.plot(units)
-        for name in _FIGURES:
-            style.save(drawn, folder / name)
+        style.save_all(drawn, folder / Path(_FIGURES[0]).stem)
         on_piece()
 
     def report(folder: Path, on_piece: Callable[[], None]) -> None:

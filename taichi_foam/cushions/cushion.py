@@ -43,7 +43,7 @@ from taichi_foam.formulas import energy
 from taichi_foam.formulas.traces import CHANNEL_CLASSES, channel, filtered
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.picture import style
-from taichi_foam.results.files import file_name, write_csv
+from taichi_foam.results.files import file_name, write_rows
 from taichi_foam.results.folders import claimed
 from taichi_foam.scene import Scene
 from taichi_foam.scene.paths import NOTHING, at
@@ -474,17 +474,15 @@ def write(found: CushionCurve, folder: Path, units: str) -> None:
         "velocity": "velocity_m_s", "peak": "peak_g", "strain": "strain", "bottomed": "bottomed",
         "failure": "failure",
     }  # fmt: skip
-    rows = {
+    tables = {
         "cushion.csv": found.table,
         "minima.csv": found.minima,
         "drops.csv": [{names[key]: drop[key] for key in names} for drop in drops],
     }
-    for name, table in rows.items():
-        write_csv(folder / name, {key: [row[key] for row in table] for key in table[0]})
+    for name, rows in tables.items():
+        write_rows(folder / name, rows)
     drawn = cushion_chart.chart(found, units)
-    for ending in ("png", "svg", "pdf"):
-        style.save(drawn, folder / f"cushion.{ending}")
-        drawn.set_layout_engine("none")  # once is enough: the layout is half of a drawing
+    style.save_all(drawn, folder / "cushion")
     cushion_chart.report(found, folder / "report.html", units, drawn)
 
 

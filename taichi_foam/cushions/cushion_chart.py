@@ -11,14 +11,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from taichi_foam.analysis.measures import assumed_of
 from taichi_foam.cushions.cushion import WITHIN, Curve, CushionCurve
 from taichi_foam.cushions.shown import Units, units_named
 from taichi_foam.formulas.energy import USUAL_PEAK
 from taichi_foam.picture.document import Section, Table, write
-from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank
+from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank, plain_log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,9 +153,7 @@ def _draw(
     _label(axis, family, by, system)
     axis.set_xlabel(f"static stress ({system.unit('stress')})")
     axis.set_ylabel(f"peak deceleration G (g, {found.filter})")
-    axis.xaxis.set_major_locator(LogLocator(subs=_subs(right / left), numticks=30))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    plain_log(axis.xaxis, _subs(right / left))
 
 
 def _draw_curve(

@@ -275,8 +275,7 @@ def _write(found: Design, folder: Path) -> None:
     if found.tried:
         write_csv(folder / RUNS, _members(found.tried))
     for name, figure in design_figures.all_of(found).items():
-        for ending in ("png", "svg", "pdf"):
-            style.save(figure, folder / f"{name}.{ending}")
+        style.save_all(figure, folder / name)
     design_report.write(found, folder / REPORT)
 
 

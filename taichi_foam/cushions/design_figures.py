@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from taichi_foam.cushions import sizing
@@ -25,6 +24,7 @@ from taichi_foam.picture.style import (
     STYLE,
     VERMILION,
     blank,
+    plain_log,
 )
 
 if TYPE_CHECKING:
@@ -210,7 +210,4 @@ def _listed(names: Sequence[str]) -> str:
 def _label_log(axis: Axes, low: float, high: float) -> None:
     """Plain numbers on a logarithmic axis across."""
     axis.set_xlim(low, high)
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=30))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.xaxis.set_minor_locator(NullLocator())
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    plain_log(axis.xaxis)

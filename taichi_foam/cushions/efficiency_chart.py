@@ -10,11 +10,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from taichi_foam.cushions.shown import Units
-from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank
+from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank, plain_log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,11 +134,11 @@ def _over_stress(
     (left, low), (right, high) = np.min(shoulders, axis=0), np.max(shoulders, axis=0)
     axis.set_xscale("log")
     axis.set_xlim(0.2 * left, 5.0 * right)
-    _decades(axis.xaxis)
+    plain_log(axis.xaxis)
     if key == "energy":
         axis.set_yscale("log")
         axis.set_ylim(0.02 * low, 4.0 * high)
-        _decades(axis.yaxis)
+        plain_log(axis.yaxis)
     else:
         axis.set_ylim(bottom=0)
     axis.set_xlabel(f"compressive stress σ ({units.unit('stress')})")
@@ -168,13 +167,6 @@ def _envelope(diagram: Axes, best: Axes, envelope: Envelope, units: Units) -> No
         "grey: the least stress\nat each energy", (0.97, 0.04), xycoords="axes fraction",
         ha="right", va="bottom", color=INK, fontsize=12, path_effects=HALO,
     )  # fmt: skip
-
-
-def _decades(side: object) -> None:
-    """Plain numbers at 1, 2 and 5 of each decade."""
-    side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # type: ignore[attr-defined]
-    side.set_major_formatter("{x:g}")  # type: ignore[attr-defined]
-    side.set_minor_locator(NullLocator())  # type: ignore[attr-defined]
 
 
 def _landmarks(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.analysis.impact import first_contact
@@ -31,6 +31,7 @@ from taichi_foam.picture.style import (
     VERMILION,
     beside,
     blank,
+    plain_log,
     spread,
 )
 from taichi_foam.records.history import COLUMNS, LEDGER
@@ -352,9 +353,7 @@ def compression_test(
         scale, prefix = si_scale(largest)
         middle.set_yscale("log")
         middle.set_ylim(_DECADES[0] * marks.plateau_stress / scale, _DECADES[1] * largest / scale)
-        middle.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        middle.yaxis.set_major_formatter("{x:g}")
-        middle.yaxis.set_minor_locator(NullLocator())
+        plain_log(middle.yaxis)
         _stresses(middle, strain, stress, loading, foam, fit, scale)
         middle.set_ylabel(f"the whole test, logarithmic ({prefix}Pa)", labelpad=7)
         _efficiency(right, foam)

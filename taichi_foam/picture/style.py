@@ -11,12 +11,14 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator, NullLocator
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, GREY = (
     "#0072B2", "#D55E00", "#009E73", "#AA4A8A", "#56B4E9", "#E69F00", "#8C8C8C",
@@ -108,6 +110,20 @@ def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STY
             "check the folder, its permissions and the free space"
         ) from error
     return written
+
+
+def save_all(figure: Figure, stem: Path) -> None:
+    """Write the figure as `STEM.png`, `.svg` and `.pdf`. Raises UserError: see `save`."""
+    for ending in _DATELESS:
+        save(figure, stem.with_name(stem.name + ending))
+        figure.set_layout_engine("none")  # once is enough: the layout is half of a drawing
+
+
+def plain_log(side: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Plain numbers at `subs` of each decade of a logarithmic axis."""
+    side.set_major_locator(LogLocator(subs=subs, numticks=30))
+    side.set_major_formatter("{x:g}")
+    side.set_minor_locator(NullLocator())
 
 
 def spread(wanted: Sequence[float], apart: float) -> list[float]:

@@ -9,7 +9,7 @@ import math
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,11 @@ def write_csv(path: Path, columns: Mapping[str, Iterable[Any]]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(zip(*columns.values(), strict=True))
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows that have the same keys as a CSV. Raises OSError."""
+    write_csv(path, {key: [row[key] for row in rows] for key in rows[0]})
 
 
 def plain(value: Any, digits: int | None = None) -> Any:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib import ticker
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -19,7 +18,7 @@ from taichi_foam.analysis.bands import band
 from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
 from taichi_foam.parts import unit_of
-from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, spread
+from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, plain_log, spread
 from taichi_foam.scene import Scene
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.plan import Plan
@@ -304,9 +303,7 @@ def _scale(axis: Axes, which: str, given: _Axis) -> None:
     own = getattr(axis, f"{which}axis")
     if given.is_log:
         getattr(axis, f"set_{which}scale")("log")
-        own.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-        own.set_minor_formatter(ticker.NullFormatter())
-        own.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+        plain_log(own)
     if not given.is_numeric or (len(given.places) <= _MOST_TICKS and not given.is_drawn):
         own.set_ticks(list(given.places.values()), list(given.names.values()), minor=False)
 
