@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from command_line import COARSE_OPTIONS, ENVIRONMENT, call
+from command_line import COARSE_OPTIONS, ENVIRONMENT, assert_refused, call
 
 from taichi_foam import Result
 from taichi_foam.analysis import measures
@@ -54,8 +54,9 @@ def process(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
         each.communicate()
 
 
-def wait_for(path: Path, process: subprocess.Popen) -> None:
-    while not path.exists():
+def wait_for(folder: Path, name: str, process: subprocess.Popen) -> None:
+    """Until a process has made a file in a folder, whose name may have wildcards."""
+    while not any(folder.glob(name)):
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.01)
 
@@ -74,7 +75,7 @@ def test_a_signal_keeps_what_there_is(
 ) -> None:
     """However soon the next one comes: what follows the first is saving."""
     running = process(*LONG, "--out", "cut", "--checkpoint", "0.1")
-    wait_for(tmp_path / "cut" / UNFINISHED / CHECKPOINT, running)
+    wait_for(tmp_path / "cut", f"{UNFINISHED}/{CHECKPOINT}", running)
     for number in signals:
         running.send_signal(number)
         time.sleep(0.05)
@@ -88,22 +89,29 @@ def test_a_signal_keeps_what_there_is(
     assert set(os.listdir(tmp_path / "cut")) == (DATA - {"state.npz"}) | {UNFINISHED}
 
 
-def test_the_same_command_goes_on_after_a_kill(tmp_path: Path, process: Callable) -> None:
-    """Killed while it computes, and killed while it draws.
+def test_resume_and_the_same_command_go_on_after_a_kill(
+    tmp_path: Path, process: Callable, invoke: Callable
+) -> None:
+    """Killed while it computes; continued on another number of threads, and killed while it draws.
 
     The unbroken one comes first: it leaves its kernels to those that are killed.
     """
-    command = [*SHORT, "--dt", "1e-6", "--frames", "--checkpoint", "0.02", "--out"]
+    every = ("--checkpoint", "0.02", "--threads")
+    command = [*SHORT, "--dt", "1e-6", "--frames", *every, "2", "--out"]
 
     def finish(out: str) -> None:
         done = call("-m", "taichi_foam", *command, out, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
 
     finish("whole")
-    for sign in (f"{UNFINISHED}/{CHECKPOINT}", f"frames/{UNFINISHED}"):
-        running = process(*command, "cut")
-        wait_for(tmp_path / "cut" / sign, running)
+    for arguments, sign in (
+        ([*command, "cut"], f"{UNFINISHED}/{CHECKPOINT}"),
+        (["resume", "cut", *every, "1"], ".film.*.partial.*"),
+    ):
+        running = process(*arguments)
+        wait_for(tmp_path / "cut", sign, running)
         running.kill()
+        assert running.wait() == -signal.SIGKILL
         running.communicate()
         assert (tmp_path / "cut" / UNFINISHED / CHECKPOINT).exists()
     finish("cut")
@@ -115,6 +123,7 @@ def test_the_same_command_goes_on_after_a_kill(tmp_path: Path, process: Callable
     assert Manifest.read(cut).changed(cut) == []
     resumed = json.loads((cut / "summary.json").read_text())["run"]["resumed"]
     assert resumed == 1  # what was drawn had been computed
+    assert_refused(invoke("resume", "cut"), "has ended")
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bench import bench, small_scene
+from typer.testing import CliRunner
 
 import taichi_foam
+from taichi_foam.cli import app
 from taichi_foam.engine import cpu, transfer
 from taichi_foam.engine.state import State
 from taichi_foam.errors import Interrupted, UserError
@@ -187,86 +187,22 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
         run(impact(), checkpoint=tmp_path / "new", every=0.0)
 
 
-# The command line
-
-
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
-SCENE = """
-name = "cut off"
-[block]
-width = 0.05
-height = 0.1
-columns = 10
-rows = 20
-[impactor]
-shape = "wedge"
-angle_deg = 60
-shank_width = 0.02
-mass = 0.1
-velocity = 15.0
-[numerics]
-end = 0.01
-dt = 2e-7
-[output]
-film = false
-"""
 
-
-def start(folder: Path, *arguments: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "taichi_foam", *arguments],
-        cwd=folder, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-
-
-def finish(process: subprocess.Popen) -> str:
-    out, err = process.communicate(timeout=300)
-    assert process.returncode == 0, err
-    return out
-
-
-def test_a_killed_run_ends_with_the_history_of_an_unbroken_one(tmp_path: Path) -> None:
-    """Killed twice, by a signal that nobody can hear; continued on another number of threads.
-
-    The unbroken one comes first: it leaves its kernels to the others, who end without doing so.
-    """
-    (tmp_path / "scene.toml").write_text(SCENE)
-    finish(start(tmp_path, "run", "scene.toml", "--out", "whole"))
-    run_cut = ("run", "scene.toml", "--out", "cut", "--checkpoint", "0.05", "--threads", "2")
-    for arguments in (run_cut, ("resume", "cut", "--checkpoint", "0.05", "--threads", "1")):
-        process = start(tmp_path, *arguments)
-        file = tmp_path / "cut" / UNFINISHED / CHECKPOINT
-        before = file.stat().st_mtime_ns if file.is_file() else 0
-        while process.poll() is None:
-            if file.is_file() and file.stat().st_mtime_ns != before:
-                break
-            time.sleep(0.005)
-        process.kill()
-        assert process.wait() == -signal.SIGKILL
-        process.communicate()
-    finish(start(tmp_path, "resume", "cut", "--threads", "2"))
-    cut, whole = tmp_path / "cut", tmp_path / "whole"
-    assert (cut / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
-    assert sorted(os.listdir(cut)) == sorted(os.listdir(whole))
-    done = start(tmp_path, "resume", "cut")
-    _, err = done.communicate(timeout=60)
-    assert (done.returncode, "has ended" in err) == (2, True)
-
-
+# foam and sizes whose kernels come with the package: one drop first, then a batch
 LEFT_HALF_DONE = """
 import taichi_foam as tf
-long = tf.load_scene("scene.toml")
+long = tf.load_scene("paper/wedge-2.86", overrides=["block.columns=20", "block.rows=10"])
+snapshots = tf.simulate(long)
+next(snapshots)
 scenes = [long.with_values(numerics__end=1e-3), long]
 runs = tf.simulate_many(scenes, checkpoint="many")
 assert next(runs)[0] == 0
-snapshots = tf.simulate(long)
-next(snapshots)
 """
 
 
 def test_a_script_that_ends_half_way_keeps_what_it_has_computed(tmp_path: Path) -> None:
     """Its generators are closed before modules are taken away: no traceback, all is saved."""
-    (tmp_path / "scene.toml").write_text(SCENE)
     done = subprocess.run(
         [sys.executable, "-c", LEFT_HALF_DONE], cwd=tmp_path, env=ENVIRONMENT,
         capture_output=True, text=True, timeout=300, check=False,
@@ -279,7 +215,8 @@ def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     scene = cut_off(folder)
     (folder / "notes.txt").write_text("mine")
-    finish(start(tmp_path, "resume", "run"))
+    done = CliRunner().invoke(app._app, ["resume", str(folder)])
+    assert done.exit_code == 0, done.output
     assert (folder / "notes.txt").read_text() == "mine"
     assert not (folder / UNFINISHED).exists()
     assert_same(Result.load(folder), run(scene))
