@@ -8,14 +8,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from processes import PATIENCE, until
+from sessions import ENDLESS, drop_of
 
-from taichi_foam import load_scene
 from taichi_foam.live import session as session_module
 from taichi_foam.live.messages import (
     Died,
@@ -28,47 +29,19 @@ from taichi_foam.live.messages import (
     Step,
 )
 from taichi_foam.live.session import Session
-from taichi_foam.records.ending import Ending
 from taichi_foam.records.history import row_columns
-from taichi_foam.scene import Scene
 from taichi_foam.simulation.simulate import run
 
 ROW = row_columns(turns=False)
-PATIENCE = 120.0  # a busy machine that compiles [s]
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
-def drop_of(end: float, *overrides: str) -> Scene:
-    """A wedge's impact on 50 mass points, `end` [s] long: some 65,000 steps in a second."""
-    coarse = ("block.columns=10", "block.rows=5", f"numerics.end={end}")
-    return load_scene("paper/wedge-2.86", overrides=[*coarse, *overrides])
-
-
-ENDLESS = drop_of(10.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _kernels() -> None:
-    """Compiled by a worker that leaves: many of these tests kill theirs, which leave none."""
-    with Session(ENDLESS) as session:
-        look(session)
-
-
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Session]:
-    with Session(ENDLESS) as session:
-        yield session
-
-
 @pytest.fixture
-def session(shared: Session) -> Session:
-    """The one session of these tests, with nothing left to tell; its pace leaves others time."""
-    look(shared)
-    shared.tell(Pace(0.05))
-    shared.drop(ENDLESS)
-    look(shared)
-    return shared
+def session(session: Session) -> Session:
+    """It has begun, with nothing left to tell."""
+    look(session)
+    return session
 
 
 def ask(session: Session) -> None:
@@ -80,20 +53,17 @@ def ask(session: Session) -> None:
 
 def wait_for(session: Session, is_it: Callable[[Any], bool]) -> Any:
     """The first event that `is_it`, asking for frames."""
-    until = time.monotonic() + PATIENCE
-    while time.monotonic() < until:
+
+    def found() -> Any:
         ask(session)
-        for event in session.poll(0.05):
-            if is_it(event):
-                return event
-    raise AssertionError("it did not come")
+        return next((event for event in session.poll(0.05) if is_it(event)), None)
+
+    return until(found, "it did not come")
 
 
 def look(session: Session) -> Frame:
     """A frame of now, not one that was asked for earlier."""
-    until = time.monotonic() + PATIENCE
-    while session._is_asked and time.monotonic() < until:
-        session.poll(0.05)
+    until(lambda: not session._is_asked, "no frame came", turn=session.poll)
     return wait_for(session, lambda event: isinstance(event, Frame))
 
 
@@ -114,10 +84,8 @@ def cpu_seconds(pid: int) -> float:
 
 def wait_to_take(pid: int, seconds: float) -> None:
     """Until a process has taken so much more processor time [s]."""
-    goal, until = cpu_seconds(pid) + seconds, time.monotonic() + PATIENCE
-    while cpu_seconds(pid) < goal:
-        assert time.monotonic() < until, "it does not go on"
-        time.sleep(0.02)
+    goal = cpu_seconds(pid) + seconds
+    until(lambda: cpu_seconds(pid) >= goal, "it does not go on")
 
 
 def test_frames_come_when_asked_for(session: Session) -> None:
@@ -184,8 +152,7 @@ def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
     session.tell(Step(30e-3))
     session.tell(Step(30e-3))
     start = frame.snapshot.time
-    until = time.monotonic() + PATIENCE
-    while not session.settled and time.monotonic() < until:
+    while not session.settled:
         frame = look(session)
     assert frame.paused
     assert abs(frame.snapshot.time - start - 60e-3) < 2e-5
@@ -263,16 +230,6 @@ def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
     np.testing.assert_array_equal(session.rows[:, ROW.index("clock.time")], whole.history["time_s"])
 
 
-def test_a_failed_run_says_why(session: Session) -> None:
-    """With six times the step that is stable."""
-    session.drop(drop_of(0.01, "numerics.dt=1e-4"))
-    failed = wait_for(session, lambda event: isinstance(event, Ended))
-    assert "diverged" in failed.failure
-    assert failed.result.run["ended_by"] == Ending.DIVERGED
-    assert session.result is failed.result
-    assert session.alive
-
-
 @on_linux
 def test_a_viewer_that_takes_nothing_holds_nothing_up(session: Session) -> None:
     """Frames with thousands of rows do not fit into the pipe.
@@ -298,44 +255,21 @@ def test_an_absent_device_is_refused() -> None:
         assert session.alive
 
 
-def test_a_worker_that_is_killed_is_told_of_once() -> None:
-    with Session(ENDLESS) as session:
-        os.kill(worker_of(session), signal.SIGKILL)
-        (died,) = session.poll(PATIENCE)
-        assert isinstance(died, Died)
-        assert "signal 9" in died.message
-        assert not session.alive
-        session.tell(Pause(True))
-        ask(session)
-        start = time.monotonic()
-        assert not session.finish()
-        assert time.monotonic() - start < 0.1 * PATIENCE  # nobody is there to wait for
-        assert session.poll(0.1) == []
-        session.drop(ENDLESS)  # by another one
-        assert (session.number, session.alive) == (2, True)
-    session.close()
-    assert session.poll(0.1) == []
-
-
 @on_linux
 def test_a_viewer_that_forgets_to_close_ends_with_its_worker(tmp_path: Path) -> None:
     """The worker heeds no polite signal, as which multiprocessing would wait for it for ever."""
     script = tmp_path / "forgetful.py"
     script.write_text(VIEWER.replace("time.sleep(600)", ""), encoding="utf-8")
-    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     done = subprocess.run(
         [sys.executable, str(script)],
-        env={**os.environ, "PYTHONPATH": path},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=True,
     )
-    pid = int(done.stdout)
-    until = time.monotonic() + PATIENCE
-    while Path(f"/proc/{pid}").exists():
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    gone = Path(f"/proc/{int(done.stdout)}")
+    until(lambda: not gone.exists(), "the worker goes on")
 
 
 @on_linux
@@ -347,6 +281,7 @@ def test_a_worker_that_does_not_leave_is_ended(monkeypatch: pytest.MonkeyPatch) 
     os.kill(pid, signal.SIGSTOP)
     session.close()
     assert not session.alive
+    assert session.poll(0.1) == []
     assert pid not in [each.pid for each in multiprocessing.active_children()]
 
 
@@ -354,7 +289,8 @@ def test_a_worker_that_does_not_leave_is_ended(monkeypatch: pytest.MonkeyPatch) 
 VIEWER = """
 import time
 from taichi_foam.live.session import Session
-from test_session import ENDLESS, look, worker_of
+from sessions import ENDLESS
+from test_session import look, worker_of
 session = Session(ENDLESS)
 session.drop(ENDLESS)
 look(session)
@@ -372,7 +308,7 @@ def test_a_viewer_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> Non
         stdout=subprocess.PIPE,
         text=True,
         cwd=Path(__file__).parents[2],
-        env={**os.environ, "PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[2]}"},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert viewer.stdout is not None
     pid = int(viewer.stdout.readline())
@@ -381,10 +317,7 @@ def test_a_viewer_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> Non
     assert "matplotlib" not in modules
     viewer.kill()
     viewer.wait()
-    until = time.monotonic() + PATIENCE
-    while Path(f"/proc/{pid}").exists() and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not Path(f"/proc/{pid}").exists()
+    until(lambda: not Path(f"/proc/{pid}").exists(), "the worker goes on")
 
 
 @pytest.mark.parametrize(
@@ -405,19 +338,19 @@ def test_a_drop_that_is_killed_goes_on_from_its_checkpoint_to_the_last_bit(tmp_p
     scene = drop_of(0.12, "output.snapshot_interval=5e-3")
     whole = run(scene)
 
-    def resumed(goes_on: bool = True) -> Session:
-        return Session(scene, pace=0.05, keeping=lambda _: Keeping(tmp_path, 0.05, goes_on))
-
-    with resumed() as first:
-        wait_for(first, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.03)
-        os.kill(worker_of(first), signal.SIGKILL)
-    with resumed() as second:
-        assert look(second).snapshot.time > 0.0
-        wait_for(second, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.06)
-        second.finish()  # as when a window is closed: what there is is kept, too
-    with resumed() as third:
-        third.tell(Pace(None))
-        result = wait_for(third, lambda event: isinstance(event, Ended)).result
+    goes_on = True
+    keeping = lambda _: Keeping(tmp_path, 0.05, goes_on)  # noqa: E731
+    with Session(scene, pace=0.05, keeping=keeping) as session:
+        wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.03)
+        os.kill(worker_of(session), signal.SIGKILL)
+        wait_for(session, lambda event: isinstance(event, Died))
+        session.drop(scene)
+        assert look(session).snapshot.time > 0.0
+        wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.06)
+        session.finish()  # as when a window is closed: what there is is kept, too
+        session.tell(Pace(None))
+        session.drop(scene)
+        result = wait_for(session, lambda event: isinstance(event, Ended)).result
         assert result.run["resumed"] == 2
         for name, column in whole.history.items():
             np.testing.assert_array_equal(result.history[name], column, err_msg=name)
@@ -425,6 +358,8 @@ def test_a_drop_that_is_killed_goes_on_from_its_checkpoint_to_the_last_bit(tmp_p
         for mine, other in zip(result.snapshots, whole.snapshots, strict=True):
             for name, value in vars(other).items():
                 np.testing.assert_array_equal(getattr(mine, name), value, err_msg=name)
-    # who drops again begins at the start
-    with resumed(goes_on=False) as fourth:
-        assert look(fourth).snapshot.time < 1e-3
+        # who drops again begins at the start
+        goes_on = False
+        session.tell(Pace(0.05))
+        session.drop(scene)
+        assert look(session).snapshot.time < 1e-3
