@@ -41,8 +41,14 @@ def peak_by_hand(area: float, mass: float, fall: float, thick: float) -> float:
     return before / static - 1.0
 
 
-def test_a_cushion_is_found_in_five_commands_at_most(invoke: Callable, tmp_path: Path) -> None:
-    """Every command that drops says the balance; it, and what is computed, are within 3 %."""
+def test_a_cushion_is_found_in_five_commands_at_most(
+    invoke: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every command that drops says the balance; it, and what is computed, are within 3 %.
+
+    In cells of 7.5 mm instead of 3 mm, which take a sixteenth of the time.
+    """
+    monkeypatch.setattr("taichi_foam.scene.block.CELLS_IN_HEIGHT", 8)
     points = "\n".join(f"{e},{s}" for e, s in zip(STRAIN, STRESS, strict=True))
     Path("EPS20.csv").write_text(f"strain [%],stress [kPa]\n{points}\n")
     Path("cushion.toml").write_text(blocks()["toml"])
