@@ -15,6 +15,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.simulation import simulate
 
 SCENE = """name = "pad"
+foam = "shim2000-pu"
 [block]
 width = 0.05
 height = 0.05
