@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import taichi_foam
+from processes import ENVIRONMENT
 
 Tree = dict[str, bytes | None]
 
@@ -21,10 +22,6 @@ COARSE = (
 COARSE_OPTIONS = [word for setting in COARSE for word in ("--set", setting)]
 
 
-#: The processes find the package that the tests import, from any folder.
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
-
-
 def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `python` with these arguments to its end."""
     return subprocess.run(
@@ -36,6 +33,12 @@ def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         timeout=240,
         check=False,
     )
+
+
+def fill_disk(path: Path) -> None:
+    """Write half of a file, then find the disk full."""
+    path.write_bytes(b"half")
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def tree(folder: Path) -> Tree:

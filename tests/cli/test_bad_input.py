@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from command_line import COARSE_OPTIONS, call, tree
+from command_line import COARSE_OPTIONS, assert_refused, call, fill_disk, tree
 
 from taichi_foam.results import result as result_module
 from taichi_foam.results.folders import output_folder
@@ -42,18 +41,15 @@ def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
     return invoke
 
 
-def assert_refused(result, fragment: str) -> None:
-    assert result.exit_code == 2, result.output
-    assert result.stdout == ""
+def assert_error(result, fragment: str) -> None:
+    assert_refused(result, fragment)
     assert result.stderr.startswith("error: ")
-    assert fragment in result.stderr
-    assert "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize("case", BAD_VALUES)
 def test_bad_value(case: str, ask: Callable, tmp_path: Path) -> None:
     assignment, fragment = BAD_VALUES[case]
-    assert_refused(ask("run", WEDGE, "--set", assignment), fragment)
+    assert_error(ask("run", WEDGE, "--set", assignment), fragment)
     assert tree(tmp_path) == {}
 
 
@@ -84,7 +80,7 @@ def test_a_platen_wider_than_the_block_is_no_mistake(ask: Callable) -> None:
     ],
 )
 def test_bad_argument(arguments: list[str], fragment: str, ask: Callable, tmp_path: Path) -> None:
-    assert_refused(ask(*arguments), fragment)
+    assert_error(ask(*arguments), fragment)
     assert tree(tmp_path) == {}
 
 
@@ -104,46 +100,37 @@ def test_a_mass_in_grams_is_asked_about_before_the_run(ask: Callable, tmp_path: 
 def test_malformed_toml(ask: Callable, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text("[block\nwidth = 0.2\n")
     before = tree(tmp_path)
-    assert_refused(ask("run", "scene.toml"), "scene.toml: not valid TOML")
+    assert_error(ask("run", "scene.toml"), "scene.toml: not valid TOML")
     assert tree(tmp_path) == before
+
+
+OUTPUT_FOLDERS = {
+    "below a file": (["--out", "note/result"], "is a file, not a folder"),
+    "a file": (["--out", "note", "--overwrite"], "note: is a file"),
+    "other content": (["--out", "kept"], "holds no result that could be replaced, only note"),
+    "other content, still": (
+        ["--out", "kept", "--overwrite"],
+        "holds no result that could be replaced, only note",
+    ),
+    "a result": (["--out", "old"], "pass --overwrite to replace the result"),
+    "the current folder": (["--out", ".", "--overwrite"], "holds no result"),
+}
 
 
 @pytest.mark.parametrize("command", [["run", WEDGE], ["reproduce", "--cases", "wedge-2.86"]])
 class TestOutputFolder:
-    def test_below_a_file(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
-        (tmp_path / "note").write_text("mine")
-        before = tree(tmp_path)
-        assert_refused(ask(*command, "--out", "note/result"), "is a file, not a folder")
-        assert tree(tmp_path) == before
-
-    def test_is_a_file(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
-        (tmp_path / "note").write_text("mine")
-        before = tree(tmp_path)
-        assert_refused(ask(*command, "--out", "note", "--overwrite"), "note: is a file")
-        assert tree(tmp_path) == before
-
-    def test_has_content(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("case", OUTPUT_FOLDERS)
+    def test_is_taken(self, case: str, command: list[str], ask: Callable, tmp_path: Path) -> None:
+        options, fragment = OUTPUT_FOLDERS[case]
         (tmp_path / "kept").mkdir()
-        (tmp_path / "kept" / "note").write_text("mine")
-        before = tree(tmp_path)
-        for overwrite in ([], ["--overwrite"]):
-            result = ask(*command, "--out", "kept", *overwrite)
-            assert_refused(result, "holds no result that could be replaced, only note")
-        assert tree(tmp_path) == before
-
-    def test_has_a_result(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
-        with output_folder(tmp_path / "kept") as staging:
+        for note in ("note", "kept/note"):
+            (tmp_path / note).write_text("mine")
+        with output_folder(tmp_path / "old") as staging:
             (staging / "summary.json").write_text("{}")
         before = tree(tmp_path)
-        result = ask(*command, "--out", "kept")
-        assert_refused(result, "pass --overwrite to replace the result")
+        result = ask(*command, *options)
+        assert_error(result, fragment)
         assert "overwrite=True" not in result.stderr
-        assert tree(tmp_path) == before
-
-    def test_is_the_current_folder(self, command: list[str], ask: Callable, tmp_path: Path) -> None:
-        (tmp_path / "note").write_text("mine")
-        before = tree(tmp_path)
-        assert_refused(ask(*command, "--out", ".", "--overwrite"), "holds no result")
         assert tree(tmp_path) == before
 
     def test_has_too_little_room(
@@ -155,7 +142,7 @@ class TestOutputFolder:
     ) -> None:
         usage = type("usage", (), {"free": 1_000_000})
         monkeypatch.setattr("taichi_foam.results.folders.shutil.disk_usage", lambda path: usage)
-        assert_refused(ask(*command), "1 MB free")
+        assert_error(ask(*command), "1 MB free")
         assert tree(tmp_path) == {}
 
 
@@ -167,13 +154,10 @@ def test_disk_that_fills_up_at_the_end(
         (staging / "notes.txt").write_text("older")
     before = tree(tmp_path)
 
-    def full(result: object, path: Path) -> None:
-        path.write_bytes(b"half")
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-
     command = ["run", WEDGE, *COARSE_OPTIONS, "--set", "numerics.end=1e-3", "--no-film"]
     with monkeypatch.context() as patched:
-        patched.setitem(result_module.OUTPUTS, "snapshots.npz", result_module.RunFile(full))
+        full = result_module.RunFile(lambda result, path: fill_disk(path))
+        patched.setitem(result_module.OUTPUTS, "snapshots.npz", full)
         result = invoke(*command, "--out", "old", "--overwrite")
     assert result.exit_code == 2
     assert "the disk is full" in result.stderr

@@ -16,7 +16,6 @@ from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam import Result, load_scene, run
 from taichi_foam.errors import UserError
-from taichi_foam.picture import raster
 from taichi_foam.picture.comparison import Lineup
 
 
@@ -84,6 +83,8 @@ def test_three_runs_on_a_wide_page(invoke: Callable, runs: Path) -> None:
     options = ["--size", "1280x480", "--gif", "--png"]
     result = invoke("compare", "slow", "fast", "slow", *options)
     assert result.exit_code == 0, result.output
+    names = {"comparison-worst-strain.gif", "comparison-worst-strain.png"}
+    assert set(os.listdir(runs / "comparison")) == names
     count = len(Result.load(runs / "fast").snapshots)
     with GifImageFile(runs / "comparison" / "comparison-worst-strain.gif") as gif:
         assert gif.n_frames == count
@@ -103,16 +104,9 @@ def test_three_runs_on_a_wide_page(invoke: Callable, runs: Path) -> None:
         assert picture.width == 1280
 
 
-def test_a_still_has_two_rows(invoke: Callable, runs: Path) -> None:
-    result = invoke("compare", "slow", "fast", "--png", "--mode", "stress", "--size", "1200x720")
-    assert result.exit_code == 0, result.output
-    assert os.listdir(runs / "comparison") == ["comparison-stress.png"]
-    with Image.open(runs / "comparison" / "comparison-stress.png") as picture:
-        assert picture.width == 1200
-
-
 def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path) -> None:
     assert invoke("compare", "slow", "fast", "--png").exit_code == 0
+    assert os.listdir(runs / "comparison") == ["comparison-worst-strain.png"]
     before = tree(runs)
     refused = invoke("compare", "slow", "fast", "--png", "--gif")
     assert_refused(refused, "comparison/comparison-worst-strain.png", "--overwrite")
@@ -143,20 +137,12 @@ def test_what_is_there_is_replaced_only_when_asked(invoke: Callable, runs: Path)
     ],
 )
 def test_bad_requests_are_refused_before_drawing(
-    arguments: list[str],
-    fragment: str,
-    invoke: Callable,
-    runs: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], fragment: str, ask_undrawn: Callable, runs: Path
 ) -> None:
-    def refuse(*given: object, **options: object) -> None:
-        raise AssertionError("the request should have been refused before drawing")
-
-    monkeypatch.setattr(raster, "draw", refuse)
     shutil.copytree(runs / "fast", runs / "torn")
     (runs / "torn" / "history.csv").unlink()
     before = tree(runs)
-    assert_refused(invoke("compare", *arguments), fragment)
+    assert_refused(ask_undrawn("compare", *arguments), fragment)
     assert tree(runs) == before
 
 
@@ -184,19 +170,9 @@ def test_runs_are_called_by_their_folders_wherever_one_stands(
 
 
 def test_ctrl_c_keeps_what_was_complete(
-    invoke: Callable, runs: Path, monkeypatch: pytest.MonkeyPatch
+    invoke: Callable, runs: Path, press_after: Callable
 ) -> None:
-    draw, drawn = raster.draw, 0
-    limit = 2 * 2 * len(Result.load(runs / "fast").snapshots) + 3  # runs, films
-
-    def press(*arguments: object, **options: object) -> None:
-        nonlocal drawn
-        drawn += 1
-        if drawn > limit:
-            raise KeyboardInterrupt
-        draw(*arguments, **options)
-
-    monkeypatch.setattr(raster, "draw", press)
+    press_after(2 * 2 * len(Result.load(runs / "fast").snapshots) + 3)  # runs, films
     result = invoke("compare", "slow", "fast", "--mp4", "--gif", "--png")
     assert result.exit_code == 130, result.output
     names = ["comparison-worst-strain.mp4", "comparison-worst-strain.gif"]

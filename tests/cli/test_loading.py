@@ -11,7 +11,10 @@ from typer.testing import CliRunner
 from taichi_foam.choices import CHOICE_SETS
 from taichi_foam.cli import app
 
-_HEAVY = {"taichi", "numpy", "scipy", "matplotlib", "shapely", "PIL", "taichi_foam.scene"}
+_HEAVY = {
+    "taichi", "numpy", "scipy", "matplotlib", "shapely", "PIL", "imageio", "jinja2",
+    "taichi_foam.scene",
+}  # fmt: skip
 
 _LOADED = f"""
 import sys

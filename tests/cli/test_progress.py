@@ -1,4 +1,4 @@
-"""Progress without a terminal, interrupts that wait, and a package that loads nothing unasked."""
+"""Progress without a terminal, interrupts that wait, and the package's public names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from io import StringIO
 from time import sleep
 
 import pytest
-from command_line import call
 from rich.console import Console
 
 import taichi_foam
@@ -102,16 +101,6 @@ def test_a_process_that_ignores_interrupts_goes_on_ignoring_them() -> None:
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def test_importing_the_package_and_asking_for_help_loads_nothing_heavy(tmp_path) -> None:
-    program = (
-        "import sys, taichi_foam, taichi_foam.cli\n"
-        "heavy = {'taichi', 'scipy', 'matplotlib', 'imageio', 'jinja2'} & set(sys.modules)\n"
-        "sys.exit(', '.join(heavy) or 0)"
-    )
-    done = call("-c", program, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
 
 
 def test_the_package_shows_its_public_names_and_nothing_else() -> None:

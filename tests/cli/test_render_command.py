@@ -37,32 +37,21 @@ def folder(stored: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stored, tmp_path / "run"))
 
 
-@pytest.fixture
-def ask(invoke: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable:
-    """Call the command line; any drawing fails the test."""
-
-    def refuse(*arguments: object, **options: object) -> None:
-        raise AssertionError("the request should have been refused before drawing")
-
-    monkeypatch.setattr(raster, "draw", refuse)
-    return invoke
-
-
 def test_films_without_a_kind_named_beside_the_run(invoke: Callable, folder: Path) -> None:
     before, count = tree(folder), len(Result.load(folder).snapshots)
-    result = invoke("render", "run", "--mode", "stress")
+    result = invoke("render", "run", "--mode", "broken")
     assert result.exit_code == 0, result.output
-    assert result.stdout == "in run: film-stress.mp4, film-stress.gif\n"
+    assert result.stdout == "in run: film-broken.mp4, film-broken.gif\n"
     assert f"({2 * count} pictures)" in result.stderr
     after = tree(folder)
-    assert set(after) - set(before) == {"film-stress.mp4", "film-stress.gif"}
+    assert set(after) - set(before) == {"film-broken.mp4", "film-broken.gif"}
     old = set(before) - {"manifest.json"}
     assert {name: after[name] for name in old} == {name: before[name] for name in old}
     assert Manifest.read(folder).changed(folder) == []
-    assert {"film-stress.mp4", "film-stress.gif"} <= set(Manifest.read(folder).files)
-    film = iio.imread(folder / "film-stress.mp4", plugin="FFMPEG")
+    assert {"film-broken.mp4", "film-broken.gif"} <= set(Manifest.read(folder).files)
+    film = iio.imread(folder / "film-broken.mp4", plugin="FFMPEG")
     assert film.shape == (count, 180, 320, 3)
-    with GifImageFile(folder / "film-stress.gif") as gif:
+    with GifImageFile(folder / "film-broken.gif") as gif:
         assert gif.n_frames == count
         assert gif.size == (320, 180)
 
@@ -177,18 +166,20 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_requests_are_refused_before_drawing(
-    case: str, ask: Callable, folder: Path, tmp_path: Path
+    case: str, ask_undrawn: Callable, folder: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "note").write_text("mine")
     before = tree(tmp_path)
     arguments, fragment = BAD[case]
-    assert_refused(ask("render", *arguments), fragment)
+    assert_refused(ask_undrawn("render", *arguments), fragment)
     assert tree(tmp_path) == before
 
 
 @pytest.mark.parametrize("name", ["scene.toml", "history.csv", "snapshots.npz", "summary.json"])
 @pytest.mark.parametrize("damage", ["missing", "cut"])
-def test_a_damaged_run_is_refused(name: str, damage: str, ask: Callable, folder: Path) -> None:
+def test_a_damaged_run_is_refused(
+    name: str, damage: str, ask_undrawn: Callable, folder: Path
+) -> None:
     path = folder / name
     content = path.read_bytes()
     path.unlink()
@@ -196,25 +187,25 @@ def test_a_damaged_run_is_refused(name: str, damage: str, ask: Callable, folder:
         # in the middle of a line: half a number would still be one
         path.write_bytes(content[: len(content) // 2].rstrip(b"0123456789.\n") + b"[")
     before = tree(folder)
-    assert_refused(ask("render", "run"), "error: ")
+    assert_refused(ask_undrawn("render", "run"), "error: ")
     assert tree(folder) == before
 
 
-def test_a_run_without_snapshots_is_refused(ask: Callable, folder: Path) -> None:
+def test_a_run_without_snapshots_is_refused(ask_undrawn: Callable, folder: Path) -> None:
     empty = replace(Result.load(folder), snapshots=[])
     empty.save("empty")
-    assert_refused(ask("render", "empty"), "empty: the run has no snapshots to draw")
+    assert_refused(ask_undrawn("render", "empty"), "empty: the run has no snapshots to draw")
 
 
-def test_a_folder_or_file_in_the_way_is_not_replaced(ask: Callable, folder: Path) -> None:
+def test_a_folder_or_file_in_the_way_is_not_replaced(ask_undrawn: Callable, folder: Path) -> None:
     (folder / "film-worst-strain.gif").mkdir()
     (folder / "frames-worst-strain").write_text("mine")
     before = tree(folder)
     assert_refused(
-        ask("render", "run", "--gif", "--overwrite"), "film-worst-strain.gif: is a folder"
+        ask_undrawn("render", "run", "--gif", "--overwrite"), "film-worst-strain.gif: is a folder"
     )
     assert_refused(
-        ask("render", "run", "--frames", "--overwrite"), "frames-worst-strain: is a file"
+        ask_undrawn("render", "run", "--frames", "--overwrite"), "frames-worst-strain: is a file"
     )
     assert tree(folder) == before
 
@@ -238,39 +229,29 @@ def read_only(stored: Path) -> Iterator[Path]:
     shutil.rmtree(base)
 
 
-def test_a_read_only_run_needs_another_place(ask: Callable, read_only: Path) -> None:
+def test_a_read_only_run_needs_another_place(ask_undrawn: Callable, read_only: Path) -> None:
     before = tree(read_only)
-    assert_refused(ask("render", str(read_only)), "permission denied", "--out")
+    assert_refused(ask_undrawn("render", str(read_only)), "permission denied", "--out")
     assert tree(read_only) == before
 
 
 def test_ctrl_c_keeps_what_was_complete(
-    invoke: Callable, folder: Path, monkeypatch: pytest.MonkeyPatch
+    invoke: Callable, folder: Path, press_after: Callable
 ) -> None:
     before = tree(folder)
-    draw, drawn = raster.draw, 0
     count = len(Result.load(folder).snapshots)
-
-    def press(*arguments: object, **options: object) -> None:
-        nonlocal drawn
-        drawn += 1
-        if drawn > limit:
-            raise KeyboardInterrupt
-        draw(*arguments, **options)
-
-    monkeypatch.setattr(raster, "draw", press)
-    limit = count // 2
+    press_after(count // 2)
     result = invoke("render", "run", "--mp4", "--frames")
     assert result.exit_code == 130, result.output
     assert "nothing was written" in result.stderr
     assert tree(folder) == before
-    drawn, limit = 0, 2 * count + 2
+    press_after(2 * count + 2)
     result = invoke("render", "run", "--mp4", "--gif", "--png")
     assert result.exit_code == 130, result.output
     names = {"film-worst-strain.mp4", "film-worst-strain.gif"}
     assert "interrupted: what was finished is in run: film-worst-strain.mp4" in result.stderr
     assert set(tree(folder)) - set(before) == names
-    drawn = limit = 0
+    press_after(0)
     assert invoke("render", "run", "--out", "deep/new").exit_code == 130
     assert not Path("deep").exists()
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
-from command_line import COARSE, COARSE_OPTIONS, ENVIRONMENT, call, tree
+from command_line import COARSE, COARSE_OPTIONS, call
+from processes import ENVIRONMENT
 
 from taichi_foam import Result, Scene, load_scene
+from taichi_foam.cli import run_script
 from taichi_foam.errors import RunError
 from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import OUTPUTS
+from taichi_foam.scene import Cylinder
 from taichi_foam.shim2000 import impacts
 from taichi_foam.simulation import simulate
 from taichi_foam.version import version
@@ -176,51 +177,14 @@ def test_a_script_runs_by_itself_with_the_same_options(tmp_path: Path) -> None:
     assert again == load_scene(
         tmp_path / "drop.py", overrides=[*COARSE, "numerics.end=3e-3", "output.film=false"]
     )
-    refused = call("drop.py", "--set", "block.rows=0", "--out", "x", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "block.rows = 0" in refused.stderr
 
 
-# Says on stdout when stepping has begun, then goes on as the command line does.
-WATCHED = """
-import sys
-from taichi_foam.simulation import simulate
-from taichi_foam.cli import main
-begin = simulate.run
-def run(scene, on_progress, **more):
-    def watched(progress):
-        if progress.time > 1e-3:
-            print("stepping", flush=True)
-        on_progress(progress)
-    return begin(scene, watched, **more)
-simulate.run = run
-main()
-"""
-
-
-def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
-    long = ["--set", "numerics.end=5.0", "--set", "output.snapshot_interval=1e-2"]
-    arguments = ["run", WEDGE, *COARSE_OPTIONS, *long, "--out", "cut"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", WATCHED, *arguments],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "stepping\n"
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 130, said
-    assert "interrupted: what was computed is in cut" in said
-    assert "Traceback" not in said
-    assert summary_of(tmp_path / "cut")["interrupted"] is True
-    time = Result.load(tmp_path / "cut").history["time_s"]
-    assert 1e-3 < time[-1] < 5.0
-    assert np.all(np.diff(time) > 0)
-    assert [name for name in tree(tmp_path) if name.startswith(".")] == []
+def test_a_script_is_refused_with_the_same_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["drop.py", "--set", "block.rows=0", "--out", "x"])
+    with pytest.raises(SystemExit) as ended:
+        run_script(Scene(name="refused", impactor=Cylinder()))
+    assert ended.value.code == 2
+    assert "block.rows = 0" in capsys.readouterr().err

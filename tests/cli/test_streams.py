@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from command_line import COARSE_OPTIONS, ENVIRONMENT
+from command_line import COARSE_OPTIONS, fill_disk
+from processes import ENVIRONMENT
+from typer.testing import CliRunner
 
-from taichi_foam.results.result import Result
+from taichi_foam.cli import app
+from taichi_foam.results.result import OUTPUTS, Result, RunFile
 
 SHORT = ["--set", "numerics.end=1e-3", "--no-film"]
 RUN = f"run paper/wedge-2.86 {' '.join([*COARSE_OPTIONS, *SHORT])}"
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run for which only the disk had no room: it has to be written."""
+    folder = tmp_path_factory.mktemp("full")
+    full = RunFile(lambda result, path: fill_disk(path))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.chdir(folder)
+        patched.setitem(OUTPUTS, "snapshots.npz", full)
+        result = CliRunner().invoke(app._app, [*RUN.split(), "--out", "run"])
+    assert "the disk is full" in result.stderr
+    return folder / "run"
+
+
+@pytest.fixture
+def unwritten(computed: Path, tmp_path: Path) -> None:
+    """A copy of it, called `run`."""
+    shutil.copytree(computed, tmp_path / "run")
 
 
 def shell(line: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
@@ -30,6 +53,7 @@ def shell(line: str, cwd: Path, **environment: str) -> subprocess.CompletedProce
     )
 
 
+@pytest.mark.usefixtures("unwritten")
 @pytest.mark.parametrize(
     ("encoding", "redirected", "shown"),
     [
@@ -47,6 +71,7 @@ def test_a_run_that_cannot_say_all(
     assert Result.load(tmp_path / "run").ending is not None
 
 
+@pytest.mark.usefixtures("unwritten")
 def test_a_run_that_can_say_nothing(tmp_path: Path) -> None:
     """What the process opens first must not get the number of standard error."""
     done = shell(f"foam {RUN} --out run <&- >&- 2>&-", tmp_path)

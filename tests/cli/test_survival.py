@@ -9,10 +9,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from command_line import COARSE_OPTIONS, ENVIRONMENT, assert_refused, call
+from command_line import COARSE_OPTIONS, assert_refused, call
+from processes import ENVIRONMENT
 
 from taichi_foam import Result
 from taichi_foam.analysis import measures
@@ -21,6 +24,7 @@ from taichi_foam.picture import films
 from taichi_foam.results.folders import UNFINISHED, claimed
 from taichi_foam.results.manifest import MANIFEST, Manifest
 from taichi_foam.results.result import OUTPUTS
+from taichi_foam.scene import Scene
 from taichi_foam.simulation import simulate
 from taichi_foam.simulation.checkpoint import CHECKPOINT
 
@@ -61,32 +65,59 @@ def wait_for(folder: Path, name: str, process: subprocess.Popen) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize(
-    ("signals", "code"),
-    [
-        ([signal.SIGINT] * 5, 130),
-        ([signal.SIGTERM], 143),
-        ([signal.SIGHUP, signal.SIGTERM], 129),
-    ],
-    ids=["Ctrl-C five times", "SIGTERM", "SIGHUP, then SIGTERM"],
-)
-def test_a_signal_keeps_what_there_is(
-    tmp_path: Path, process: Callable, signals: list[signal.Signals], code: int
-) -> None:
+def assert_kept(said: str, folder: Path) -> np.ndarray:
+    """A run of LONG into `cut` was interrupted and kept what there was; the times of its rows."""
+    assert "interrupted: what was computed is in cut; the same command continues" in said
+    assert "Traceback" not in said
+    stored = Result.load(folder / "cut")
+    assert stored.summary["interrupted"] is True
+    time = stored.history["time_s"]
+    assert time[-1] < 5.0
+    assert np.all(np.diff(time) > 0)
+    assert set(os.listdir(folder / "cut")) == (DATA - {"state.npz"}) | {UNFINISHED}
+    assert os.listdir(folder) == ["cut"]
+    return time
+
+
+def test_ctrl_c_five_times_keeps_what_there_is(tmp_path: Path, process: Callable) -> None:
     """However soon the next one comes: what follows the first is saving."""
     running = process(*LONG, "--out", "cut", "--checkpoint", "0.1")
     wait_for(tmp_path / "cut", f"{UNFINISHED}/{CHECKPOINT}", running)
-    for number in signals:
-        running.send_signal(number)
+    for _ in range(5):
+        running.send_signal(signal.SIGINT)
         time.sleep(0.05)
     _, said = running.communicate(timeout=120)
-    assert running.returncode == code, said
-    assert "interrupted: what was computed is in cut; the same command continues" in said
-    assert "Traceback" not in said
-    stored = Result.load(tmp_path / "cut")
-    assert stored.summary["interrupted"] is True
-    assert len(stored.history["time_s"]) >= 1
-    assert set(os.listdir(tmp_path / "cut")) == (DATA - {"state.npz"}) | {UNFINISHED}
+    assert running.returncode == 130, said
+    assert len(assert_kept(said, tmp_path)) >= 1
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="this system has no SIGHUP")
+@pytest.mark.parametrize(("names", "code"), [("SIGTERM", 143), ("SIGHUP, SIGTERM", 129)])
+def test_other_signals_keep_what_there_is(
+    invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: str, code: int
+) -> None:
+    """The first one comes while it steps, the other one while it saves."""
+    first, *others = [signal.Signals[name] for name in names.split(", ")]
+    begin, write = simulate.run, OUTPUTS["history.csv"].write
+
+    def run(scene: Scene, on_progress: Callable, **more: object) -> Result:
+        def pressed(progress: simulate.Progress) -> None:
+            on_progress(progress)
+            if progress.time > 1e-3:
+                signal.raise_signal(first)
+
+        return begin(scene, pressed, **more)
+
+    def disturbed(result: Result, path: Path) -> None:
+        for number in others:
+            signal.raise_signal(number)
+        write(result, path)
+
+    monkeypatch.setattr(simulate, "run", run)
+    monkeypatch.setitem(OUTPUTS, "history.csv", replace(OUTPUTS["history.csv"], write=disturbed))
+    result = invoke(*LONG, "--out", "cut")
+    assert result.exit_code == code, result.output
+    assert assert_kept(result.stderr, tmp_path)[-1] > 1e-3
 
 
 def test_resume_and_the_same_command_go_on_after_a_kill(
