@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import bench, small_scene
+from processes import ENVIRONMENT
 from typer.testing import CliRunner
 
-import taichi_foam
 from taichi_foam.cli import app
 from taichi_foam.engine import cpu, transfer
 from taichi_foam.engine.state import State
@@ -186,8 +186,6 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="checkpoint interval = 0"):
         run(impact(), checkpoint=tmp_path / "new", every=0.0)
 
-
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
 
 # foam and sizes whose kernels come with the package: one drop first, then a batch
 LEFT_HALF_DONE = """

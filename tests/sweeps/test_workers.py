@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 import sweeps
 from drops import Solver, axis, plan_of
+from processes import until
 from slow_sweep import PLAN
 
 import taichi_foam as tf
@@ -121,12 +122,8 @@ def test_nobody_at_the_address_of_a_scheduler(
     assert not any(path.name == "lock" for path in (tmp_path / "s").iterdir())
 
 
-def wait_for_chunks(folder: Path, count: int) -> dict[str, tuple[int, int]]:
-    until = time.monotonic() + 60
-    while len(found := sweeps.chunk_files(folder)) < count:
-        assert time.monotonic() < until, "no chunk comes"
-        time.sleep(0.05)
-    return found
+def wait_for_chunks(folder: Path, count: int) -> None:
+    until(lambda: len(sweeps.chunk_files(folder)) >= count, "no chunk comes")
 
 
 def test_sigkill_of_a_worker_and_of_the_client_costs_only_what_was_in_flight(
@@ -160,20 +157,18 @@ def test_a_worker_that_lets_no_thread_run_ends_with_its_client(tmp_path: Path) -
         stderr=subprocess.DEVNULL, start_new_session=True,
         env={**sweeps.environment(), "HOLD": str(holds)},
     )  # fmt: skip
-    until = time.monotonic() + 60
-    while not holds.exists():
-        assert time.monotonic() < until, "no worker has begun"
-        time.sleep(0.05)
+    until(holds.exists, "no worker has begun")
     workers = sweeps.workers_of(client.pid)
     os.kill(client.pid, signal.SIGKILL)
     client.wait()
+
+    def left() -> set[int]:
+        return set(workers) & set(sweeps.session(client.pid))
+
     try:
-        until = time.monotonic() + 5
-        while left := set(workers) & set(sweeps.session(client.pid)):
-            assert time.monotonic() < until, "a worker goes on alone"
-            time.sleep(0.05)
+        until(lambda: not left(), "a worker goes on alone", patience=5)
     finally:
-        for pid in left:
+        for pid in left():
             os.kill(pid, signal.SIGKILL)
 
 
@@ -213,10 +208,7 @@ def test_ctrl_c_at_a_terminal_ends_client_and_workers_with_130(tmp_path: Path) -
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True, env=sweeps.environment(),
     )  # fmt: skip
-    until = time.monotonic() + 60
-    while not sweeps.workers_of(client.pid):
-        assert time.monotonic() < until
-        time.sleep(0.1)
+    until(lambda: sweeps.workers_of(client.pid), "no worker is started")
     os.killpg(client.pid, signal.SIGINT)
     out, err = client.communicate(timeout=60)
     assert client.returncode == 130, err
@@ -225,7 +217,4 @@ def test_ctrl_c_at_a_terminal_ends_client_and_workers_with_130(tmp_path: Path) -
     assert line.startswith("interrupted: 0 of 500 drops are in ")
     assert line.endswith("; the same command continues")
     assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["chunks", "sweep.json"]
-    until = time.monotonic() + sweeps.PATIENCE_S
-    while sweeps.session(client.pid):
-        assert time.monotonic() < until, "a process lives on"
-        time.sleep(0.1)
+    until(lambda: not sweeps.session(client.pid), "a process lives on", sweeps.PATIENCE_S)

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from processes import ENVIRONMENT
 from websockets.sync.client import ClientConnection, connect
 
-import taichi_foam
 from taichi_foam.live.page.view import LENGTH
 
 PATIENCE = 60.0  # a busy machine that compiles [s]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(taichi_foam.__file__).parents[1])}
 
 #: A lattice so small that it needs little of the machine.
 SMALL = (

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from processes import until
 
 from taichi_foam.errors import UserError
 from taichi_foam.live.page import archive as archive_module
@@ -36,13 +35,6 @@ def a_result(scene: Scene = SCENE) -> Result:
     return Result(scene, history, [], {"interrupted": True})
 
 
-def wait_until(is_it: Callable[[], Any]) -> None:
-    until = time.monotonic() + 30.0
-    while not is_it():
-        assert time.monotonic() < until
-        time.sleep(0.01)
-
-
 def test_folders_are_numbered_on(tmp_path: Path) -> None:
     (tmp_path / "paper-wedge-2.86-007").mkdir()
     archive = Archive(tmp_path, lambda: None)
@@ -61,7 +53,7 @@ def test_the_list_is_bounded(tmp_path: Path) -> None:
     archive = Archive(tmp_path, lambda: None)
     for number in range(MOST_LISTED + 5):
         archive.add(number, [], "rebound", a_result())
-        wait_until(lambda: not archive._waiting())
+        until(lambda: not archive._waiting(), "it is not saved")
     assert len(archive.told()["drops"]) == MOST_LISTED
     assert len(archive.curves()["curves"]) == MOST_CURVES
     assert archive.find(0) is None
@@ -79,14 +71,14 @@ def test_what_a_disk_refuses_is_kept_and_saved_later(
     out.write_text("in the way")
     for number in range(MOST_WAITING):
         archive.add(number, [], "rebound", a_result())
-    wait_until(lambda: all(drop["problem"] for drop in archive.told()["drops"]))
+    until(lambda: all(drop["problem"] for drop in archive.told()["drops"]), "no problem told")
     assert "a file, not a folder" in archive.told()["drops"][0]["problem"]
     # no further drop begins, so that no result has to be thrown away
     with pytest.raises(UserError, match="4 drops are waiting to be saved"):
         archive.check(SCENE)
     out.unlink()
     archive.try_again()
-    wait_until(lambda: all(drop["folder"] for drop in archive.told()["drops"]))
+    until(lambda: all(drop["folder"] for drop in archive.told()["drops"]), "not all are saved")
     archive.check(SCENE)
     assert archive.close() == []
     assert len(list(out.iterdir())) == MOST_WAITING
@@ -111,12 +103,12 @@ def test_what_is_not_saved_stays_however_many_follow(
         result = a_result()
         result.run["number"] = number
         archive.add(number, [], "rebound", result)
-        wait_until(lambda: len(archive._waiting()) == 1)
+        until(lambda: len(archive._waiting()) == 1, "others wait, too")
     assert [drop["number"] for drop in archive.told()["drops"]] == [5, 4, 1]
     assert archive.told()["drops"][-1]["problem"].startswith("ZeroDivisionError: nobody")
     broken.clear()
     archive.try_again()
-    wait_until(lambda: not archive._waiting())
+    until(lambda: not archive._waiting(), "it is not saved")
     assert [drop["number"] for drop in archive.told()["drops"]] == [5, 4]
     assert archive.close() == []
     assert len(list(tmp_path.iterdir())) == 5

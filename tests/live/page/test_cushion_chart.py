@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from processes import until
 
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
@@ -17,7 +17,6 @@ from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 WEDGE = paper_scene("paper/wedge-2.86")
-PATIENCE = 120.0
 TESTS = """height [cm],thickness [mm],static stress [kPa],peak [g]
 76,50,5.2,41
 60,50,5.2,35
@@ -132,13 +131,15 @@ def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("taichi_foam.live.page.cushion.POINTS", 2)
     charts = Charts(WEDGE.with_values({"foam.rate": None}))
     charts.ask(OWN, 0.04, 0.3, None, None)
-    chart, until = charts.chart, time.monotonic() + PATIENCE
+    chart = charts.chart
     assert chart is not None
-    while None in chart.points:
-        assert time.monotonic() < until
-        assert not chart.problem
+
+    def is_complete() -> bool:
         charts.take()
-        time.sleep(0.02)
+        assert not chart.problem
+        return None not in chart.points
+
+    until(is_complete, "drops are missing")
     assert chart.told(WEDGE)["waits"] == 0
     point, figures = chart.points[0], run(charts.scene(chart.number, 0)).summary
     assert point is not None
@@ -152,13 +153,11 @@ def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPa
 def test_a_process_that_is_ended_is_told_with_what_there_is() -> None:
     charts = Charts(WEDGE)
     charts.ask(OWN, 0.04, 0.3, None, None)
-    chart, until = charts.chart, time.monotonic() + PATIENCE
+    chart = charts.chart
     assert chart is not None
     assert charts._process is not None
     charts._process._process.kill()
-    while not charts.take():
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(charts.take, "nothing is told")
     assert chart.problem == "the process that simulates was ended with exit code -9"
     assert chart.told(WEDGE)["waits"] == 0
     assert not charts.take()

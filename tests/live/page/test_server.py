@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from processes import until
 from serving import ENDLESS, PATIENCE, SMALL, Served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -250,20 +251,7 @@ def _deaf(served: Served) -> socket.socket:
     return line
 
 
-def test_one_that_never_reads_slows_nobody(served: Served) -> None:
-    with served.viewer() as viewer:
-        viewer.wait_for("picture")
-        before = len(viewer.pictures(2.0))
-        deaf = [_deaf(served) for _ in range(5)]
-        during = len(viewer.pictures(2.0))
-        for line in deaf:
-            line.close()
-    assert before >= 10
-    # a busy machine may halve a rate by itself; one that waits for the deaf would come to nothing
-    assert during > 0.5 * before
-
-
-def test_one_that_never_stops_talking_slows_nobody(served: Served) -> None:
+def test_nobody_is_slowed_by_those_who_never_read_or_never_stop_talking(served: Served) -> None:
     talkers: list[socket.socket] = []
 
     def talk() -> None:
@@ -276,14 +264,19 @@ def test_one_that_never_stops_talking_slows_nobody(served: Served) -> None:
     with served.viewer() as viewer:
         viewer.wait_for("picture")
         before = len(viewer.pictures(2.0))
+        deaf = [_deaf(served) for _ in range(5)]
+        beside_deaf = len(viewer.pictures(2.0))
+        for line in deaf:
+            line.close()
         talking = threading.Thread(target=talk)
         talking.start()
         viewer.see(lambda last: last["settings"]["values"]["foam.rate"] == 5)
-        during = len(viewer.pictures(2.0))
+        beside_talking = len(viewer.pictures(2.0))
         talkers[0].shutdown(socket.SHUT_RDWR)
         talking.join()
     assert before >= 10
-    assert during > 0.5 * before
+    # a busy machine may halve a rate by itself; one that waits for the deaf would come to nothing
+    assert min(beside_deaf, beside_talking) > 0.5 * before
 
 
 @on_linux
@@ -388,12 +381,13 @@ def test_a_closed_terminal_or_the_end_of_a_service_loses_nothing(tmp_path: Path)
     with Served(tmp_path, *ENDLESS) as server:
         with server.viewer() as viewer:
             viewer.wait_for("numbers", lambda m: m["state"] == "running" and m.get("time"))
-        until = time.monotonic() + PATIENCE
-        while not any(tmp_path.iterdir()):  # and again and again while it saves
-            assert time.monotonic() < until
+
+        def disturb(wait: float) -> None:  # again and again while it saves
             for number in (signal.SIGHUP, signal.SIGTERM):
                 os.killpg(server.process.pid, number)
-                time.sleep(0.01)
+                time.sleep(wait / 2)
+
+        until(lambda: any(tmp_path.iterdir()), "nothing is saved", turn=disturb)
         code, said = server.wait()
         assert (code, said) == (130, f"interrupted: what was computed is in {tmp_path}\n")
         assert Result.load(tmp_path / "paper-wedge-2.86-001").run["interrupted"]

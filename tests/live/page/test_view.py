@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from processes import ENVIRONMENT, until
 
-import taichi_foam
 from taichi_foam.engine.state import initial_state
 from taichi_foam.live import session as session_module
 from taichi_foam.live.messages import Command, Ended, Event, Frame, Pace, Pause, Start
@@ -74,11 +73,8 @@ def view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PageView]:
     found.close()
 
 
-def wait_until(is_it: Callable[[], Any]) -> None:
-    until = time.monotonic() + 30.0
-    while not is_it():
-        assert time.monotonic() < until
-        time.sleep(0.005)
+def is_told(view: PageView, word: str) -> bool:
+    return word in view.view_state.notes.get("numbers", (0, ""))[1]
 
 
 def let(**values: int) -> commands.Drop:
@@ -93,8 +89,8 @@ def moved(**values: float) -> commands.Set:
 
 def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: PageView) -> None:
     view.start()
-    wait_until(lambda: "light" in view.view_state.pictures)
-    wait_until(lambda: "numbers" in view.view_state.notes)
+    until(lambda: "light" in view.view_state.pictures, "nothing is drawn")
+    until(lambda: "numbers" in view.view_state.notes, "nothing is told")
     told = json.loads(view.view_state.notes["numbers"][1])
     assert (told["state"], told["waiting"]) == ("preparing", WAITING)
     packed = view.view_state.pictures["light"][1]
@@ -119,10 +115,9 @@ print(*sorted({"scipy.signal", "taichi_foam.engine.cpu", "taichi"} & set(sys.mod
 
 
 def test_the_first_picture_waits_for_no_stepping_and_no_filter() -> None:
-    root = str(Path(taichi_foam.__file__).parents[1])
     done = subprocess.run(
         [sys.executable, "-c", _FIRST_PICTURE],
-        env={**os.environ, "PYTHONPATH": root}, capture_output=True, text=True, check=True,
+        env=ENVIRONMENT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout.split() == ["taichi"]
 
@@ -130,11 +125,11 @@ def test_the_first_picture_waits_for_no_stepping_and_no_filter() -> None:
 def test_a_process_computes_lattices_of_few_sizes(view: PageView) -> None:
     _Worker.shows = True
     view.start()
-    wait_until(lambda: _Worker.begun)
+    until(lambda: _Worker.begun, "no process is started")
     problems: list[str] = []
     for count in range(2 * MOST_SIZES):
         view.tell(let(rows=31 + count // 2), problems.append)  # each size twice
-        wait_until(lambda count=count: view.session.number == count + 2)
+        until(lambda count=count: view.session.number == count + 2, "it does not drop")
     # with the size that the scene has itself there are one more than a process has room for
     assert problems == []
     assert [len(each.drops) for each in _Worker.begun] == [1 + 2 * (MOST_SIZES - 1), 2]
@@ -146,15 +141,15 @@ def test_a_process_that_cannot_be_started_is_told_and_started_with_the_next_drop
 ) -> None:
     _Worker.fails = True
     view.start()
-    wait_until(lambda: '"died"' in view.view_state.notes.get("numbers", (0, ""))[1])
+    until(lambda: is_told(view, '"died"'), "that nothing computes is not told")
     assert "no process to be had" in view.view_state.notes["numbers"][1]
     problems: list[str] = []
     for command in (Pause(True), Pace(None)):
         view.tell(command, problems.append)
     _Worker.fails = False
     view.tell(commands.Reset(), problems.append)
-    wait_until(lambda: _Worker.begun)
-    wait_until(lambda: '"preparing"' in view.view_state.notes["numbers"][1])
+    until(lambda: _Worker.begun, "no process is started")
+    until(lambda: is_told(view, '"preparing"'), "it does not drop")
     assert problems == []
 
 
@@ -165,11 +160,11 @@ def test_what_a_command_brings_about_is_told_to_its_sender_alone(
         raise OverflowError("nobody has thought of this")
 
     view.start()
-    wait_until(lambda: '"preparing"' in view.view_state.notes.get("numbers", (0, ""))[1])
+    until(lambda: is_told(view, '"preparing"'), "it does not drop")
     monkeypatch.setattr(view.controls, "check", check)
     problems: list[str] = []
     view.tell(moved(mass=1), problems.append)
-    wait_until(lambda: problems)
+    until(lambda: problems, "no problem is told")
     assert problems == ["OverflowError: nobody has thought of this"]
     assert (view.session.state, view.session.message) == ("preparing", "")
 
