@@ -103,7 +103,7 @@ def test_other_signals_keep_what_there_is(
     def run(scene: Scene, on_progress: Callable, **more: object) -> Result:
         def pressed(progress: simulate.Progress) -> None:
             on_progress(progress)
-            if progress.time > 1e-3:
+            if progress.time > 2e-3:
                 signal.raise_signal(first)
 
         return begin(scene, pressed, **more)
