@@ -28,10 +28,5 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 @pytest.fixture(scope="session")
 def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("ensemble") / "out"
-    content = reproduce(
-        folder,
-        ["rectangular-3.03"],
-        ensemble=2,
-        overrides=[*TINY, "foam.strength_scatter=0.1", "foam.strength_seed=7"],
-    )
+    content = reproduce(folder, ["rectangular-3.03"], ensemble=2, overrides=TINY)
     return Study(folder, content)
