@@ -10,7 +10,7 @@ import pytest
 import taichi_foam as tf
 from taichi_foam.analysis import soundness
 from taichi_foam.cli.outcome import Terminal
-from taichi_foam.scene import Block, FlatBlock, Model, Numerics, Scene
+from taichi_foam.scene import Block, Curve, FlatBlock, Model, Numerics, Scene, TabulatedFoam
 from taichi_foam.shim2000.impacts import paper_scene
 
 
@@ -130,6 +130,18 @@ def test_points_without_bonds_are_no_foam(make_result, make_snapshot) -> None:
     share, sentences = found(a, [bond for bond in b if bond[0] < 2])  # two columns of four
     assert share == 0.5
     assert sentences[0].startswith("50% of the mass points have no unbroken bond left")
+
+
+@pytest.mark.parametrize(("end", "told"), [(0.65, True), (0.9, False)])
+def test_crush_beyond_the_test_is_said(make_result, make_snapshot, end: float, told: bool) -> None:
+    block = Block(columns=10, rows=10, mass_points="cells")
+    curve = Curve(strain=(0, 0.05, end), stress=(0, 1e5, 2e5))
+    scene = Scene(block=block, foam=TabulatedFoam(curve=curve), impactor=FlatBlock(width=0.2))
+    strain = np.zeros((10, 9))
+    strain[:, 8] = -0.7
+    found = make_result(scene=scene, snapshots=[make_snapshot(block, e_min_b=strain)]).warnings
+    assert len(found) == told
+    assert all("0.65, where the foam's test curve ends" in text for text in found)
 
 
 @pytest.fixture(scope="module")

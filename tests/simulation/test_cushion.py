@@ -11,8 +11,6 @@ What the balance leaves out: waves, by the mass of the foam over that of the pro
 1 in 30, and dashpots, here a tenth of the paper's and less.
 """
 
-import math
-
 import numpy as np
 import pytest
 
@@ -63,19 +61,16 @@ def energy(curve: tuple) -> tuple[np.ndarray, np.ndarray]:
     return fine, np.append(0.0, np.cumsum(parts))
 
 
-def drop(
-    curve: tuple, static: float, height: float, block: dict | None = None
-) -> tuple[dict, float, float]:
+def drop(curve: tuple, static: float, height: float) -> tuple[dict, float, float]:
     """Figures of a drop of a static stress [Pa], and the balance's strain and G."""
     e, s = (np.array(values, dtype=float) for values in curve)
     fine, taken = energy(curve)
     lost = static * (height + fine * GAUGE)
     strain = float(fine[np.argmax(GAUGE * taken >= lost)])
     size = {"width": WIDTH, "height": ROWS * CELL, "columns": 8, "rows": ROWS}
-    size |= block or {"mass_points": "cells"}
     scene = Scene(
         name="cushion",
-        block=Block(**size, depth=THICK, density=20.0),
+        block=Block(**size, mass_points="cells", depth=THICK, density=20.0),
         foam=TabulatedFoam(curve=Curve(strain=e, stress=s), tensile_strain=0.5, shear_strain=2.0),
         impactor=FlatBlock(
             width=2 * WIDTH,
@@ -91,7 +86,7 @@ def drop(
     return tf.run(scene).summary, strain, float(np.interp(strain, e, s)) / static - 1.0
 
 
-def heights(curve: tuple, static: float, strains: list[float], gauge: float = GAUGE) -> list[float]:
+def heights(curve: tuple, static: float, strains: list[float]) -> list[float]:
     """Drop heights that crush a cushion to these strains, by the balance."""
     fine, taken = energy(curve)
     return [GAUGE * (np.interp(x, fine, taken) / static - x) for x in strains]
@@ -108,18 +103,6 @@ def test_a_drop_meets_the_energy_balance(name: str) -> None:
     for height, share in zip(heights(curve, static, strains), (0.02, 0.02, 0.05), strict=True):
         figures, strain, g = drop(curve, static, height)
         assert figures["broken_bonds"] == 0
-        assert abs(figures["energy_residual"]) < 1e-3
-        assert figures["max_displacement_m"] / GAUGE == pytest.approx(strain, rel=share)
-        assert figures["peak_deceleration_g"] == pytest.approx(g, rel=share)
-
-
-def test_a_cushion_with_mass_points_on_its_faces_is_as_thick_as_it_is() -> None:
-    """The whole height counts then, and the whole width."""
-    block = {"height": GAUGE, "mass_points": "faces", "columns": 9}
-    static, strains = Curve(strain=MADE_UP[0], stress=MADE_UP[1]).plateau_stress / 20.0, [0.3, 0.85]
-    falls = heights(MADE_UP, static, strains)
-    for fall, share in zip(falls, (0.02, 0.05), strict=True):
-        figures, strain, g = drop(MADE_UP, static, fall, block)
         assert abs(figures["energy_residual"]) < 1e-3
         assert figures["max_displacement_m"] / GAUGE == pytest.approx(strain, rel=share)
         assert figures["peak_deceleration_g"] == pytest.approx(g, rel=share)
@@ -143,8 +126,9 @@ OWN = {
 def test_foams_of_ones_own_meet_the_energy_balance_with_what_nobody_gave() -> None:
     """Curve, density, cushion and product alone: dashpots, cells and steps are the defaults.
 
-    G within 2 % up to the strain of the largest energy efficiency, where a cushion is best; within
-    4 % beyond it, to a strain of 0.85.
+    Mass points lie on the faces: the whole height counts, and the whole width. Strain and G within
+    2 % up to the strain of the largest energy efficiency, where a cushion is best; within 4 %
+    beyond it, to a strain of 0.85.
     """
     thick, width = 0.05, 0.025
     scenes, expected = [], []
@@ -168,31 +152,18 @@ def test_foams_of_ones_own_meet_the_energy_balance_with_what_nobody_gave() -> No
                 )
             )
             expected.append(
-                (float(np.interp(strain, *curve)) / static - 1.0, strain <= found.densification)
+                (
+                    float(np.interp(strain, *curve)) / static - 1.0,
+                    strain,
+                    0.02 if strain <= found.densification else 0.04,
+                )
             )
     for place, result in tf.simulate_many(scenes):
-        g, before_optimum = expected[place]
-        error = result.summary["peak_deceleration_g"] / g - 1.0
-        assert abs(error) < (0.02 if before_optimum else 0.04), (result.scene.name, error)
-
-
-def test_crush_beyond_the_test_is_said() -> None:
-    curve = Curve(strain=MADE_UP[0][:6], stress=MADE_UP[1][:6])
-    strain, stress = curve.points
-    height = heights((strain, stress), 3e3, [0.65])[0]
-    figures, _, _ = drop((np.append(strain, 0.9), np.append(stress, 2e6)), 3e3, 1.3 * height)
-    assert not figures["warnings"]
-    scene = Scene(
-        block=Block(
-            width=WIDTH, height=ROWS * CELL, depth=THICK, columns=8, rows=ROWS, mass_points="cells"
-        ),
-        foam=TabulatedFoam(curve=curve, tensile_strain=0.5, shear_strain=2.0),
-        impactor=FlatBlock(
-            width=2 * WIDTH, mass=0.3, velocity=math.sqrt(2.6 * STANDARD_GRAVITY * height)
-        ),
-        output=Output(film=False),
-    )
-    assert any("where the foam's test curve ends" in text for text in tf.run(scene).warnings)
+        g, strain, share = expected[place]
+        name, figures = result.scene.name, result.summary
+        assert figures["peak_deceleration_g"] == pytest.approx(g, rel=share), name
+        assert figures["max_displacement_m"] / thick == pytest.approx(strain, rel=share), name
+        assert abs(figures["energy_residual"]) < 1e-3, name
 
 
 def test_lattices_of_a_batch_have_a_curve_each() -> None:
