@@ -28,3 +28,9 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Iterator[list]:
     yield texts
     inset._panel.cache_clear()
     raster._page.cache_clear()
+
+
+@pytest.fixture
+def words_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Foam is not drawn: for those who look at the words around it."""
+    monkeypatch.setattr(raster, "draw", lambda *arguments, **options: None)

@@ -231,6 +231,7 @@ LONG = "a name that somebody has made rather longer than anybody needs it to be"
 SIZES = [(1280, 720), (1920, 1080), (640, 360), (720, 1280), (1200, 432), (1280, 480)]
 
 
+@pytest.mark.usefixtures("words_alone")
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -249,6 +250,7 @@ def test_no_word_of_a_frame_overlaps_or_is_cut(count: int, mode: str, size, writ
             assert not any(meet(box, field) for field in fields), text
 
 
+@pytest.mark.usefixtures("words_alone")
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("width", [640, 1800])
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -260,6 +262,7 @@ def test_no_word_of_a_montage_overlaps_or_is_cut(
     check_words(written)
 
 
+@pytest.mark.usefixtures("words_alone")
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [2, 4])
 def test_times_are_as_fine_as_the_finest_run_and_clear_of_all_else(

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_checks import check_motion, check_texts
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from PIL import Image
 
 from taichi_foam.errors import UserError
@@ -87,77 +86,40 @@ def absorption_of(velocity: float, per_volume: float) -> figures.Absorption:
     return figures.Absorption(velocity, energy / per_volume, energy)
 
 
-def all_figures() -> dict[str, Figure]:
-    groups = {
-        "flat block": [absorption_of(v, 1.5e5) for v in VELOCITIES],
-        "cylinder": [absorption_of(v, 1.4e5) for v in (2.32, 2.94, 3.32)],
-    }
-    slopes = {"flat block": (1.5e5, 1.56e5, 1.6e5), "cylinder": (1.32e5, 1.43e5, 1.46e5)}
-    branches = {
-        "loading": (
-            np.array([0.05, -0.05, -0.8, -0.9]),
-            np.array([0.139e6, -0.139e6, -0.139e6, -4e5]),
-        ),
-        "unloading from 40 %": (np.array([-0.4, -0.35]), np.array([-0.139e6, 0.0])),
-        "re-tension": (np.array([-0.35, 0.025]), np.array([0.0, 0.0695e6])),
-    }
-    return {
-        "histories": figures.impact_histories({v: history_of(v) for v in VELOCITIES}),
-        "decelerations": decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
-        "one deceleration": decelerations([deceleration_of(3.03)], "Flat block"),
-        "bands": decelerations([ensemble_of(v) for v in VELOCITIES], "Flat block"),
-        "errors": errors(panels(), 0.10),
-        "energy": figures.energy_against_volume(groups, slopes),
-        "law": figures.stress_strain(branches),
-        "ledger": figures.energy_ledger(history_of(3.03)),
-    }
+GROUPS = {
+    "flat block": [absorption_of(v, 1.5e5) for v in VELOCITIES],
+    "cylinder": [absorption_of(v, 1.4e5) for v in (2.32, 2.94, 3.32)],
+}
+SLOPES = {"flat block": (1.5e5, 1.56e5, 1.6e5), "cylinder": (1.32e5, 1.43e5, 1.46e5)}
+BRANCHES = {
+    "loading": (
+        np.array([0.05, -0.05, -0.8, -0.9]),
+        np.array([0.139e6, -0.139e6, -0.139e6, -4e5]),
+    ),
+    "unloading from 40 %": (np.array([-0.4, -0.35]), np.array([-0.139e6, 0.0])),
+    "re-tension": (np.array([-0.35, 0.025]), np.array([0.0, 0.0695e6])),
+}
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "histories": lambda: figures.impact_histories({v: history_of(v) for v in VELOCITIES}),
+    "decelerations": lambda: decelerations([deceleration_of(v) for v in VELOCITIES], "Flat"),
+    "one deceleration": lambda: decelerations([deceleration_of(3.03)], "Flat block"),
+    "bands": lambda: decelerations([ensemble_of(v) for v in VELOCITIES], "Flat block"),
+    "errors": lambda: errors(panels(), 0.10),
+    "energy": lambda: figures.energy_against_volume(GROUPS, SLOPES),
+    "law": lambda: figures.stress_strain(BRANCHES),
+    "ledger": lambda: figures.energy_ledger(history_of(3.03)),
+}
 
 
-NAMES = (
-    "histories", "decelerations", "one deceleration", "bands", "errors", "energy", "law", "ledger"
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FIGURES)
 def test_no_text_overlaps_or_is_cut(name: str) -> None:
-    figure = all_figures()[name]
-    canvas = figure.canvas
-    assert isinstance(canvas, FigureCanvasAgg)
-    canvas.draw()
-    renderer = canvas.get_renderer()
-    # An annotation's own extent would hold its leader line too.
-    boxes = [
-        (text.get_text(), Text.get_window_extent(text, renderer))
-        for text in figure.findobj(Text)
-        if text.get_visible() and text.get_text().strip()
-    ]
-    # Matplotlib keeps tick labels beyond the axes' limits, unseen.
-    ticks = {t for a in figure.axes for t in [*a.get_xticklabels(), *a.get_yticklabels()]}
-    hidden = {t.get_text() for t in ticks}
-    boxes = [(t, b) for t, b in boxes if t not in hidden]
-    assert len(boxes) >= 4
-    for (first, a), (second, b) in itertools.combinations(boxes, 2):
-        assert not (a.padded(-1.5)).overlaps(b.padded(-1.5)), f"{first!r} over {second!r}"
-    page = figure.bbox
-    for text, box in boxes:
-        assert page.x0 - 1 <= box.x0, text
-        assert box.x1 <= page.x1 + 1, text
+    check_texts(FIGURES[name](), least=4)
 
 
 def test_histories_are_drawn_in_the_units_of_their_axes() -> None:
     figure = figures.impact_histories({3.03: history_of(3.03)})
-    history = history_of(3.03)
-    for axis, column, factor, unit in zip(
-        figure.axes,
-        ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m"),
-        (1, 1, 100),
-        ("m/s²", "m/s", "cm"),
-        strict=True,
-    ):
-        line = axis.lines[0]
-        np.testing.assert_allclose(line.get_xdata(), 1e3 * history["time_s"])
-        np.testing.assert_allclose(line.get_ydata(), factor * history[column])
-        assert axis.get_ylabel().endswith(f"({unit})")
+    assert len(figure.axes) == 3
+    check_motion(figure, history_of(3.03))
 
 
 def test_measured_marks_stand_at_the_tables_figures() -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from figure_checks import check_motion, check_texts, shown_texts
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from picture_states import dented, intact, scene_of, split
 from test_figures import history_of
 
@@ -29,13 +27,12 @@ RUN = [dented(SCENE, 0.004 * k, time=0.002 * k) for k in range(11)]
 HISTORY = history_of(3.03)
 
 
-def figures() -> dict[str, Figure]:
-    """Every figure in both widths."""
-    found = {}
-    for column in printed.COLUMNS:
-        found[f"montage {column}"] = printed.montage(RUN, SCENE, column=column)
-        found[f"curves {column}"] = printed.curves(HISTORY, SCENE, column=column)
-    return found
+def figure_of(name: str) -> Figure:
+    """A figure by its kind and width."""
+    kind, column = name.split()
+    if kind == "montage":
+        return printed.montage(RUN, SCENE, column=column)
+    return printed.curves(HISTORY, SCENE, column=column)
 
 
 NAMES = [f"{kind} {column}" for kind in ("montage", "curves") for column in printed.COLUMNS]
@@ -62,7 +59,7 @@ def test_files_are_as_wide_as_the_column_and_the_same_each_time(name: str, tmp_p
     wanted = {"single": 84, "double": 174}[name.split()[1]] * MM
     written = []
     for _ in range(2):
-        figure = figures()[name]
+        figure = figure_of(name)
         pdf = pdf_of(figure, tmp_path)
         (svg,) = style.save(figure, tmp_path / "figure.svg", look=style.PRINT)
         written.append((pdf, svg.read_bytes()))
@@ -81,7 +78,7 @@ def test_files_are_as_wide_as_the_column_and_the_same_each_time(name: str, tmp_p
 
 @pytest.mark.parametrize("name", NAMES)
 def test_text_in_a_pdf_is_text_with_its_fonts(name: str, tmp_path: Path) -> None:
-    figure = figures()[name]
+    figure = figure_of(name)
     texts = [text for text in shown_texts(figure) if text.get_text()]
     pdf = pdf_of(figure, tmp_path)
     everything = pdf + b"".join(streams(pdf))
@@ -94,7 +91,7 @@ def test_text_in_a_pdf_is_text_with_its_fonts(name: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_overlaps_or_is_cut(name: str) -> None:
-    check_texts(figures()[name])
+    check_texts(figure_of(name))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -103,46 +100,9 @@ def test_no_key_is_too_crowded_for_its_column(mode: str, column: str) -> None:
     check_texts(printed.montage(RUN, SCENE, mode=mode, column=column))
 
 
-def shown_texts(figure: Figure) -> list[Text]:
-    figure.draw_without_rendering()
-    seen = []
-    for text in figure.findobj(Text):
-        assert isinstance(text, Text)
-        if text.get_visible() and text.get_text().strip():
-            seen.append(text)
-    # Matplotlib keeps tick labels beyond the axes' limits, and those of shared axes, unseen.
-    hidden = set()
-    for axes in figure.axes:
-        for axis, low, high in (
-            (axes.xaxis, *axes.get_xlim()),
-            (axes.yaxis, *axes.get_ylim()),
-        ):
-            for tick in axis.get_major_ticks():
-                inside = low - 1e-9 <= tick.get_loc() <= high + 1e-9
-                if not (inside and tick.label1.get_visible()):
-                    hidden.add(tick.label1)
-    return [text for text in seen if text not in hidden]
-
-
-def check_texts(figure: Figure) -> None:
-    texts = shown_texts(figure)
-    canvas = figure.canvas
-    assert isinstance(canvas, FigureCanvasAgg)
-    boxes = [(t.get_text(), Text.get_window_extent(t, canvas.get_renderer())) for t in texts]
-    assert len(boxes) >= 8
-    for (first, a), (second, b) in itertools.combinations(boxes, 2):
-        assert not a.padded(-0.5).overlaps(b.padded(-0.5)), f"{first!r} over {second!r}"
-    page = figure.bbox
-    for text, box in boxes:
-        assert page.x0 <= box.x0, text
-        assert box.x1 <= page.x1, text
-        assert page.y0 <= box.y0, text
-        assert box.y1 <= page.y1, text
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_text_and_lines_have_a_printers_sizes(name: str) -> None:
-    figure = figures()[name]
+    figure = figure_of(name)
     assert all(7 <= float(text.get_fontsize()) <= 8 for text in shown_texts(figure))
     for axis in figure.axes:
         assert all(0.6 <= line.get_linewidth() <= 1.0 for line in axis.lines)
@@ -205,16 +165,7 @@ def test_many_cells_become_an_image_and_text_stays_text(
 
 def test_curves_are_drawn_in_the_units_of_their_axes() -> None:
     figure = printed.curves(HISTORY, SCENE)
-    for axis, column, factor, unit in zip(
-        figure.axes,
-        ("deceleration_smoothed_m_s2", "velocity_m_s", "displacement_m"),
-        (1, 1, 100),
-        ("m/s²", "m/s", "cm"),
-        strict=False,
-    ):
-        np.testing.assert_allclose(axis.lines[0].get_xdata(), 1e3 * HISTORY["time_s"])
-        np.testing.assert_allclose(axis.lines[0].get_ydata(), factor * HISTORY[column])
-        assert axis.get_ylabel().endswith(f"({unit})")
+    check_motion(figure, HISTORY)
     assert figure.axes[3].get_ylabel() == "energy (J)"
 
 
