@@ -38,16 +38,20 @@ class Mode:
     """Case, lattices, and simulated time of a measurement [s]."""
     threads: tuple[int, ...] = (1, 2)
     start: float = 8e-3  # s
+    extents: tuple[Extent, ...] = tuple(EXTENTS)
 
 
-SMOKE = Mode(rounds=1, batches=((CASE, 1, 1e-4),), threads=(1,), start=1e-4)
+# one extent: compare.py runs the other
+SMOKE = Mode(
+    rounds=1, batches=((CASE, 1, 1e-4),), threads=(1,), start=1e-4, extents=("room",)
+)  # fmt: skip
 
 
 def subjects(mode: Mode) -> list[tuple[Subject, list[Subject]]]:
     """This engine's batches, each with the prototype's at every width."""
     found = []
     for case, batch, span in mode.batches:
-        for extent in EXTENTS:
+        for extent in mode.extents:
             for threads in mode.threads:
                 key = f"{case} {extent} {batch} {threads}"
                 engine = Subject(

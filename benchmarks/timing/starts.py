@@ -29,7 +29,7 @@ def starts(mode: Mode, on_next: Callable[[str], None]) -> dict[str, float]:
     found: dict[str, float] = {}
     on_next("import taichi_foam")
     found["import"] = statistics.median(
-        _number([sys.executable, "-c", IMPORT]) for _ in range(IMPORTS)
+        _number([sys.executable, "-c", IMPORT]) for _ in range(IMPORTS if mode.warm_starts else 1)
     )
     if not mode.warm_starts:
         on_next("first step")
