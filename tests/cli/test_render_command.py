@@ -18,7 +18,7 @@ from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam import Result, load_scene, run
-from taichi_foam.picture import films, raster
+from taichi_foam.picture import raster
 from taichi_foam.picture.look import Look
 from taichi_foam.results.manifest import Manifest
 
@@ -254,15 +254,3 @@ def test_ctrl_c_keeps_what_was_complete(
     press_after(0)
     assert invoke("render", "run", "--out", "deep/new").exit_code == 130
     assert not Path("deep").exists()
-
-
-def test_films_of_a_stored_run_from_a_script(folder: Path, tmp_path: Path) -> None:
-    """Without names, what the scene asks for."""
-    result = Result.load(folder)
-    assert films.write(result, tmp_path) == []
-    settings = ["output.film=true", "output.frames=true", "output.mode=energy"]
-    asked = replace(result, scene=load_scene(result.scene, overrides=settings))
-    drawn = []
-    paths = films.write(asked, tmp_path, lambda: drawn.append(1))
-    assert [path.name for path in paths] == ["frames", "film.mp4", "film.gif"]
-    assert len(drawn) == films.frames_to_draw(asked) == 2 * len(result.snapshots)

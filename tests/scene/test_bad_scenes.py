@@ -410,9 +410,3 @@ def test_parts_built_in_python_are_explained_with_their_place_in_the_scene(build
         build()
     assert explain(caught.value, Scene).startswith(line)
     assert len(explain(caught.value, Scene).splitlines()) == 1
-
-
-def test_scenes_are_frozen():
-    scene = load_scene(RECTANGULAR)
-    with pytest.raises(ValidationError):
-        scene.block.columns = 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 
@@ -84,12 +83,6 @@ def test_what_follows_is_not_given() -> None:
 def test_a_new_end_takes_a_travel_away() -> None:
     scene = Scene(impactor=PRESS).with_values(numerics__end=0.2)
     assert (scene.impactor.travel, scene.numerics.end) == (None, 0.2)
-
-
-def test_a_written_scene_reads_back(fallen: Scene, tmp_path: Path) -> None:
-    path = tmp_path / "fall.toml"
-    path.write_text(scene_to_toml(fallen), encoding="utf-8")
-    assert load_scene(str(path)) == fallen
 
 
 @pytest.mark.parametrize(

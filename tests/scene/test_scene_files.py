@@ -284,13 +284,6 @@ def test_bad_file_gets_its_message(tmp_path, name, text, says):
         assert words in str(caught.value)
 
 
-def test_text_that_is_not_utf_8(tmp_path):
-    path = tmp_path / "latin.toml"
-    path.write_bytes("name = 'Schlag gr\xf6\xdfer'".encode("latin-1"))
-    with pytest.raises(UserError, match="not UTF-8 text"):
-        load_scene(path)
-
-
 @pytest.mark.parametrize(
     ("source", "says"),
     [

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from imageio_ffmpeg import count_frames_and_secs
 from PIL import Image
-from PIL.GifImagePlugin import GifImageFile
 
 from taichi_foam import Result
 from taichi_foam.picture import films, raster
@@ -64,15 +63,6 @@ def test_both_films_and_the_frames_show_each_instant_in_order(
         fresh = raster.frame(snapshot, asked.scene, (320, 180), displacement=sunk)
         with Image.open(tmp_path / "frames" / f"frame_{number:05d}.png") as stored:
             np.testing.assert_array_equal(np.asarray(stored), fresh)
-
-
-def test_a_gif_keeps_the_pace_of_the_film(result: Result, tmp_path: Path) -> None:
-    """At 50 frames a second an MP4 of n frames takes n / 50 s; a GIF takes every second frame."""
-    asked = wanting(replace(result, snapshots=result.snapshots[:20]), fps=50)
-    films.write(asked, tmp_path)
-    with GifImageFile(tmp_path / "film.gif") as film:
-        assert film.n_frames == 10
-        assert film.info["duration"] == 40
 
 
 def test_pictures_take_no_more_room_than_foretold(study, result: Result) -> None:

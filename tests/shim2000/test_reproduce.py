@@ -103,13 +103,6 @@ def test_tables_repeat_the_summary(study) -> None:
     assert theirs == {"paper/rectangular-3.03": "0.0402", "paper/wedge-2.86": "0.0483"}
 
 
-def test_an_existing_folder_is_refused_and_kept(study, tmp_path: Path) -> None:
-    (tmp_path / "note").write_text("mine")
-    with pytest.raises(UserError, match="holds no result"):
-        reproduce(tmp_path, CASES)
-    assert [path.name for path in tmp_path.iterdir()] == ["note"]
-
-
 def altered(change: Callable[[list[Result]], list[Result]]) -> Callable:
     """`run_many`, with a change to what it gives."""
     original = simulate.run_many
