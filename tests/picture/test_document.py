@@ -1,35 +1,12 @@
 """Reports in one file: what is in them, and that nothing outside is needed."""
 
-from html.parser import HTMLParser
-
 import matplotlib as mpl
 import pytest
+from html_page import Page
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture.document import Section, Table, write
 from taichi_foam.picture.style import STYLE, blank
-
-
-class _Page(HTMLParser):
-    """Texts by tag, and the addresses of everything that a page loads."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.texts: dict[str, list[str]] = {}
-        self.sources: list[str] = []
-
-    def handle_starttag(self, tag, attrs):
-        if tag not in ("meta", "img"):
-            self.open.append(tag)
-        self.sources += [value for key, value in attrs if key in ("src", "href") and value]
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and data.strip():
-            self.texts.setdefault(self.open[-1], []).append(data.strip())
 
 
 def test_a_report_stands_by_itself(tmp_path):
@@ -46,12 +23,12 @@ def test_a_report_stands_by_itself(tmp_path):
             Section("Drops", table=table),
         ],
     )
-    page = _Page()
-    page.feed(path.read_text(encoding="utf-8"))
+    page = Page(path.read_text(encoding="utf-8"))
     assert page.open == []
     assert page.texts["h1"] == ["Cushion <of> foam"]
     assert page.texts["td"] == ["30 < 40", "41"]
     assert "A & B" in page.texts["p"]
+    assert page.links == []
     assert len(page.sources) == 1
     assert page.sources[0].startswith("data:image/svg+xml;base64,")
     assert [each.name for each in tmp_path.iterdir()] == ["report.html"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from html.parser import HTMLParser
+from pathlib import Path
 
 #: Elements that need no end tag.
 VOID = {"meta", "link", "img", "source", "br"}
 
 
 class Page(HTMLParser):
-    """Collects what a page refers to, and checks that elements nest."""
+    """Collects texts by tag and what a page refers to, and checks that elements nest."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -18,6 +19,7 @@ class Page(HTMLParser):
         self.sources: list[str] = []
         self.images: list[dict[str, str | None]] = []
         self.ids: set[str | None] = set()
+        self.texts: dict[str, list[str]] = {}
         self.badges = 0
         self.feed(text)
         self.close()
@@ -35,3 +37,14 @@ class Page(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and data.strip():
+            self.texts.setdefault(self.open[-1], []).append(data.strip())
+
+    def check(self, folder: Path) -> None:
+        """It is whole, loads nothing from outside, and its links lead somewhere in `folder`."""
+        assert self.open == []
+        assert all(source.startswith("data:image/") for source in self.sources)
+        for link in self.links:
+            assert link[1:] in self.ids if link.startswith("#") else (folder / link).exists(), link
