@@ -8,13 +8,17 @@ import json
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import pytest
 from html_page import Page
 from lattices import COARSE
+from typer.testing import CliRunner
 
 from taichi_foam import Result, Scene, load_scene
+from taichi_foam.cli.app import _app
 from taichi_foam.errors import RunError, UserError
 from taichi_foam.records.ending import Ending
 from taichi_foam.shim2000.reproduce import reproduce
@@ -271,3 +275,31 @@ def test_the_report_has_the_ensembles_sections(ensemble) -> None:
     )
     failed = sum(not criterion["holds"] for criterion in ensemble.content["criteria"])
     assert page.badges == misses + failed + 1  # and the one that explains them
+
+
+def test_the_command_shows_medians_bands_and_scores(
+    ensemble, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is asked for is what has been computed."""
+
+    def computed(*given: object, **options: object) -> dict[str, Any]:
+        asked = signature(reproduce).bind(*given, **options).arguments
+        assert (asked["out"], asked["cases"], asked["ensemble"]) == ("out", ["rectangular-3.03"], 2)
+        return ensemble.content
+
+    monkeypatch.setattr("taichi_foam.shim2000.reproduce.reproduce", computed)
+    monkeypatch.chdir(ensemble.folder.parent)
+    asked = ["--ensemble", "2", "--cases", "rectangular-3.03", "--out", "out"]
+    result = CliRunner().invoke(_app, ["reproduce", *asked])
+    assert result.exit_code == 0, result.output
+    (case,) = ensemble.content["cases"]
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines[:-1])) <= 80
+    assert lines[0].startswith("median of 2 runs, and its error (calibrated)")
+    row = next(line for line in lines if line.startswith("rectangular-3.03"))
+    assert f"{100 * case['simulated']['max_displacement_m']:.2f}" in row
+    band = next(line for line in lines if line.startswith("  5 to 95 %"))
+    assert f"{100 * case['low']['max_displacement_m']:.2f} to" in band
+    assert next(line for line in lines if line.startswith("  measured")).split()[1] == "6.50"
+    assert any(line.startswith("held out") for line in lines)
+    assert "in out: report.html" in lines[-1]
