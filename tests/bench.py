@@ -3,7 +3,7 @@
 The lattices are the ones that runs borrow, so that each size compiles once a session.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,7 @@ from taichi_foam.engine.features import Features, features_of
 from taichi_foam.engine.lattice import Lattice, borrowed
 from taichi_foam.engine.state import initial_state
 from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, Numerics, Output, Scene
 from taichi_foam.scene.filling import filling
 
@@ -122,3 +123,18 @@ def run_to(scene: Scene, time: float, steps: int, **start: object) -> Snapshot:
     scene = scene.model_copy(update={"numerics": given, "output": output})
     with bench(scene, **start) as loaded:
         return loaded.step(steps)
+
+
+def assert_same_snapshots(one: Snapshot, other: Snapshot, but: Collection[str] = ()) -> None:
+    """To the last bit, in all fields but these."""
+    for name, values in vars(one).items():
+        if name not in but:
+            np.testing.assert_array_equal(values, getattr(other, name), err_msg=name)
+
+
+def assert_same(one: Result, other: Result, but: Collection[str] = ()) -> None:
+    """Histories and snapshots to the last bit, of the latter all fields but these."""
+    for name, column in one.history.items():
+        np.testing.assert_array_equal(column, other.history[name], err_msg=name)
+    for a, b in zip(one.snapshots, other.snapshots, strict=True):
+        assert_same_snapshots(a, b, but)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import small_scene
+from bench import assert_same, small_scene
 
 import taichi_foam as tf
 from taichi_foam.analysis.impact import height_beneath
@@ -58,11 +58,7 @@ def drops() -> list[Result]:
 
 
 def assert_equal(one: Result, other: Result) -> None:
-    for name, column in one.history.items():
-        np.testing.assert_array_equal(column, other.history[name], err_msg=name)
-    for a, b in zip(one.snapshots, other.snapshots, strict=True):
-        for name, values in vars(a).items():
-            np.testing.assert_array_equal(values, getattr(b, name), err_msg=name)
+    assert_same(one, other)
     assert one.run["steps"] == other.run["steps"]
     assert one.run.get("after") == other.run.get("after")
 
