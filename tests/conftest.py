@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ import pytest
 import taichi as ti
 
 from taichi_foam.engine import effort, lattice, layout, runtime
+from taichi_foam.picture import annotate, inset, raster
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
@@ -121,3 +122,23 @@ def make_result() -> MakeResult:
         return Result(scene, history, list(snapshots), run or {})
 
     return make
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> Iterator[list]:
+    """(picture, words, box) of every text that is written."""
+    texts: list[tuple[np.ndarray, str, tuple[float, float, float, float]]] = []
+    write = annotate.write
+
+    def record(image, xy, string, face, *, anchor="ls", colour=(0, 0, 0)) -> None:
+        left, top, right, bottom = face.getbbox(string, anchor=anchor)
+        x, y = round(xy[0]), round(xy[1])
+        texts.append((image, string, (x + left, y + top, x + right, y + bottom)))
+        write(image, xy, string, face, anchor=anchor, colour=colour)
+
+    monkeypatch.setattr(annotate, "write", record)
+    inset._panel.cache_clear()
+    raster._page.cache_clear()
+    yield texts
+    inset._panel.cache_clear()
+    raster._page.cache_clear()

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from io import StringIO
 from pathlib import Path
-from typing import Any
 
-import pytest
 from lattices import TINY
-from rich.console import Console
+from tables_shown import printed
 
 from taichi_foam import Result, Scene, catalogue, load_scene
 from taichi_foam.cli import tables
 from taichi_foam.live.notebook import result_html
-from taichi_foam.picture import annotate
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.scene import Base, Wedge
 from taichi_foam.shim2000 import impacts
@@ -33,26 +29,6 @@ def written_by_hand() -> Scene:
     """The same test as somebody would write it, under a name of their own."""
     impactor = Wedge(velocity=2.86, angle_deg=90.0, shank_width=0.05)
     return Scene(name="my wedge", impactor=impactor, base=Base(stops_impactor=False))
-
-
-def printed(table: object) -> str:
-    console = Console(width=120, record=True, file=StringIO())
-    console.print(table)
-    return console.export_text()
-
-
-@pytest.fixture
-def words(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """All that is written into pictures."""
-    found: list[str] = []
-    write = annotate.write
-
-    def listen(image: Any, xy: Any, string: str, *rest: Any, **options: Any) -> None:
-        found.append(string)
-        write(image, xy, string, *rest, **options)
-
-    monkeypatch.setattr(annotate, "write", listen)
-    return found
 
 
 def test_measured_figures_are_those_of_a_test() -> None:
@@ -97,13 +73,14 @@ def test_names_of_runs_side_by_side(make_result, make_snapshot) -> None:
 
 
 def test_a_report_of_changed_tests_sets_nothing_measured_beside_them(
-    tmp_path: Path, words: list[str]
+    tmp_path: Path, written: list
 ) -> None:
     content = reproduce(tmp_path / "out", ["wedge-2.86"], overrides=[*SHORT, "impactor.mass=5"])
     (case,) = content["cases"]
     assert case["test"] is None
     assert set(case["measured"].values()) == set(case["error"].values()) == {None}
     assert {hit["of"] for hit in content["within_tolerance"].values()} == {0}
+    words = [text for _, text, _ in written]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Not the paper's tests" in page.replace("&#39;", "'")
     assert "Wedge 2.86, changed" in page
@@ -129,7 +106,7 @@ def test_an_ensemble_of_changed_tests_has_no_score(tmp_path: Path) -> None:
     printed(tables.scores(content))
 
 
-def test_pictures_of_a_test_have_its_title(tmp_path: Path, words: list[str], study) -> None:
+def test_pictures_of_a_test_have_its_title(tmp_path: Path, written: list, study) -> None:
     """Those that are drawn again, too: the command line passes it on."""
     from typer.testing import CliRunner
 
@@ -139,9 +116,9 @@ def test_pictures_of_a_test_have_its_title(tmp_path: Path, words: list[str], stu
     Result.load(study.folder / "wedge-2.86").save(folder)
     size = ("--size", "640x360")
     assert CliRunner().invoke(_app, ["render", str(folder), "--png", *size]).exit_code == 0
-    assert TITLE in words
-    words.clear()
+    assert TITLE in {text for _, text, _ in written}
+    written.clear()
     runs = [str(study.folder / "wedge-2.86"), str(study.folder / "rectangular-3.03")]
     out = ("--out", str(tmp_path / "both"))
     assert CliRunner().invoke(_app, ["compare", *runs, "--png", *size, *out]).exit_code == 0
-    assert {TITLE, "flat block, 3.03 m/s"} <= set(words)
+    assert {TITLE, "flat block, 3.03 m/s"} <= {text for _, text, _ in written}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from io import StringIO
 
 import numpy as np
 import pytest
-from rich.console import Console
+from tables_shown import printed
 
 from taichi_foam.cli import tables
 from taichi_foam.shim2000.criteria import Criterion
@@ -17,12 +16,6 @@ from taichi_foam.shim2000.study import Case, Member, faster
 
 FLATS = ("2.46", "3.03", "3.60")
 EMPTY = np.zeros(0)
-
-
-def printed(table: object) -> str:
-    console = Console(width=80, record=True, file=StringIO())
-    console.print(table)
-    return console.export_text()
 
 
 def layer(velocity: str, value: float) -> Criterion:
@@ -83,7 +76,7 @@ def test_the_table_of_criteria_has_those_that_are_not_met(ensemble) -> None:
     missed = met | {"text": "A crack", "unit": "mm", "median": 12.345, "allowed": "at most 10"}
     missed |= {"met": 3, "holds": False}
     content = {"ensemble": ensemble, "criteria": [met, missed, missed | {"case": None}]}
-    shown = printed(tables.criteria(content))
+    shown = printed(tables.criteria(content), width=80)
     assert "1 of 3 met" in shown
     assert "Small cracks" not in shown
     assert "wedge-2.86: A crack" in shown
@@ -91,4 +84,6 @@ def test_the_table_of_criteria_has_those_that_are_not_met(ensemble) -> None:
     assert "at most 10 mm" in shown
     assert ("3 of 16" in shown) == (ensemble is not None)
     assert max(map(len, shown.splitlines())) <= 80
-    assert "1 of 1 met" in printed(tables.criteria({"ensemble": ensemble, "criteria": [met]}))
+    assert "1 of 1 met" in printed(
+        tables.criteria({"ensemble": ensemble, "criteria": [met]}), width=80
+    )
