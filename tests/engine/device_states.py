@@ -27,7 +27,9 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.scene import (
     Base,
     Block,
+    Cylinder,
     FlatBlock,
+    Impactor,
     Numerics,
     Output,
     Scene,
@@ -35,16 +37,15 @@ from taichi_foam.scene import (
     TabulatedFoam,
     Wedge,
 )
-from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run_many
 
 # More nodes than a block has threads; and more than one block steps by itself.
-SMALL, BIG = (15, 20), (66, 63)
+SMALL, BIG = (15, 20), (96, 43)
 LATTICES = 4
 ALONE = 2  # the place of the lattice that is stepped alone, too
 assert THREADS < SMALL[0] * SMALL[1] <= BLOCK_NODES < BIG[0] * BIG[1]
 
-STEPS_BEFORE = 100  # nothing has broken yet
+STEPS_PAD = 100  # nothing has broken yet
 STEPS_OPTIONS = 700  # free bodies are rounded, and touch later
 STEPS_AFTER = 400  # some bonds break on the way
 STEPS_BIG = 120
@@ -55,65 +56,57 @@ ENERGIES = ("foam_kinetic_J", "strain_J", "crushing_J", "shearing_J", "damping_J
 States = dict[str, np.ndarray]
 
 
-def paper_scenes() -> list[Scene]:
-    """Of the paper's tests, two shapes alternately, and one of the third.
+WEDGE = Wedge(angle_deg=60, shank_width=0.03, mass=0.1, velocity=14.0, x=1e-4)
 
-    They differ in all that is data. They touch within a step, and beside the middle: rounding is
-    not to say whether the first stage is damped, nor to which side of a wedge its point goes.
+
+def struck(impactor: Impactor, mass_points: Literal["cells", "faces"] = "faces") -> Scene:
+    """An impact on a small block.
+
+    The impactor is to be beside the middle, so that rounding does not say to which side of a
+    wedge its point goes.
     """
-    names = ("paper/rectangular-3.03", "paper/wedge-2.86", "paper/cylinder-3.32")
-    scenes = [paper_scene(name) for name in names]
     columns, rows = SMALL
-    flat, wedge, cylinder = (
-        scene.model_copy(
-            update={
-                "block": scene.block.model_copy(update={"columns": columns, "rows": rows}),
-                "impactor": scene.impactor.model_copy(update={"gap": 1e-5, "x": 1e-4}),
-            }
-        )
-        for scene in scenes
+    return Scene(
+        block=Block(
+            mass_points=mass_points,
+            width=0.005 * columns,
+            height=0.005 * rows,
+            columns=columns,
+            rows=rows,
+        ),
+        impactor=impactor,
+        numerics=Numerics(end=2.0e-3),
+        output=Output(history_interval=1e-4, snapshot_interval=1e-3),
     )
-    return [flat, wedge] * (LATTICES // 2) + [cylinder]
 
 
-def breaking_scenes(mass_points: Literal["cells", "faces"] = "faces") -> list[Scene]:
-    """A fast wedge into a small block, at velocities that differ a little.
+def breaking_scenes() -> list[Scene]:
+    """Fast impactors of the paper's three shapes, and a faster wedge.
 
-    Its point is beside the middle column, as in `paper_scenes`.
+    They touch within a step, not at once: rounding is not to say whether the first stage is damped.
     """
-    columns, rows = SMALL
-    return [
-        Scene(
-            block=Block(
-                mass_points=mass_points,
-                width=0.005 * columns,
-                height=0.005 * rows,
-                columns=columns,
-                rows=rows,
-            ),
-            impactor=Wedge(angle_deg=60, shank_width=0.03, mass=0.1, velocity=velocity, x=1e-4),
-            numerics=Numerics(end=2.0e-3),
-            output=Output(history_interval=1e-4, snapshot_interval=1e-3),
-        )
-        for velocity in np.linspace(14.0, 15.75, LATTICES)
-    ]
+    shapes = (
+        WEDGE,
+        FlatBlock(width=0.03, mass=0.1, velocity=14.5, x=1e-4),
+        Cylinder(radius=0.015, mass=0.1, velocity=13.0, x=1e-4),
+        WEDGE.model_copy(update={"velocity": 15.75}),
+    )
+    return [struck(impactor.model_copy(update={"gap": 1e-5})) for impactor in shapes]
 
 
 def option_scenes() -> list[Scene]:
-    """The same with every option, on a block with a cut, off the rails.
+    """Wedges, with every option, on a block with a cut, off the rails.
 
     At a third of the speed: in STEPS_OPTIONS the foam flows, and breaks little.
     """
     return [
-        scene.model_copy(
-            update={
-                **EVERYTHING,
-                "impactor": scene.impactor.model_copy(
-                    update={"velocity": 4.0 + 0.1 * b, "guided": False, "spin": 40.0 * b - 60.0}
-                ),
-            }
-        )
-        for b, scene in enumerate(breaking_scenes("cells"))
+        struck(
+            WEDGE.model_copy(
+                update={"velocity": 4.0 + 0.1 * b, "guided": False, "spin": 40.0 * b - 60.0}
+            ),
+            "cells",
+        ).model_copy(update=EVERYTHING)
+        for b in range(LATTICES)
     ]
 
 
@@ -262,13 +255,12 @@ def _is_misplaced(scalar: Any) -> bool:
 def everything() -> States:
     """All that is compared, as `part/name`."""
     parts = {
-        "before": states_of(paper_scenes(), STEPS_BEFORE),
         "after": states_of(breaking_scenes(), STEPS_AFTER),
         "alone": alone(breaking_scenes()[ALONE], STEPS_AFTER),
         "ensemble": ensemble(),
         "options": states_of(option_scenes(), STEPS_OPTIONS),
         "big": states_of(big_scenes(), STEPS_BIG),
-        "pad": states_of(pad_scenes(), STEPS_BEFORE),
+        "pad": states_of(pad_scenes(), STEPS_PAD),
     }
     named = {f"{part}/{name}": x for part, xs in parts.items() for name, x in xs.items()}
     device = str(runtime.settings().get("device", ""))
