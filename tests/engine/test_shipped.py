@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -28,7 +27,7 @@ import taichi_foam as tf
 tf.init(threads=int(sys.argv[1]))
 for values in sys.argv[2:]:
     scene = tf.load_scene("paper/wedge-2.86", overrides=values.split())
-    result = tf.run(scene.with_values({"numerics.time_limit": 3e-4}))
+    result = tf.run(scene.with_values({"numerics.time_limit": 3e-3}))  # the foam crushes
     print(hashlib.sha256(result.snapshots[-1].position.tobytes()).hexdigest())
 """
 
@@ -63,14 +62,20 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """The folder of a first process, and what it computes."""
+    cache = tmp_path_factory.mktemp("first") / "cache"
+    return cache, computed(cache, "block.columns=40", "block.columns=33", threads=1)
+
+
 @needs_kernels
-def test_a_first_run_compiles_nothing(tmp_path: Path, unpacked: Path) -> None:
+def test_a_first_run_compiles_nothing(first: tuple[Path, list[str]], unpacked: Path) -> None:
     """Whatever the size of the block and the number of threads; else the kernels are stale.
 
     They are made again by `python kernels/make.py`.
     """
-    cache = tmp_path / "cache"
-    computed(cache, "block.columns=40", "block.columns=33", threads=1)
+    cache = first[0]
     computed(cache, "foam.rate=none")  # crushable foam of one's own
     assert names(cache) == names(unpacked), "kernels/make.py has to be run again"
 
@@ -92,13 +97,6 @@ tf.run_many([cushion_scene("eps-28.8", 0.05, height, 4e3) for height in (0.02, 0
 """
     computed(cache, program=program)
     assert names(cache) == names(unpacked), "kernels/make.py has to be run again"
-
-
-@needs_kernels
-def test_what_is_not_there_is_compiled(tmp_path: Path, unpacked: Path) -> None:
-    cache = tmp_path / "cache"
-    computed(cache, "impactor.guided=false foam.strength_scatter=0.05")
-    assert names(cache) > names(unpacked)
 
 
 @needs_kernels
@@ -136,7 +134,9 @@ def test_processors_with_more_than_llvm_knows() -> None:
 
 
 @needs_kernels
-def test_widened_kernels_are_sound_and_compute_the_same(tmp_path: Path, unpacked: Path) -> None:
+def test_widened_kernels_are_sound_and_compute_the_same(
+    tmp_path: Path, unpacked: Path, first: tuple[Path, list[str]]
+) -> None:
     """Told that the processor has wide vectors, a kernel gives the same bits."""
     flags = kernel_cache.cpuinfo()
     if not all(flag in flags.split() for flag in kernel_cache.WIDE_NEEDS):
@@ -149,8 +149,6 @@ def test_widened_kernels_are_sound_and_compute_the_same(tmp_path: Path, unpacked
         assert (changed != kernel) == (path.suffix == ".tic")
         (wide / path.name).write_bytes(changed)
     before = {path: hashlib.sha256(path.read_bytes()).digest() for path in wide.glob("T*.tic")}
-    plain = tmp_path / "plain"
-    shutil.copytree(unpacked, plain)
-    assert computed(wide, "block.columns=40") == computed(plain, "block.columns=40")
+    assert computed(wide, "block.columns=40") == first[1][:1]
     assert {path: hashlib.sha256(path.read_bytes()).digest() for path in before} == before
     assert names(wide) == names(unpacked)
