@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import shutil
@@ -56,11 +57,16 @@ def process(tmp_path: Path, **environment: str) -> str:
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the kernels of a process that has ended."""
+    """A folder with the kernels of a process that has ended; another one finds them all again."""
     folder = tmp_path_factory.mktemp("filled")
-    assert process(folder, TI_OFFLINE_CACHE_FILE_PATH=str(folder / "cache")) == ""
-    assert compiled(folder / "cache")
-    return folder / "cache"
+    cache = folder / "cache"
+    assert again(folder, cache) == ""
+    assert compiled(cache)
+    assert kernels(cache).keys() >= packaged()
+    before = {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")}
+    assert again(folder, cache) == ""
+    assert {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")} == before
+    return cache
 
 
 @pytest.fixture
@@ -72,11 +78,17 @@ def kernels(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.glob("T*.tic")}
 
 
-def compiled(folder: Path) -> set[str]:
-    """Names of the kernels that did not come with the package."""
+@functools.cache
+def packaged() -> set[str]:
+    """Names of the kernels that come with the package."""
     with tempfile.TemporaryDirectory() as name:
         kernel_cache.unpack(Path(name))
-        return kernels(folder).keys() - kernels(Path(name)).keys()
+        return {file.name for file in Path(name).glob("T*.tic")}
+
+
+def compiled(folder: Path) -> set[str]:
+    """Names of the kernels that did not come with the package."""
+    return kernels(folder).keys() - packaged()
 
 
 def again(tmp_path: Path, cache: Path) -> str:
@@ -97,7 +109,16 @@ def test_the_users_cache(tmp_path: Path) -> None:
     assert compiled(tmp_path / ".cache" / "taichi_foam" / "kernels" / kernel_cache.digest())
 
 
-def test_kernels_of_versions_that_are_used_no_more(tmp_path: Path) -> None:
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """For tests that have folders prepared in this process, whose own stays what it is."""
+    monkeypatch.setattr(kernel_cache, "_prepared", None)
+    return monkeypatch
+
+
+def test_kernels_of_versions_that_are_used_no_more(
+    tmp_path: Path, here: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     kernels_of = tmp_path / "caches" / "taichi_foam" / "kernels"
     for name, days in (("abandoned", 91), ("in use", 89)):
         (kernels_of / name).mkdir(parents=True)
@@ -106,16 +127,12 @@ def test_kernels_of_versions_that_are_used_no_more(tmp_path: Path) -> None:
         used = time.time() - 86400 * days
         os.utime(kernels_of / name / "checked", (used, used))
     (kernels_of / "begun").mkdir()
-    settings = {"XDG_CACHE_HOME": str(tmp_path / "caches"), "TI_OFFLINE_CACHE_FILE_PATH": ""}
-    assert process(tmp_path, **settings) == ""
+    here.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
+    here.delenv("TI_OFFLINE_CACHE_FILE_PATH", raising=False)
+    assert kernel_cache.prepared() == kernels_of / kernel_cache.digest()
+    assert capsys.readouterr().err == ""
     names = {path.name for path in kernels_of.iterdir()}
     assert names == {"begun", "in use", kernel_cache.digest()}
-
-
-def test_kernels_are_found_again(tmp_path: Path, cache: Path) -> None:
-    before = {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")}
-    assert again(tmp_path, cache) == ""
-    assert {file: file.stat().st_mtime_ns for file in cache.glob("T*.tic")} == before
 
 
 def test_a_lock_that_was_left_behind(tmp_path: Path) -> None:
@@ -140,10 +157,11 @@ def test_a_lock_that_is_held(tmp_path: Path) -> None:
     assert not compiled(cache)
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "missing", "empty", "index cut"])
-def test_damage_is_mended_once(damage: str, tmp_path: Path, cache: Path) -> None:
-    whole = kernels(cache)
-    name, content = max(whole.items(), key=lambda item: len(item[1]))
+DAMAGED = "some compiled kernels were damaged; they are discarded and compiled again"
+
+
+def damaged(cache: Path, damage: str) -> None:
+    name, content = max(kernels(cache).items(), key=lambda item: len(item[1]))
     file = cache / (INDEX if damage == "index cut" else name)
     if damage == "missing":
         file.unlink()
@@ -151,10 +169,26 @@ def test_damage_is_mended_once(damage: str, tmp_path: Path, cache: Path) -> None
         file.write_bytes(content[:200] + bytes([content[200] ^ 1]) + content[201:])
     else:
         file.write_bytes(b"" if damage == "empty" else file.read_bytes()[:-50])
-    told = "some compiled kernels were damaged; they are discarded and compiled again"
-    assert told in again(tmp_path, cache)
-    assert kernels(cache).keys() == whole.keys()
-    assert again(tmp_path, cache) == ""
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "missing", "empty", "index cut"])
+def test_damage_is_mended_once(
+    damage: str, cache: Path, here: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(cache))
+    damaged(cache, damage)
+    assert kernel_cache.prepared() == cache
+    assert DAMAGED in capsys.readouterr().err
+    assert kernels(cache).keys() == packaged()
+    assert kernel_cache.prepared() == cache
+    assert capsys.readouterr().err == ""
+
+
+def test_a_process_compiles_again_what_was_damaged(tmp_path: Path, cache: Path) -> None:
+    whole = kernels(cache).keys()
+    damaged(cache, "flipped")
+    assert DAMAGED in again(tmp_path, cache)
+    assert kernels(cache).keys() == whole
 
 
 def test_a_source_is_read_once_however_often_it_is_inlined() -> None:
