@@ -85,7 +85,29 @@ def test_crushing_takes_up_the_area_under_the_plateau() -> None:
     assert abs(history["residual_J"][-1]) < 1e-3 * work
 
 
+PIECES = {"piece_size": 0.8, "piece_friction": 0.3}
+# An option that did not book its energy would show among the others as it does alone; each of them
+# alone would have kernels of its own.
+OPTIONS = {
+    name: small_scene(
+        name=name,
+        impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=12.0),
+        foam=Foam(**foam),
+        model=Model(**model),
+        numerics=Numerics(end=3e-3, dt=5e-7),  # as of the wedge below
+    )
+    for name, foam, model in (
+        ("pieces", {}, PIECES),
+        (
+            "all",
+            {"rate": 200.0, "rate_exponent": 2.0, "overshoot_strain": 0.02,
+             "strength_scatter": 0.2, "strength_seed": 5},
+            {"shear_failure": "angle", **PIECES},
+        ),
+    )
+}  # fmt: skip
 IMPACTS = {
+    **OPTIONS,
     "wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=12.0),
         # a node that passes the tip, from face to face, feels the force jump
@@ -99,12 +121,14 @@ IMPACTS = {
     "literal": small_scene(
         base=Base(kind="held"),
         impactor=FlatBlock(width=0.03, mass=0.2, velocity=6.0, friction=0.0),
+        foam=Foam(softening=False),
         model=Model(
             damping="absolute",
             shear="face",
             shear_failure="always",
             broken_contact="jump",
             self_contact=False,
+            crushed_room=False,
         ),
         # where a broken pair's force jumps, by F, a step errs by F v dt, 1e-4 of the impact's
         # energy at 2 us: a dozen of them need a shorter step than the automatic one
@@ -131,15 +155,24 @@ def impact(request: pytest.FixtureRequest) -> Result:
 
 
 def test_the_ledger_closes(impact: Result) -> None:
-    """The bound that the project sets itself for the paper's tests, with the automatic step."""
-    history = impact.history
+    """The bound that the project sets itself for the paper's tests, with the automatic step.
+
+    Of options kinks of contact and of failure are the error: 1e-4 of the impact in those tests.
+    """
+    history, has_options = impact.history, impact.scene.name in OPTIONS
     brought = history["impactor_kinetic_J"][0]
-    assert np.abs(history["residual_J"]).max() <= 1e-3 * brought
-    assert np.ptp(history["impactor_kinetic_J"]) > 0.3 * brought  # there was something to balance
+    assert np.abs(history["residual_J"]).max() <= (2e-4 if has_options else 1e-3) * brought
+    # there was something to balance
+    assert np.ptp(history["impactor_kinetic_J"]) > (0.1 if has_options else 0.3) * brought
+    if has_options:
+        assert history["broken_bonds"][-1] > 10
 
 
 def test_what_cannot_come_back_only_grows(impact: Result) -> None:
-    """Dashpots, sliders and cracks take; rounding and RK4 leave 1e-6 of the impact's energy."""
+    """Dashpots, sliders and cracks take; rounding and RK4 leave 1e-6 of the impact's energy.
+
+    Flow takes too: overstress is given back, but what has flowed is not.
+    """
     brought = impact.history["impactor_kinetic_J"][0]
     for name in ("damping_J", "fracture_J"):
         assert np.diff(impact.history[name]).min() >= -1e-6 * brought, name
@@ -162,6 +195,8 @@ def test_what_is_stored_or_lost_is_never_less_than_nothing(impact: Result) -> No
         "strain_J", "crushing_J", "self_contact_J", "base_J", "friction_J", "foam_kinetic_J",
     ):  # fmt: skip
         assert impact.history[name].min() >= -1e-5 * brought, name
+    if impact.scene.name in OPTIONS:
+        assert impact.history["strain_J"].min() >= 0.0
 
 
 def test_impactor_and_force_agree(impact: Result) -> None:
