@@ -71,13 +71,13 @@ def test_the_forms_differ() -> None:
 def test_overstress_presses_too() -> None:
     """Crushed by a third at once, of any history: K times what each is ahead of its own.
 
-    In the bench's instant it flows by D (y / e_y)^q dt, less than 1e-10 of a strain here.
+    In the bench's instant it flows by D (y / e_y) dt, less than 1e-9 of a strain here.
     """
-    foam = UNBREAKABLE.model_copy(update={"rate": 100.0, "rate_exponent": 2.0})
+    foam = UNBREAKABLE.model_copy(update={"rate": 100.0})
     scene, start = state("cell", ((0.7, 0.0), (0.0, 0.65)), seed=12, foam=foam)
     start = lifted(start)
     forces = ReferenceLattice(scene, **start).node_forces()
-    flowing = 2.78e6 * 4 * 0.005 * 0.057 * 100.0 * (0.4 / 0.05) ** 2 * 1e-12
+    flowing = 2.78e6 * 4 * 0.005 * 0.057 * 100.0 * (0.4 / 0.05) * 1e-12
     np.testing.assert_allclose(node_forces(scene, **start), forces, rtol=0, atol=2 * flowing)
     static = node_forces(scene.model_copy(update={"foam": UNBREAKABLE}), **start)
     assert np.abs(forces - static).max() > 100.0
@@ -176,25 +176,20 @@ def test_a_cell_carries_shear_by_one_side_along_each_axis(
     np.testing.assert_allclose(force, expected, atol=ROUNDING)
 
 
-@pytest.mark.parametrize(
-    ("slide", "breaks"),
-    [(0.05, []), (0.07, ["angle"]), (0.12, ["angle", "always"])],
-)
-def test_compressed_foam_breaks_by_its_angle(slide: float, breaks: list[str]) -> None:
+@pytest.mark.parametrize(("slide", "breaks"), [(0.05, False), (0.07, True), (0.12, True)])
+def test_compressed_foam_breaks_by_its_angle(slide: float, breaks: bool) -> None:
     """F = [[0.9, slide], [0, 0.6]]: gamma = 0.9 slide, its angle's sine slide / |(slide, 0.6)|.
 
     Both may reach 0.10: the sine by a slide of 0.0603, gamma by one of 0.111.
     """
     F = np.array([[0.9, slide], [0.0, 0.6]])
-    for reading in ("angle", "always", "tension-only"):
-        scene = small_scene(
-            base=FREE,
-            foam=Foam(softening=False),
-            model=Model(self_contact=False, shear_failure=reading),
-            numerics=numerics(dt=1e-9),
-        )
-        with bench(scene, position=reference_positions(scene) @ F.T + LIFT) as loaded:
-            after = loaded.step(1)
-        expected = reading in breaks
-        assert (after.broken_a.all(), after.broken_a.any()) == (expected, expected)
-        assert (after.broken_b.all(), after.broken_b.any()) == (expected, expected)
+    scene = small_scene(
+        base=FREE,
+        foam=Foam(softening=False),
+        model=Model(self_contact=False, shear_failure="angle"),
+        numerics=numerics(dt=1e-9),
+    )
+    with bench(scene, position=reference_positions(scene) @ F.T + LIFT) as loaded:
+        after = loaded.step(1)
+    assert (after.broken_a.all(), after.broken_a.any()) == (breaks, breaks)
+    assert (after.broken_b.all(), after.broken_b.any()) == (breaks, breaks)
