@@ -136,19 +136,3 @@ def test_flow_is_of_second_order_in_the_step() -> None:
     ]
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert order == pytest.approx(2.0, abs=0.15)
-
-
-def test_without_a_rate_the_exponent_is_nothing() -> None:
-    """An impact that crushes and breaks: to the last bit."""
-    histories = [
-        run(
-            small_scene(
-                impactor=FlatBlock(width=0.02, mass=0.2, velocity=8.0),
-                foam=foam,
-                numerics=Numerics(end=3e-3),
-            )
-        ).history
-        for foam in (Foam(), Foam(rate_exponent=2.0))
-    ]
-    for name, column in histories[0].items():
-        np.testing.assert_array_equal(column, histories[1][name], err_msg=name)
