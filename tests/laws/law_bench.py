@@ -67,6 +67,17 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
             out[k] = law.flowed(c, e[k], law.History(worst=e_min), time, slowed, around).worst
 
     @ti.kernel
+    def steadily(
+        c: law.Constants, start: ti.f64, rate: ti.f64, step: ti.f64, steps: ti.i32, out: Array
+    ):
+        for k in range(out.shape[0]):
+            worst = start
+            for n in range(steps):
+                e = start - n * rate * step
+                worst = law.flowed(c, e, law.History(worst=worst), step, 1.0, 0.0).worst
+            out[k] = worst
+
+    @ti.kernel
     def leaked(c: law.Constants, e: ti.f64, lost: ti.f64, time: ti.f64) -> ti.f64:
         return law.flowed(c, e, law.History(0.0, lost), time, 1.0, 0.0).lost
 
@@ -136,6 +147,13 @@ def flowed(
     e, out = _arrays(e)
     foam.kernels.flowed(foam.constants, e, e_min, time, slowed, around, out)
     return out
+
+
+def flowed_steadily(foam: Bound, start: float, rate: float, step: float, steps: int) -> float:
+    """What `e_min` becomes of `start` in steps [s] during which the strain falls at a rate."""
+    out = np.empty(1)
+    foam.kernels.steadily(foam.constants, start, rate, step, steps, out)
+    return out[0]
 
 
 def leaked(foam: Bound, e: float, lost: float, time: float) -> float:
