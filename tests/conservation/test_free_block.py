@@ -4,25 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, numerics, run_to, small_scene
+from bench import COLUMNS, LIFT, ROWS, UNBREAKABLE, bench, numerics, run_to, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import DASHPOTS, State, initial_state
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Base, Block, FlatBlock, Foam, Model, Output, Scene, Start
+from taichi_foam.scene import Base, Block, FlatBlock, Model, Output, Scene, Start
 from taichi_foam.scene.filling import filling
 
 K = 2.78e6
-LIFT = np.array([0.0, 0.5])
 TIME, COUNTS = 4e-4, np.array([80, 160, 320])
 
 
 def block(shear: str) -> Scene:
     return small_scene(
         base=Base(kind="floor"),
-        foam=Foam(tensile_strain=1.0, shear_strain=2.0),
-        model=Model(self_contact=False, shear=shear),
+        foam=UNBREAKABLE,
+        model=Model(self_contact=False, crushed_room=False, shear=shear),
         numerics=numerics(damping_time=0.0),
     )
 

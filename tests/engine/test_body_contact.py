@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 import shapely
 import shapely.ops
-from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from bench import (
+    ALL_A,
+    ALL_B,
+    COLUMNS,
+    FREE,
+    PLAIN,
+    ROUNDING,
+    ROWS,
+    bench,
+    node_forces,
+    numerics,
+    small_scene,
+)
 from reference_lattice import reference_positions
 
 from taichi_foam.scene import (
@@ -21,11 +33,6 @@ from taichi_foam.scene import (
     Polygon,
     Wedge,
 )
-
-ROUNDING = 1e-9  # N, as in test_face_forces.py
-
-ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
-ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
 
 STIFF = numerics(contact_stiffness=40.0, contact_damping=0.0)
 SLOW = 1e-6  # m/s: over the bench's instant, an impactor that hardly moves
@@ -101,7 +108,7 @@ def test_every_shape_pushes_along_the_way_out(name: str) -> None:
 
     The only other forces would be the faces', and an undeformed block has none.
     """
-    scene = small_scene(base=Base(kind="floor"), impactor=SHAPES[name], numerics=STIFF)
+    scene = small_scene(base=FREE, impactor=SHAPES[name], model=PLAIN, numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0013, 0.0211])
     lowest = scene.contact_height
     stiffness = 40.0 * scene.foam.youngs_modulus * scene.block.depth
@@ -128,12 +135,12 @@ def test_a_point_under_a_tip_is_pushed_straight_down(body: Impactor) -> None:
     Its depth grows by the cosine of half the turn for each metre down, and the force is the slope
     of the energy of that depth. Beside it that is the vertical part of the push along a normal.
     """
-    scene = small_scene(base=Base(kind="floor"), impactor=body, numerics=STIFF)
+    scene = small_scene(base=FREE, impactor=body, model=PLAIN, numerics=STIFF)
     position = reference_positions(scene) + np.array([0.0, 0.004])
     middle = COLUMNS // 2
     position[..., 0] = (np.arange(COLUMNS) - middle)[:, None] * 0.002
     forces = node_forces(scene, position=position) - node_forces(
-        small_scene(base=Base(kind="floor"), numerics=STIFF), position=position
+        small_scene(base=FREE, model=PLAIN, numerics=STIFF), position=position
     )
     depth, out = depth_and_normal(body, position[middle, -1] - [0.0, scene.contact_height])
     push = 40.0 * scene.foam.youngs_modulus * scene.block.depth * depth * abs(out[1])

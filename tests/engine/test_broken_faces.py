@@ -4,20 +4,27 @@ import math
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from bench import (
+    ALL_A,
+    ALL_B,
+    COLUMNS,
+    FREE,
+    LIFT,
+    ROUNDING,
+    ROWS,
+    bench,
+    node_forces,
+    numerics,
+    small_scene,
+)
 from reference_lattice import reference_positions
 
-from taichi_foam.scene import Base, Foam, Model
+from taichi_foam.scene import Foam, Model
 
-FREE = Base(kind="floor")
-LIFT = np.array([0.0, 0.5])
-BY_FACES = Model(self_contact=False, shear="face")
-ROUNDING = 1e-9  # N, as in test_face_forces.py
+BY_FACES = Model(self_contact=False, crushed_room=False, shear="face")
 G, K = 0.84e6, 2.78e6
 FACE = 0.005 * 0.057  # m2
 
-ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
-ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
 
 # Rows slide over each other: u_x of row j is dy * OFFSET[j], shear ROW_SHEAR[j] from j to j + 1.
 ROW_SHEAR = np.linspace(-0.05, 0.08, ROWS - 1)

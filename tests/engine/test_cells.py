@@ -4,25 +4,21 @@ import math
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from bench import ALL_A, ALL_B, COLUMNS, FREE, LIFT, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import ROOM
-from taichi_foam.scene import Base, Foam, Model, Numerics, Output, Scene, Start
+from taichi_foam.scene import Foam, Model, Numerics, Output, Scene, Start
 from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
-FREE = Base(kind="floor")
-LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=2.0, shear_strain=2.0, shear_modulus=1e3)
 ROOMY = Model(self_contact=False)
 BARE = Model(self_contact=False, crushed_room=False)
 
 K, THICKNESS, CELL = 2.78e6, 0.057, 0.005
 CELLS = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS - 1)]
-ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
-ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
 ROUNDING = 1e-7  # N, of bond forces of up to 50 K A beside those of cells
 # 1e-9 of a cell may be lacking without pressure: by q K Z dX / 2 on each of four cells
 SLACK = 1e-9 * 4 * 0.5 * 4.0 * K * THICKNESS * CELL

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, numerics, small_scene
+from bench import ALL_A, ALL_B, COLUMNS, ROWS, bench, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, Model
 
-ALL_A = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)]
-ALL_B = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
 ONE, OTHER = (3, 5), (6, 12)
 
 CELL, STIFFNESS = 0.005, 2.78e6 * 0.057  # N/m, of two points of square cells

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bench import bench, numerics
+from bench import PLAIN, bench, numerics
 
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import State
@@ -20,7 +20,6 @@ from taichi_foam.scene import (
     FlatBlock,
     Foam,
     Impactor,
-    Model,
     Output,
     Polygon,
     Scene,
@@ -29,7 +28,6 @@ from taichi_foam.scene import (
 GRAVITY = 9.81
 FRICTION = 0.22
 SPEED = 0.6
-PLAIN = Model(self_contact=False, crushed_room=False)
 
 
 def on_foam(

@@ -9,18 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from bench import bench, numerics, small_scene
+from bench import FREE, UNBREAKABLE, bench, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine.model import RK4_DECAY, RK4_RADIUS
-from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Scene, Start
+from taichi_foam.scene import Block, Foam, Model, Numerics, Scene, Start
 from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 K, G, RHO, CELL, THICKNESS = 2.78e6, 0.84e6, 25.6, 0.005, 0.057
 RETARDATION = 1e-6 / 0.057
 SIDE = 6  # nodes along each side of the block whose modes are computed
-FREE = Base(kind="floor")
 PACKED = 4.0  # slope of packed pieces over K
 SMALL = 1e-4  # contact stiffness over K Z that does not matter
 
@@ -233,10 +232,9 @@ def gain(z: np.ndarray) -> float:
 
 def swing(dt: float | str, steps: int) -> float:
     """Largest speed [m/s] after shaking a free block with strong dashpots by 0.1 mm/s."""
-    unbreakable = Foam(tensile_strain=1.0, shear_strain=2.0)
     scene = small_scene(
         base=FREE,
-        foam=unbreakable,
+        foam=UNBREAKABLE,
         model=Model(self_contact=False, crushed_room=False),
         numerics=numerics(dt=dt, contact_stiffness=SMALL, damping_time=TAU),
     )

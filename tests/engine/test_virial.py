@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, node_forces, numerics, small_scene
+from bench import COLUMNS, FREE, LIFT, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.engine import transfer, virial
@@ -13,8 +13,6 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.scene import Base, FlatBlock, Foam, Model, Numerics, Output, TabulatedFoam, Wedge
 from taichi_foam.simulation.simulate import run
 
-FREE = Base(kind="floor")
-UP = np.array([0.0, 0.5])  # clear of the floor
 FOAM = Foam()
 K, G, PLATEAU = FOAM.youngs_modulus, FOAM.shear_modulus, FOAM.plateau_stress
 INNER = np.s_[1:-1, 1:-1]
@@ -25,7 +23,7 @@ def deformed(gradient: list, **parts: object) -> tuple:
     """The small block with a deformation gradient, its bonds never crushed further than now."""
     scene = small_scene(base=FREE, numerics=numerics(), **parts)
     position = reference_positions(scene) @ np.array(gradient).T
-    found = {"position": position + UP}
+    found = {"position": position + LIFT}
     for axis, name in enumerate(("worst_a", "worst_b")):
         length = np.linalg.norm(np.diff(position, axis=axis), axis=-1) / 0.005 - 1.0
         found[name] = np.minimum(length, 0.0)
@@ -95,7 +93,7 @@ def test_all_of_it_is_the_moment_of_the_forces(crushed_room: bool) -> None:
         numerics=numerics(damping_time=0.0),
     )
     rng = np.random.default_rng(3)
-    position = reference_positions(scene) @ np.array([[0.7, 0.2], [0.1, 0.6]]) + UP
+    position = reference_positions(scene) @ np.array([[0.7, 0.2], [0.1, 0.6]]) + LIFT
     position += rng.uniform(-1e-3, 1e-3, position.shape)
     start = {"position": position}
     for axis, name in enumerate(("worst_a", "worst_b")):
@@ -162,7 +160,6 @@ def test_stresses_change_no_bit_of_a_run() -> None:
     scene = small_scene(
         base=Base(kind="floor"),
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=25.0, friction=0.5),
-        model=Model(shear_failure="always"),
         numerics=numerics(),
     )
     with bench(scene) as loaded:
