@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bench import small_scene
+from bench import paper_run, small_scene
 
 from taichi_foam.laws.bond import Curve
 from taichi_foam.results.result import Result
@@ -151,7 +151,8 @@ def contact_stiffness(result: Result) -> float:
 
 @pytest.fixture(scope="module", params=IMPACTS)
 def impact(request: pytest.FixtureRequest) -> Result:
-    return run(IMPACTS[request.param])
+    scene = IMPACTS[request.param]
+    return paper_run(scene.name) if scene.name.startswith("paper/") else run(scene)
 
 
 def test_the_ledger_closes(impact: Result) -> None:

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from bench import small_scene
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial.distance import pdist
+from bench import paper_run, small_scene
+from scipy.spatial import cKDTree
 
+from taichi_foam.analysis.fragments import parts
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Wedge
@@ -33,7 +32,8 @@ RUNS = {
 
 @pytest.fixture(scope="module", params=RUNS)
 def shattered(request: pytest.FixtureRequest) -> Result:
-    return run(RUNS[request.param])
+    scene = RUNS[request.param]
+    return paper_run(scene.name) if scene.name.startswith("paper/") else run(scene)
 
 
 def touching_radii(snapshot: Snapshot, block: Block) -> np.ndarray:
@@ -70,8 +70,10 @@ def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.nda
     node = np.indices((columns, rows)).reshape(2, -1).T
     surface = at_surface(snapshot).ravel()
     radius = touching_radii(snapshot, block).ravel()
-    distance = pdist(snapshot.position.reshape(-1, 2))
-    first, second = np.triu_indices(columns * rows, 1)
+    point = snapshot.position.reshape(-1, 2)
+    near = cKDTree(point).query_pairs(2 * radius.max(), output_type="ndarray")
+    first, second = near.T
+    distance = np.linalg.norm(point[first] - point[second], axis=1)
     # a small one rests on the face that large ones stand for, not in the dents between them
     touch = radius[first] + radius[second]
     touch += (np.sqrt(2.0) - 1.0) * np.abs(radius[first] - radius[second])
@@ -80,38 +82,36 @@ def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.nda
     return distance[meets], touch[meets]
 
 
-def pieces(snapshot: Snapshot) -> np.ndarray:
-    """(I, J) which connected piece each node belongs to."""
-    columns, rows = snapshot.position.shape[:2]
-    node = np.arange(columns * rows).reshape(columns, rows)
-    a, b = ~snapshot.broken_a, ~snapshot.broken_b
-    start = np.concatenate([node[:-1][a], node[:, :-1][b]])
-    end = np.concatenate([node[1:][a], node[:, 1:][b]])
-    graph = coo_matrix((np.ones(len(start)), (start, end)), shape=(node.size, node.size))
-    return connected_components(graph, directed=False)[1].reshape(columns, rows)
-
-
 def deepest_intrusion(snapshot: Snapshot, block: Block) -> float:
     """How deep [m] a node of one piece is inside an intact cell of another; negative: none is.
 
     An intact cell is four nodes with their four bonds whole; depth is from its nearest side.
     Nodes and cells count that keep nine tenths of their radii. Negative infinity: no such pair.
+    What is farther from the middle of a cell than all corners is outside.
     """
-    P, label = snapshot.position, pieces(snapshot)
+    P, label = snapshot.position, parts(snapshot, block)
     solid = touching_radii(snapshot, block) > 0.9 * 0.5 * min(block.dx, block.dy)
     a, b = ~snapshot.broken_a, ~snapshot.broken_b
     whole = a[:, :-1] & a[:, 1:] & b[:-1] & b[1:]
     whole &= solid[:-1, :-1] & solid[1:, :-1] & solid[1:, 1:] & solid[:-1, 1:]
     corners = np.stack([P[:-1, :-1], P[1:, :-1], P[1:, 1:], P[:-1, 1:]], axis=2)[whole]
-    points = P[solid]
-    depth = np.full((len(corners), len(points)), np.inf)
+    points, mine, theirs = P[solid], label[:-1, :-1][whole], label[solid]
+    if min(len(corners), len(points)) == 0 or len(np.union1d(mine, theirs)) == 1:
+        return -np.inf
+    middle = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middle[:, None], axis=-1).max()
+    near = cKDTree(middle).query_ball_tree(cKDTree(points), reach)
+    cell = np.repeat(np.arange(len(near)), [len(each) for each in near])
+    point = np.concatenate(near).astype(int)
+    foreign = mine[cell] != theirs[point]
+    cell, point = cell[foreign], point[foreign]
+    depth = np.full(len(cell), np.inf)
     for k in range(4):
-        start, edge = corners[:, k], corners[:, (k + 1) % 4] - corners[:, k]
+        start, edge = corners[cell, k], corners[cell, (k + 1) % 4] - corners[cell, k]
         inward = np.stack([-edge[:, 1], edge[:, 0]], axis=-1)
         inward /= np.linalg.norm(edge, axis=1, keepdims=True)
-        depth = np.minimum(depth, ((points[None] - start[:, None]) * inward[:, None]).sum(axis=-1))
-    foreign = label[:-1, :-1][whole][:, None] != label[solid][None]
-    return depth[foreign].max(initial=-np.inf)
+        depth = np.minimum(depth, ((points[point] - start) * inward).sum(axis=-1))
+    return depth.max(initial=-reach)
 
 
 def squeeze(result: Result, stiffness: float) -> float:
