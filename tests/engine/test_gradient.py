@@ -6,7 +6,7 @@ complex steps: f(x + i h) is f(x) + i h f'(x) to the last bit, for an h however 
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, bench, node_forces, small_scene
+from bench import LIFT, bench, node_forces, small_scene
 
 from taichi_foam.engine import transfer
 from taichi_foam.records.history import row_columns
@@ -17,7 +17,6 @@ from taichi_foam.scene.layers import foams_of_bonds
 STRONG = {"tensile_strain": 1.0, "shear_strain": 2.0}
 SOFT = Foam(**STRONG)
 STIFF = Foam(youngs_modulus=5e6, shear_modulus=1.7e6, plateau_stress=0.25e6, **STRONG)
-LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 LACKING = 1e-9  # of its area at rest a cell may lack without pressure, for rounding
 PACKED = 4.0  # stiffness of crushed foam without room, over K
 
@@ -25,23 +24,25 @@ Arrays = dict[str, np.ndarray]
 
 
 def block(**values: object) -> Block:
-    given = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS, "mass_points": "cells"}
+    given = {"width": 0.03, "height": 0.04, "columns": 6, "rows": 8, "mass_points": "cells"}
     return Block(**{**given, **values})
 
 
 BLOCKS = {
     "square cells": block(),
-    "wide cells": block(width=0.08),
-    "flat cells": block(height=0.05),
-    "on faces": block(mass_points="faces"),
+    "wide cells": block(width=0.048),
+    "flat cells": block(height=0.02),
     "outline with a hole": block(
-        outline=[(-0.025, 0), (0.025, 0), (0.018, 0.1), (-0.02, 0.1)],
-        holes=[[(-0.007, 0.04), (0.008, 0.04), (0.0, 0.06)]],
+        outline=[(-0.015, 0), (0.015, 0), (0.0108, 0.04), (-0.012, 0.04)],
+        holes=[[(-0.0042, 0.016), (0.0048, 0.016), (0.0, 0.024)]],
     ),
     "outline on faces": block(
-        outline=[(-0.025, 0), (0.025, 0), (0.018, 0.1), (-0.02, 0.1)], mass_points="faces"
+        outline=[(-0.015, 0), (0.015, 0), (0.0108, 0.04), (-0.012, 0.04)], mass_points="faces"
     ),
-    "two layers": block(layers=[{"bottom": 0.043, "top": 0.1, "foam": STIFF, "density": 45.0}]),
+    "two layers on faces": block(
+        mass_points="faces",
+        layers=[{"bottom": 0.0172, "top": 0.04, "foam": STIFF, "density": 45.0}],
+    ),
 }
 GRADIENTS = {
     "stretched and turned": ((0.8, -0.58), (0.6, 0.81)),
@@ -141,7 +142,7 @@ def test_forces_are_less_the_gradient_of_the_stored_energy(
 ) -> None:
     """And the ledger has that energy, each part by itself.
 
-    Forces of some 100 N round to 1e-9 N, as in test_face_forces.py.
+    Forces of some 100 N round to 1e-9 N, as in bench.py.
     """
     scene = small_scene(
         block=BLOCKS[shape], foam=SOFT, base=Base(kind="floor"), model=Model(self_contact=False)

