@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from bench import small_scene
-from test_same_numbers import assert_same_results, assert_same_snapshots, impacts
+from bench import assert_same, assert_same_snapshots, small_scene
+from test_same_numbers import impacts
 
 from taichi_foam.analysis.columns import history_of
 from taichi_foam.errors import RunError
@@ -29,12 +29,12 @@ def test_dribs_and_drabs_give_the_whole_run(which: int) -> None:
             drop.now()
         drop.advance(math.inf)
         assert drop.ended_by == whole.run["ended_by"] == "end time"
-        assert_same_results(whole, drop.result())
+        assert_same(whole, drop.result())
         assert_same_snapshots(whole.snapshots[-1], drop.now())
         assert (drop.steps, drop.fraction, drop.failure) == (whole.run["steps"], 1.0, None)
     with Drop(scene) as drop:
         drop.advance(math.inf)
-    assert_same_results(whole, drop.result())
+    assert_same(whole, drop.result())
 
 
 def test_it_goes_on_to_the_time_asked_for_past_snapshots_and_full_rows() -> None:
@@ -99,7 +99,7 @@ def test_a_failure_is_told_as_a_run_tells_it() -> None:
         drop.advance(math.inf)
         assert drop.ended
         assert drop.failure == str(failure.value)
-        assert_same_results(failure.value.results[0], drop.result())
+        assert_same(failure.value.results[0], drop.result())
 
 
 def test_a_closed_drop_gives_its_lattice_back_and_keeps_what_it_has() -> None:

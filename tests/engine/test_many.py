@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bench import small_scene
-from test_same_numbers import assert_same_results, impacts
+from bench import assert_same, small_scene
+from test_same_numbers import impacts
 
 from taichi_foam.errors import Interrupted, RunError
 from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
@@ -46,7 +46,7 @@ def test_a_lattice_that_has_ended_makes_room_and_leaves_no_trace() -> None:
     assert [result.run["batch"] for result in together] == [2, 1, 2, 1, 2, 2, 1]
     for scene, result in zip(scenes, together, strict=True):
         assert result.scene == scene
-        assert_same_results(run(scene), result)
+        assert_same(run(scene), result)
 
 
 def test_some_of_many_end_before_others_begin(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,7 +106,7 @@ def test_a_generator_that_is_dropped_frees_its_lattices() -> None:
     next(results)
     results.close()
     for scene, result in zip(scenes, run_many(scenes), strict=True):
-        assert_same_results(run(scene), result)
+        assert_same(run(scene), result)
 
 
 def test_one_failure_stops_no_other() -> None:
@@ -120,7 +120,7 @@ def test_one_failure_stops_no_other() -> None:
     with pytest.raises(RunError, match="absurd") as failure:
         run_many([absurd, sound])
     assert failure.value.results[1].run["ended_by"] == "end time"
-    assert_same_results(run(sound), failure.value.results[1])
+    assert_same(run(sound), failure.value.results[1])
 
 
 def test_no_scenes_give_no_results() -> None:
