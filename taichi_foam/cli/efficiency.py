@@ -85,7 +85,7 @@ def _jobs(found: Efficiency, units: str) -> list[Job]:
         from taichi_foam.picture import style
 
         drawn = found.plot(units)
-        style.save_all(drawn, folder / Path(_FIGURES[0]).stem)
+        style.save_all(drawn, folder / "efficiency")
         on_piece()
 
     def report(folder: Path, on_piece: Callable[[], None]) -> None:

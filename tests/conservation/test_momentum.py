@@ -2,7 +2,18 @@
 
 import numpy as np
 import pytest
-from bench import COLUMNS, FREE, LIFT, ROWS, UNBREAKABLE, bench, node_forces, numerics, small_scene
+from bench import (
+    COLUMNS,
+    FREE,
+    LIFT,
+    PLAIN,
+    ROWS,
+    UNBREAKABLE,
+    bench,
+    node_forces,
+    numerics,
+    small_scene,
+)
 from reference_lattice import reference_positions
 
 from taichi_foam.records.snapshot import Snapshot
@@ -72,6 +83,19 @@ def test_shear_by_faces_keeps_angular_momentum_only_in_the_sum_over_a_and_b() ->
     assert abs(expected) > 0.1
     assert torque == pytest.approx(expected, rel=1e-9)
     np.testing.assert_allclose(forces.sum(axis=(0, 1)), 0.0, atol=1e-9)
+
+
+def test_normal_forces_alone_keep_angular_momentum() -> None:
+    """All across broken, bonds along x whole: central forces, no net torque, any distortion."""
+    scene = small_scene(base=FREE, foam=UNBREAKABLE, model=PLAIN)
+    position = reference_positions(scene) + LIFT
+    position += np.random.default_rng(9).uniform(-2e-4, 2e-4, position.shape)
+    across = [(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)]
+    forces = node_forces(scene, position=position, broken_b=across)
+    x = position - position.mean(axis=(0, 1))
+    turning = x[..., 0] * forces[..., 1] - x[..., 1] * forces[..., 0]
+    assert np.abs(turning).max() > 1e-3
+    assert abs(turning.sum()) < 1e-9 * np.abs(turning).sum() + 1e-12
 
 
 def is_mirrored(snapshot: Snapshot) -> bool:

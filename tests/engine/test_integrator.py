@@ -16,6 +16,7 @@ from taichi_foam.scene import (
     Numerics,
     Output,
     Scene,
+    Start,
 )
 from taichi_foam.simulation.simulate import run
 
@@ -116,6 +117,21 @@ def test_the_automatic_step_is_stable_with_no_safety_at_all(
     assert history["crushing_J"][-1] > 0.05 * energy
     assert np.abs(history["residual_J"]).max() < 0.02 * energy
     assert history["foam_kinetic_J"].max() < 0.2 * energy
+
+
+def test_the_automatic_step_shrinks_with_the_stiffness_of_densified_foam() -> None:
+    """Started at 90 % of crush, where Eq. 26 has the slope 0.05 K e (0.5 / 0.05 + 0.05 / 0.05^2).
+
+    That is 4.1 K: 0.05 is the way left to locking, 0.1 that from densification, the exponent 1.
+    """
+    slope = 0.05 * math.e * (0.5 / 0.05 + 0.5 * 0.1 / 0.05**2)
+    longest = 2.0 * math.sqrt(2.0) / (2.0 * math.sqrt(slope * K / RHO) / CELL)
+    start = Start(deformation_gradient=((1.0, 0.0), (0.0, 0.1)))
+    quick = Numerics(end=1e-4, damping_time=0.0)
+    result = run(small_scene(start=start, numerics=quick))
+    assert result.history["dt_s"][0] < longest
+    assert result.history["dt_s"][0] < run(small_scene(numerics=quick)).history["dt_s"][0]
+    assert np.abs(result.history["residual_J"]).max() < 0.01 * result.history["strain_J"][0]
 
 
 def test_an_absurd_step_stops_the_run_and_says_when_and_where() -> None:

@@ -65,9 +65,12 @@ def test_a_block_drawn_as_a_polygon_is_the_plain_block(monkeypatch: pytest.Monke
 
 def test_layers_of_equal_foams_are_one_foam() -> None:
     """They differ in where they are from, and so are told apart."""
-    layers = [{"bottom": 0.035, "top": 0.1, "foam": Foam(source="b")}]
+    layers = [
+        {"bottom": 0.0, "top": 0.03, "foam": Foam(source="a")},
+        {"bottom": 0.065, "top": 0.1, "foam": Foam(source="b")},
+    ]
     layered = wedge_drop(layers=layers)
-    assert features.features_of(layered).foams == 2
+    assert features.features_of(layered).foams == 3
     assert_close(tf.run(wedge_drop()), tf.run(layered))
 
 
