@@ -35,7 +35,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 **{f"foam.{key}": value for key, value in PAPERS_FOAM.items()},
                 "foam.softening": True,
                 "base.kind": "gripped",
-                "impactor.friction": 0.14,
+                "impactor.friction": 0.12,
                 "model.damping": "stiffness",
                 "model.shear": "cell",
                 "model.shear_failure": "pressure-dependent",

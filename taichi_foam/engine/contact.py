@@ -348,15 +348,11 @@ def piece_push(
 
     `away` is the vector from `one` to `two` [m], `closing` the velocity of `two` relative to `one`
     [m/s] and `touch` the distance at which they touch [m]; if both vectors are reversed, so is the
-    force. The normal force follows the law of the weaker foam; friction adds to it. There are no
+    force. The normal force is elastic, by the softer foam; friction adds to it. There are no
     branches: a processor could not predict which candidates touch.
     """
     gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
-    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.counts[None].rows), p)
-    stress = lattice.law.contact_stress(c, gap, touch, p.piece_length)
-    if ti.static(lattice.features.foams > 1):
-        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.counts[None].rows), p)
-        stress = ti.max(stress, lattice.law.contact_stress(other, gap, touch, p.piece_length))
+    stress = _stiffness_of_pair(lattice, b, one, two, p) * (gap - touch) / p.piece_length
     acts = gap < touch and gap > 0.0
     normal = away * ti.select(acts, 1.0 / gap, 0.0)
     tangent = vec2(-normal.y, normal.x)
@@ -365,6 +361,19 @@ def piece_push(
         p.piece_dashpot * share, -closing.dot(tangent), p.piece_friction, -area * stress
     )
     return normal * (area * stress) + tangent * rubbing
+
+
+@ti.func
+def _stiffness_of_pair(lattice: ti.template(), b, one, two, p: ti.template()) -> ti.f64:
+    """Stress [Pa] between two pieces over their overlap in cells."""
+    rows = lattice.counts[None].rows
+    found = lattice.law.piece_stiffness(
+        makeup.constants_at(lattice, B, b, ti.raw_mod(one, rows), p)
+    )
+    if ti.static(lattice.features.foams > 1):
+        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, rows), p)
+        found = ti.min(found, lattice.law.piece_stiffness(other))
+    return found
 
 
 @ti.func
@@ -380,11 +389,8 @@ def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
 @ti.func
 def piece_energy(lattice: ti.template(), b, one, two, gap, touch: ti.f64, p: ti.template()):
     """Energy [J] that the contact of two nodes stores, see `piece_push`."""
-    c = makeup.constants_at(lattice, B, b, ti.raw_mod(one, lattice.counts[None].rows), p)
-    energy = lattice.law.contact_energy(c, gap, touch, p.piece_length)
-    if ti.static(lattice.features.foams > 1):
-        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, lattice.counts[None].rows), p)
-        energy = ti.min(energy, lattice.law.contact_energy(other, gap, touch, p.piece_length))
+    overlap = ti.min(gap - touch, 0.0) / p.piece_length
+    energy = 0.5 * _stiffness_of_pair(lattice, b, one, two, p) * overlap * overlap
     return p.piece_area * p.piece_length * _share_of_pair(lattice, b, one, two) * energy
 
 

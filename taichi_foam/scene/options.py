@@ -227,11 +227,12 @@ class Model(Part):
         "resists being pressed below the area that crushing has left it, however its bonds fold",
     )
     piece_size: float = quantity(
-        1.0,
+        1.04,
         "-",
-        "radius of a mass point in contact with others, over half its cell",
+        "radius of a mass point in contact with others, over half its cell; a pile of discs as "
+        "large as their cells needs 1.03 (at random) to 1.075 (closest)",
         at_least=0.1,
-        at_most=1,
+        at_most=1.1,
     )
     piece_friction: float = quantity(
         0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5

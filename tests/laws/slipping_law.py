@@ -120,5 +120,5 @@ class Slipping(BondLaw):
         return 0.5 * c.youngs_modulus * (gap - touch) * (gap - touch) / (length * length)
 
     @ti.func
-    def contact_stiffness(self, c: ti.template()) -> ti.f64:
+    def piece_stiffness(self, c: ti.template()) -> ti.f64:
         return c.youngs_modulus

@@ -1,4 +1,4 @@
-"""Pieces that press each other: elastic, plateau, and stiff once packed."""
+"""Foam between a node and its support: elastic, plateau, and stiff once packed."""
 
 import numpy as np
 import pytest

@@ -321,7 +321,7 @@ def test_none_empties_an_optional_key():
 def test_changing_the_shape_keeps_what_both_have():
     overrides = ["impactor.shape=cylinder", "impactor.radius=0.03"]
     impactor = load_scene("paper/wedge-2.86", overrides=overrides).impactor
-    assert impactor == Cylinder(radius=0.03, velocity=2.86, friction=0.14)
+    assert impactor == Cylinder(radius=0.03, velocity=2.86, friction=0.12)
 
 
 @pytest.mark.parametrize("text", ["block.rows", "=3", "block.rows=", "block..rows=3", ".=1"])

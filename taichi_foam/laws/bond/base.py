@@ -398,9 +398,9 @@ class BondLaw:
     def contact_stress(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
-        """Stress [Pa] between two pieces at a distance `gap` [m] that touch at `touch`.
+        """Stress [Pa] of the foam between a node and its support, at a distance `gap` [m].
 
-        `length` is a cell's length [m].
+        The foam is `length` thick at rest, and `touch` as crushing has left it [m].
         """
         raise NotImplementedError
 
@@ -408,10 +408,10 @@ class BondLaw:
     def contact_energy(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
-        """Energy stored in the contact of two such pieces, over face times length [J/m3]."""
+        """Energy that this foam stores, over face times length [J/m3]."""
         raise NotImplementedError
 
     @ti.func
-    def contact_stiffness(self, c: ti.template()) -> ti.f64:
-        """The largest slope of `contact_stress` over gap / length [Pa]."""
+    def piece_stiffness(self, c: ti.template()) -> ti.f64:
+        """Stress between two pieces over their overlap in cells [Pa]."""
         raise NotImplementedError

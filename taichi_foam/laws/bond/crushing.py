@@ -14,7 +14,7 @@ from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Limit
 from taichi_foam.parts import choice, quantity
 
-# Slope of packed pieces beyond the densification strain, in Young's moduli.
+# Slope of packed foam beyond the densification strain, in Young's moduli.
 PACKED = 4.0
 
 # Tolerance on a cell's room, over its area at rest: the area of a rectangular cell equals its room,
@@ -187,7 +187,7 @@ class Crushing(BondLaw):
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
-        """Densified foam resists with the slope of packed pieces.
+        """Densified foam resists with the slope of packed foam.
 
         Until then it yields at its plateau, in any direction: foam crushed at 45 degrees to its
         bonds has 0.4 of the area that their strains would leave it. Foam that has not yielded has
@@ -213,8 +213,9 @@ class Crushing(BondLaw):
         return PACKED * c.youngs_modulus
 
     @ti.func
-    def contact_stiffness(self, c: ti.template()) -> ti.f64:
-        return PACKED * c.youngs_modulus
+    def piece_stiffness(self, c: ti.template()) -> ti.f64:
+        """Pieces are elastic: the foam behind their faces crushes, by bonds that remember it."""
+        return c.youngs_modulus
 
     @ti.func
     def skeleton_stress(self, c: ti.template(), e, history: ti.template(), broken):
@@ -271,10 +272,10 @@ class Crushing(BondLaw):
     def contact_stress(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
-        """Stress [Pa] between two pieces at a distance `gap` [m] that touch at `touch`.
+        """Stress [Pa] of the foam between a node and its support: elastic, then on its plateau.
 
-        The pieces are elastic, then on a plateau. Beyond the densification strain they stiffen with
-        a fixed slope instead of Eq. 26c, so that the step size does not depend on foam powder.
+        Beyond the densification strain it stiffens with a fixed slope instead of Eq. 26c, so that
+        the step size does not depend on foam powder.
         """
         packed = ti.min(gap - (1.0 + c.densification_strain) * touch, 0.0) / length
         return c.youngs_modulus * (ti.max((gap - touch) / length, c.yield_strain) + PACKED * packed)
