@@ -114,6 +114,15 @@ def test_stored_energy_is_the_work_of_unloading(e_min: float, broken: bool, ahea
         assert found == pytest.approx(work, rel=1e-5 if e < -0.9 else 1e-8, abs=1e-6)
 
 
+def test_near_locking_the_energy_is_that_of_the_tangent() -> None:
+    """From the guard strain on the stress is a straight line, whose area a trapeze has."""
+    guard = FOAM.locking_strain + 0.05 * (FOAM.densification_strain - FOAM.locking_strain)
+    e = np.linspace(guard, guard - 0.03, 50)
+    stress = normal(constants(), e, e[-1])
+    work = 0.5 * (stress[1:] + stress[:-1]) * np.diff(e)
+    np.testing.assert_allclose(np.diff(stored(constants(), e, e[-1])), work, rtol=1e-9)
+
+
 def test_under_the_jump_reading_a_broken_pair_stores_nothing() -> None:
     foam = constants(model=JUMP)
     assert not stored(foam, np.linspace(-0.6, 0.1, 50), -0.6, broken=True).any()

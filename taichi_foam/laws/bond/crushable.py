@@ -397,8 +397,8 @@ class Crushable(Crushing):
         have a relative error of 1e-5 up to a crush of 0.93 for Table 6's constants.
         """
         room = c.densification_strain - c.locking_strain
-        ratio = ti.max(e - c.locking_strain, GUARD * room) / room
-        half = -0.5 * elementary.log(ratio)
+        inside = ti.max(e - c.locking_strain, GUARD * room)
+        half = -0.5 * elementary.log(inside / room)
         area = 0.0
         for k in range(ti.static(len(GAUSS_POINTS))):
             # selected in a loop: SPIR-V, and so Vulkan, cannot index a list of constants
@@ -409,4 +409,7 @@ class Crushable(Crushing):
             here = room * elementary.exp(-half * (1.0 + point))
             stress, _ = self.densified(c, c.locking_strain + here)
             area += weight * here * stress
-        return -half * area
+        # beyond the guard strain the curve is its tangent
+        beyond = e - c.locking_strain - inside
+        stress, slope = self.densified(c, c.locking_strain + inside)
+        return beyond * (stress + 0.5 * slope * beyond) - half * area
