@@ -263,7 +263,7 @@ def _scene(rng: np.random.Generator, options: dict[str, Any], name: str) -> Scen
         },
         "model": {
             **{key.removeprefix("model."): value for key, value in fixed.items()},
-            "piece_size": rng.uniform(0.1, 1.0),
+            "piece_size": rng.uniform(0.1, 1.1),
             "piece_friction": maybe(rng.uniform(0.0, 5.0)),
         },
         "numerics": {

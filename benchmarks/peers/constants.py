@@ -230,7 +230,6 @@ def _check(scene: Scene, known: Features) -> None:
         "a rate that grows as foam yields": (
             foam.rate is not None and foam.overshoot_strain is not None
         ),
-        f"piece size {model.piece_size:g}": model.piece_size != 1.0,
         f"rate exponent {foam.rate_exponent:g}": (
             foam.rate is not None and foam.rate_exponent != 1.0
         ),

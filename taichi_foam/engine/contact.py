@@ -462,9 +462,10 @@ def refresh_radii(lattice: ti.template(), b, p: ti.template()):
 def bin_of(lattice: ti.template(), point: vec2, p: ti.template()) -> ti.types.vector(2, ti.i32):
     """Bin of a point in the search grid; points outside the grid belong to its outermost bins.
 
-    Clamping moves no two points further apart, so no neighbour is missed.
+    A bin is as wide as the list reaches from the largest node: a node's neighbours are in its own
+    bin or in one beside it. Clamping moves no two points further apart, so none is missed.
     """
-    size = p.cell.max() + p.skin
+    size = ti.max(p.cell.max(), p.piece_size * p.piece_length) + p.skin
     half = 0.5 * size * lattice.counts[None].bins_x
     x = ti.math.clamp((point.x + half) / size, 0.0, lattice.counts[None].bins_x - 1.0)
     y = ti.math.clamp(point.y / size + 2.0, 0.0, lattice.counts[None].bins_y - 1.0)

@@ -589,7 +589,7 @@ def _fastest_rate(
 
     Gershgorin's theorem bounds the modes by the row sum of a node's stiffness: at most 4 k from its
     bonds, 4 r G Z from its cells' shear (twice that if bonds carry it), 4 r k_r from the cells'
-    room, where r is a cell's longer side over its shorter one, 8 k from pieces, and once
+    room, where r is a cell's longer side over its shorter one, 16 k from pieces, and once
     the contact with a body (its normal and friction forces act at right angles). A light impactor's
     oscillation adds to it. Dashpots are bounded likewise, with eight more of pieces that slide and
     a drag at C / m.
@@ -611,7 +611,7 @@ def _fastest_rate(
     else:
         of_cells += sheared
     if ti.static(lattice.features.self_contact):
-        of_pieces = 8.0 * lattice.law.piece_stiffness(foam.bond) * per_length.max()
+        of_pieces = 16.0 * lattice.law.piece_stiffness(foam.bond) * per_length.max()
     if ti.static(lattice.features.crushed_room):
         ratio = p.cell.max() / p.cell.min()
         of_cells += 4.0 * ratio * lattice.law.room_stiffness(foam.bond) * p.thickness

@@ -1,6 +1,7 @@
 """Two mass points of different pieces that meet: their size, and how they rub."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from bench import ALL_A, ALL_B, COLUMNS, ROWS, bench, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Base, Model
+from taichi_foam.scene import Base, Foam, Model
 
 ONE, OTHER = (3, 5), (6, 12)
 
@@ -23,6 +24,7 @@ def meeting(
     steps: int,
     turn: float = 0.4,
     height: float = 1.0,
+    layers: Sequence[Mapping[str, object]] = (),
 ) -> tuple[Snapshot, np.ndarray]:
     """A dust in which two points are at a distance, one moving against the other.
 
@@ -30,6 +32,7 @@ def meeting(
     state comes the matrix that turns it back. Of the other point's cell a `height` is left.
     """
     scene = small_scene(base=Base(kind="floor"), model=model, numerics=numerics(dt=STEP))
+    scene = scene.with_values(block__layers=layers)
     position = reference_positions(scene) * 3.0
     worst = np.zeros((COLUMNS, ROWS - 1))
     worst[OTHER] = height - 1.0
@@ -70,28 +73,72 @@ def level_with_large_ones(one: float, two: float) -> float:
 
 
 @pytest.mark.parametrize("height", [1.0, 0.16])
-@pytest.mark.parametrize("size", [1.0, 0.5])
-def test_points_meet_where_their_radii_say(size: float, height: float) -> None:
+@pytest.mark.parametrize(("size", "speed"), [(1.0, SPEED), (0.5, SPEED), (1.04, 10 * SPEED)])
+def test_points_meet_where_their_radii_say(size: float, speed: float, height: float) -> None:
     """Half the cell's mean side times the size, each: until then nothing, then swapped velocities.
 
-    Radii follow the crush every fourth step, and only where the list has them near each other.
+    The spring is linear, also where foam itself would have yielded: the fastest overlap by 0.086 of
+    a cell. Radii follow the crush every fourth step, and only where the list has them near each
+    other.
     """
     model = Model(piece_size=size)
     radius = 0.5 * size * CELL
     touch = level_with_large_ones(radius, radius * math.sqrt(height))
     room = 0.2e-3
-    arrival = room / SPEED
-    velocity = np.array([SPEED, 0.0])
+    arrival = room / speed
+    velocity = np.array([speed, 0.0])
     steps = int(0.98 * arrival / STEP)
     before, turned = meeting(model, touch + room, velocity, steps, height=height)
     np.testing.assert_allclose(turned @ before.velocity[ONE], velocity, rtol=0, atol=1e-12)
     assert not before.velocity[OTHER].any()
     steps = math.ceil((arrival + 1.05 * TOUCH) / STEP)
     after, turned = meeting(model, touch + room, velocity, steps, height=height)
-    np.testing.assert_allclose(after.velocity[ONE], 0.0, atol=SWING_ERROR * SPEED)
+    np.testing.assert_allclose(after.velocity[ONE], 0.0, atol=SWING_ERROR * speed)
     np.testing.assert_allclose(
-        turned @ after.velocity[OTHER], velocity, rtol=0, atol=SWING_ERROR * SPEED
+        turned @ after.velocity[OTHER], velocity, rtol=0, atol=SWING_ERROR * speed
     )
+
+
+def test_points_of_two_foams_push_as_the_softer_one() -> None:
+    """The upper one has a quarter of the stiffness: two masses on that spring take twice as long.
+
+    They have half of the push, and half of the speed, when the spring is shortest.
+    """
+    soft = [{"bottom": 0.05, "top": 0.1, "foam": Foam(youngs_modulus=0.25 * 2.78e6)}]
+    room = 0.2e-3
+    velocity = np.array([SPEED, 0.0])
+    for share, handed_over in ((0.5, 0.5), (1.0, 1.0)):
+        steps = round((room / SPEED + share * 2.0 * TOUCH) / STEP)
+        after, turned = meeting(Model(piece_size=1.0), CELL + room, velocity, steps, layers=soft)
+        np.testing.assert_allclose(
+            turned @ after.velocity[OTHER], handed_over * velocity, rtol=0, atol=5e-3 * SPEED
+        )
+
+
+def test_no_pair_is_missed_wherever_it_is_in_the_search_grid() -> None:
+    """Thirty pairs, every 0.2 mm along more than a bin of the grid, all of which come apart again.
+
+    Points with the largest radii are listed from 6 mm on, when they are 5.95 mm apart, and meet
+    before they have moved so far that the list would be made anew.
+    """
+    scene = small_scene(
+        base=Base(kind="floor"), model=Model(piece_size=1.1), numerics=numerics(dt=STEP)
+    )
+    position, velocity = reference_positions(scene), np.zeros((COLUMNS, ROWS, 2))
+    pairs = 30
+    apart = np.arange(COLUMNS * ROWS) * 4.0 * CELL  # no two rows' points meet
+    position[..., 0], position[..., 1] = 0.0, 0.05 + apart.reshape(COLUMNS, ROWS)
+    one, other = (slice(0, 3), slice(0, 20, 2)), (slice(3, 6), slice(0, 20, 2))
+    touch, room = 1.1 * CELL, 0.45e-3
+    position[one][..., 0] = 0.2e-3 * np.arange(pairs).reshape(3, 10)
+    position[other][..., 0] = position[one][..., 0] + touch + room
+    position[other][..., 1] = position[one][..., 1]
+    velocity[one][..., 0], velocity[other][..., 0] = SPEED, -SPEED
+    with bench(
+        scene, position=position, velocity=velocity, broken_a=ALL_A, broken_b=ALL_B
+    ) as loaded:
+        after = loaded.step(math.ceil((room / (2.0 * SPEED) + 1.05 * TOUCH) / STEP)).velocity
+    np.testing.assert_allclose(after, -velocity, rtol=0, atol=SWING_ERROR * SPEED)
 
 
 def test_points_that_were_torn_too_near_have_their_radii_back_once_free() -> None:
@@ -100,7 +147,9 @@ def test_points_that_were_torn_too_near_have_their_radii_back_once_free() -> Non
     The list is made anew when a point has moved by half the skin, 0.05 of a cell, and each time the
     radius grows by half the gap: after eight of them it lacks less than half a hundredth of a cell.
     """
-    scene = small_scene(base=Base(kind="floor"), numerics=numerics(dt=STEP))
+    scene = small_scene(
+        base=Base(kind="floor"), model=Model(piece_size=1.0), numerics=numerics(dt=STEP)
+    )
     position = reference_positions(scene) * 3.0
     wall = (6, 14)
     way = np.array([math.cos(0.4), math.sin(0.4)])
@@ -141,7 +190,7 @@ def test_points_that_slide_rub_by_mu_times_the_push(friction: float, sideways: f
     room = 1e-6
     steps = math.ceil((room / approach + 1.05 * TOUCH) / STEP)
     velocity = np.array([approach, sideways])
-    model = Model(piece_friction=friction)
+    model = Model(piece_size=1.0, piece_friction=friction)
     after, turned = meeting(model, CELL + room, velocity, steps)
     one, other = turned @ after.velocity[ONE], turned @ after.velocity[OTHER]
     np.testing.assert_allclose(one + other, velocity, rtol=1e-13)
@@ -164,7 +213,10 @@ def test_points_that_hardly_slide_are_dragged_by_a_dashpot() -> None:
     approach, sideways, room = 2.0, 0.02, 1e-6
     steps = math.ceil((room / approach + 1.05 * TOUCH) / STEP)
     after, turned = meeting(
-        Model(piece_friction=5.0), CELL + room, np.array([approach, sideways]), steps
+        Model(piece_size=1.0, piece_friction=5.0),
+        CELL + room,
+        np.array([approach, sideways]),
+        steps,
     )
     one, other = turned @ after.velocity[ONE], turned @ after.velocity[OTHER]
     dashpot = 0.5 * 1e-6 / 0.057 * STIFFNESS

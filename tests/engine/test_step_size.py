@@ -20,7 +20,6 @@ from taichi_foam.simulation.simulate import run
 K, G, RHO, CELL, THICKNESS = 2.78e6, 0.84e6, 25.6, 0.005, 0.057
 RETARDATION = 1e-6 / 0.057
 SIDE = 6  # nodes along each side of the block whose modes are computed
-PACKED = 4.0  # slope of packed pieces over K
 SMALL = 1e-4  # contact stiffness over K Z that does not matter
 
 
@@ -183,24 +182,24 @@ def test_the_bound_holds_and_is_not_wasteful(name: str) -> None:
     assert 1.0 <= bound / fastest < (3.5 if case.straight else 2.0)
 
 
-def test_pieces_count_as_a_close_packing() -> None:
-    """Points in a triangular packing, each with six neighbours on springs of K A / L.
+def test_pieces_count_as_whole_ones_in_crumbs() -> None:
+    """The fastest modes of touching points on springs of K A / L, over one spring's k / m.
 
-    The fastest of their modes is that of the infinite packing, 6 springs over the mass, and the
-    bound counts 8 springs, and the lattice's own and the contact besides.
+    In a triangular packing, where each has six neighbours, it is 6. A whole point with small ones
+    all round it has more: 12 with points that are crushed to a twentieth of their height, and up to
+    16, which the bound counts besides the lattice's own and the contact, with 0.16 of its radius.
     """
-    springs = 9
-    i, j = np.meshgrid(np.arange(springs), np.arange(springs), indexing="ij")
-    points = np.stack([i + 0.5 * j, math.sqrt(0.75) * j], axis=-1).reshape(-1, 2)
-    stiffness = np.zeros((len(points), 2, len(points), 2))
-    for a, b in zip(*np.nonzero(np.triu(distances(points) < 1.01, 1)), strict=True):
-        way = points[b] - points[a]
-        spring = K * THICKNESS * np.outer(way, way)
-        for one, other, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
-            stiffness[one, :, other, :] += sign * spring
-    fastest = np.linalg.eigvalsh(stiffness.reshape(2 * len(points), -1)).max()
-    counted = 8.0 * K * THICKNESS
-    assert 0.5 * counted < fastest < counted
+    i, j = np.meshgrid(np.arange(9), np.arange(9), indexing="ij")
+    packing = np.stack([i + 0.5 * j, math.sqrt(0.75) * j], axis=-1).reshape(-1, 2)
+    assert 5.5 < fastest_of(packing, np.full(len(packing), 0.5)) < 6.0
+    for small, fastest in ((math.sqrt(0.05), 12.0), (0.16, 15.5)):
+        way = 1.0 + small + (math.sqrt(2.0) - 1.0) * (1.0 - small)
+        around = math.floor(math.pi / math.asin(small / way))
+        angle = 2.0 * math.pi * np.arange(around) / around
+        ring = way * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        radii = np.append(1.0, np.full(around, small))
+        found = fastest_of(np.vstack([np.zeros(2), ring]), radii)
+        assert found == pytest.approx(fastest, abs=0.6)
     with_pieces, without = (
         small_scene(
             base=FREE,
@@ -211,11 +210,22 @@ def test_pieces_count_as_a_close_packing() -> None:
     )
     rates = [0.8 * RK4_RADIUS / run(scene).history["dt_s"][0] for scene in (with_pieces, without)]
     mass = with_pieces.block.node_mass
-    assert mass * (rates[0] ** 2 - rates[1] ** 2) == pytest.approx(counted, rel=1e-9)
+    counted = mass * (rates[0] ** 2 - rates[1] ** 2) / (K * THICKNESS)
+    assert counted == pytest.approx(16.0, rel=1e-9)
 
 
-def distances(points: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(points[:, None] - points[None], axis=-1)
+def fastest_of(points: np.ndarray, radii: np.ndarray) -> float:
+    """The largest eigenvalue of points (n, 2) with springs of 1 where discs touch or nearly do."""
+    stiffness = np.zeros((len(points), 2, len(points), 2))
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    larger, smaller = np.maximum.outer(radii, radii), np.minimum.outer(radii, radii)
+    touch = larger + smaller + (math.sqrt(2.0) - 1.0) * (larger - smaller)
+    for a, b in zip(*np.nonzero(np.triu(apart < 1.05 * touch, 1)), strict=True):
+        way = (points[b] - points[a]) / apart[a, b]
+        spring = np.outer(way, way)
+        for one, other, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+            stiffness[one, :, other, :] += sign * spring
+    return np.linalg.eigvalsh(stiffness.reshape(2 * len(points), -1)).max()
 
 
 def test_runge_kuttas_region_holds_the_half_disc() -> None:

@@ -179,7 +179,7 @@ def elastic(foam: Bound) -> float:
 
 
 def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
-    """Stress [Pa] between pieces at distances `gap` [m] that touch at `touch` [m]."""
+    """Stress [Pa] of foam between nodes and a support, see `BondLaw.contact_stress`."""
     gap, out = _arrays(gap)
     foam.kernels.piece(foam.constants, gap, touch, length, out)
     return out

@@ -23,7 +23,7 @@ CELL = 0.005
     ],
 )
 def test_numbers_worked_out_by_hand(touch: float, gap: list, stress: list) -> None:
-    """In kPa; strains count in cells, also between pieces that crushing has made small."""
+    """In kPa; strains count in cells, also in foam that crushing has made low."""
     found = piece(constants(), np.array(gap), touch, CELL)
     np.testing.assert_allclose(found, 1e3 * np.array(stress), rtol=1e-9, atol=1e-6)
 

@@ -413,5 +413,5 @@ class BondLaw:
 
     @ti.func
     def piece_stiffness(self, c: ti.template()) -> ti.f64:
-        """Stress between two pieces over their overlap in cells [Pa]."""
+        """Stress between two pieces over their overlap in cells [Pa], a constant of the foam."""
         raise NotImplementedError
