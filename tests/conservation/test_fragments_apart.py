@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from taichi_foam.analysis.fragments import parts
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Wedge
+from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Scene, Wedge
 from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
@@ -36,13 +36,14 @@ def shattered(request: pytest.FixtureRequest) -> Result:
     return paper_run(scene.name) if scene.name.startswith("paper/") else run(scene)
 
 
-def touching_radii(snapshot: Snapshot, block: Block) -> np.ndarray:
-    """(I, J) of discs with the area that crushing has left of their cells [m]."""
+def touching_radii(snapshot: Snapshot, scene: Scene) -> np.ndarray:
+    """(I, J) of discs as large as what crushing has left of their cells, times `piece_size` [m]."""
+    block = scene.block
     columns, rows = snapshot.position.shape[:2]
     a = np.zeros((columns + 1, rows))
     a[1:-1] = snapshot.e_min_a
     width = block.dx * (1 + np.minimum(a[:-1], a[1:]))
-    return np.sqrt(0.5 * width * half_heights(snapshot, block))
+    return scene.model.piece_size * np.sqrt(0.5 * width * half_heights(snapshot, block))
 
 
 def half_heights(snapshot: Snapshot, block: Block) -> np.ndarray:
@@ -61,7 +62,7 @@ def at_surface(snapshot: Snapshot) -> np.ndarray:
     return ~(a[:-1] & a[1:] & b[:, :-1] & b[:, 1:])
 
 
-def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.ndarray]:
+def touching_pairs(snapshot: Snapshot, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Distance of the pairs of nodes that touch, and the sum of their radii (n,) [m].
 
     One of the two is at a surface, and no bond ever joined them.
@@ -69,7 +70,7 @@ def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.nda
     columns, rows = snapshot.position.shape[:2]
     node = np.indices((columns, rows)).reshape(2, -1).T
     surface = at_surface(snapshot).ravel()
-    radius = touching_radii(snapshot, block).ravel()
+    radius = touching_radii(snapshot, scene).ravel()
     point = snapshot.position.reshape(-1, 2)
     near = cKDTree(point).query_pairs(2 * radius.max(), output_type="ndarray")
     first, second = near.T
@@ -82,15 +83,16 @@ def touching_pairs(snapshot: Snapshot, block: Block) -> tuple[np.ndarray, np.nda
     return distance[meets], touch[meets]
 
 
-def deepest_intrusion(snapshot: Snapshot, block: Block) -> float:
+def deepest_intrusion(snapshot: Snapshot, scene: Scene) -> float:
     """How deep [m] a node of one piece is inside an intact cell of another; negative: none is.
 
     An intact cell is four nodes with their four bonds whole; depth is from its nearest side.
     Nodes and cells count that keep nine tenths of their radii. Negative infinity: no such pair.
     What is farther from the middle of a cell than all corners is outside.
     """
-    P, label = snapshot.position, parts(snapshot, block)
-    solid = touching_radii(snapshot, block) > 0.9 * 0.5 * min(block.dx, block.dy)
+    P, label = snapshot.position, parts(snapshot, scene.block)
+    whole_radius = 0.5 * scene.model.piece_size * min(scene.block.dx, scene.block.dy)
+    solid = touching_radii(snapshot, scene) > 0.9 * whole_radius
     a, b = ~snapshot.broken_a, ~snapshot.broken_b
     whole = a[:, :-1] & a[:, 1:] & b[:-1] & b[1:]
     whole &= solid[:-1, :-1] & solid[1:, :-1] & solid[1:, 1:] & solid[:-1, 1:]
@@ -114,19 +116,14 @@ def deepest_intrusion(snapshot: Snapshot, block: Block) -> float:
     return depth.max(initial=-reach)
 
 
-def squeeze(result: Result, stiffness: float) -> float:
-    """How far [m] the run's largest force closes a packed contact beyond its packing.
+def largest_force(result: Result) -> float:
+    """The largest force [N] on a node in a run, the impactor's, with friction across it.
 
-    The largest force on a node is the impactor's, its stiffness times the deepest overlap, with
-    friction across it; what presses pieces together passes it on. Contacts carry the plateau's
-    force on a cell's face before they pack.
+    It is its stiffness times the deepest overlap; what presses pieces together passes it on.
     """
     scene = result.scene
-    foam, block = scene.foam, scene.block
-    spring = scene.numerics.contact_stiffness * foam.youngs_modulus * block.depth
-    largest = spring * result.run["max_overlap_m"] * np.hypot(1.0, scene.impactor.friction)
-    plateau = foam.plateau_stress * block.dx * block.depth
-    return max(largest - plateau, 0.0) / stiffness
+    spring = scene.numerics.contact_stiffness * scene.foam.youngs_modulus * scene.block.depth
+    return spring * result.run["max_overlap_m"] * np.hypot(1.0, scene.impactor.friction)
 
 
 def test_it_has_shattered(shattered: Result) -> None:
@@ -138,42 +135,42 @@ def test_it_has_shattered(shattered: Result) -> None:
 def test_no_piece_is_inside_another(shattered: Result) -> None:
     """Foam that is not crushed carries the plateau's force at most, F = K |e_y| A on a node.
 
-    To get in between two nodes of a cell it has to overcome both: each pushes back with F from
-    nearly the touching distance on, 30 degrees off the way in, 1.7 F together. Powder is another
-    matter: its radii are so small that it fits between a cell's four nodes.
+    To get in between two nodes of a cell it has to overcome both, which push back with K A for an
+    overlap of a cell: 20 F. Powder is another matter: its radii are so small that it fits between a
+    cell's four nodes.
     """
-    block = shattered.scene.block
-    depth = [deepest_intrusion(s, block) for s in shattered.snapshots]
+    depth = [deepest_intrusion(s, shattered.scene) for s in shattered.snapshots]
     if max(depth) == -np.inf:
         pytest.skip("one piece and its powder")
     assert max(depth) <= 0.0
 
 
 def test_centres_of_pieces_do_not_meet(shattered: Result) -> None:
-    """Touch gives way like foam, at the plateau's force, until it is packed at 80 %.
+    """Touch is elastic, K A / L: the largest force takes an overlap off the touching distance.
 
-    What is left of the touching distance then is a fifth, less what the largest force takes off it
-    at the packed slope 4 K A / L. It keeps centres apart that touch at a fifth of a cell and more;
-    smaller powder may be pressed flat.
+    Nodes that were nearer when their foam tore have smaller radii than they would have; they are
+    few, and their centres do not meet either. Smaller powder may be pressed flat.
     """
     foam, block = shattered.scene.foam, shattered.scene.block
-    lost = squeeze(shattered, 4 * foam.youngs_modulus * block.depth)
-    pairs = [touching_pairs(s, block) for s in shattered.snapshots]
+    overlap = largest_force(shattered) / (foam.youngs_modulus * block.depth)
+    pairs = [touching_pairs(s, shattered.scene) for s in shattered.snapshots]
     distance, touch = (np.concatenate(found) for found in zip(*pairs, strict=True))
-    kept = 0.2 * touch > lost
+    kept = touch > overlap
     assert kept.sum() > 10
     assert (distance[kept] / touch[kept]).min() < 0.98  # there was something to hold off
-    assert np.all(distance >= 0.2 * touch - lost)
+    assert np.mean(distance >= touch - overlap) > 0.98
+    assert np.all(distance[kept] > 0.2 * touch[kept])
 
 
 def test_nothing_goes_through_the_floor(shattered: Result) -> None:
     """The floor meets a node like half a cell of foam: packed at a fifth of its height.
 
-    Its packed slope is twice that of two nodes, 8 K A / L: half a cell is half as long. Nodes that
-    lie on the block's bottom have no foam below them.
+    Its packed slope is 8 K A / L, 4 K over half a cell, from the plateau's force on. Nodes that lie
+    on the block's bottom have no foam below them.
     """
     foam, block = shattered.scene.foam, shattered.scene.block
-    lost = squeeze(shattered, 8 * foam.youngs_modulus * block.depth)
+    beyond = largest_force(shattered) - foam.plateau_stress * block.dx * block.depth
+    lost = max(beyond, 0.0) / (8 * foam.youngs_modulus * block.depth)
     for state in shattered.snapshots:
         above = np.minimum(block.positions[..., 1] / (0.5 * block.dy), 1.0)
         left = 0.2 * half_heights(state, block) * above - lost
