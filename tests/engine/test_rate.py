@@ -43,8 +43,8 @@ def test_a_column_that_is_crushed_steadily_has_the_stress_of_cowper_and_symonds(
     """The plateau's stress times 1 + (r / D)^(1/q) at the rate r, and the dashpots' tau K r.
 
     The penalty's ringing is damped by both; 0.1 % as for the static curve in tests/scenes. Pieces
-    do not touch: worst strains lag here, so that discs at the sides would meet those after next at
-    0.68.
+    do not touch: worst strains lag here, so that discs at the sides would meet those after next
+    within the strains of the test.
     """
     strain_rate = 2.0 / GAUGE
     foam = Foam(rate=rate, rate_exponent=exponent)
