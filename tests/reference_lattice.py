@@ -1,7 +1,8 @@
 """The lattice of docs/model.md in NumPy, tensor by tensor: what the program must agree with.
 
 Nothing is shared with the program: strains come from the Green-Lagrange tensor (Eq. 12), forces
-of bonds from F S N (Eqs 10-11) one by one, and those of cells are differences of their energies.
+of bonds from F S N (Eqs 10-11), and those of cells are differences of their energies. Tensors of
+all bonds of an axis (0: A, 1: B) stand in one array: (I-1, J, ...) of A, (I, J-1, ...) of B.
 """
 
 from collections.abc import Callable
@@ -32,88 +33,90 @@ class ReferenceLattice:
     def __post_init__(self) -> None:
         self.I, self.J = self.position.shape[:2]
 
-    def exists(self, axis: int, i: int, j: int) -> bool:
-        """Whether bond (i, j) of this axis (0: A, 1: B) was ever there."""
-        last_i, last_j = (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
-        return 0 <= i < last_i and 0 <= j < last_j
+    def shape(self, axis: int) -> tuple[int, int]:
+        """Of the bonds of an axis."""
+        return (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
 
-    def whole(self, axis: int, i: int, j: int) -> bool:
-        broken = self.broken_a if axis == 0 else self.broken_b
-        return self.exists(axis, i, j) and (i, j) not in broken
+    def whole(self, axis: int) -> np.ndarray:
+        """Which bonds are not broken."""
+        whole = np.ones(self.shape(axis), dtype=bool)
+        for place in self.broken_a if axis == 0 else self.broken_b:
+            whole[place] = False
+        return whole
 
     def left(self, axis: int) -> np.ndarray:
         """Shares of the bonds' faces that carry tension and shear; 0 of broken ones."""
-        shape = (self.I - 1, self.J) if axis == 0 else (self.I, self.J - 1)
         given = (self.intact_a, self.intact_b)[axis]
-        shares = np.ones(shape) if given is None else given.copy()
-        for place in self.broken_a if axis == 0 else self.broken_b:
-            shares[place] = 0.0
-        return shares
+        return np.where(self.whole(axis), 1.0 if given is None else given, 0.0)
 
-    def counts(self, axis: int, i: int, j: int, side: int) -> bool:
-        """Whether the cell ahead of a bond (`side` 0), or behind it (-1), is in its gradient.
+    def worst(self, axis: int) -> np.ndarray:
+        """Lowest strains that bonds have met before."""
+        given = (self.worst_a, self.worst_b)[axis]
+        return np.zeros(self.shape(axis)) if given is None else given
+
+    def counts(self, axis: int) -> np.ndarray:
+        """Which cells are in the gradients of the bonds on two of their sides (I-1, J-1).
 
         By the face form as long as both bonds that cross there are whole (Eq. 27), else as long as
-        it carries shear.
+        the cell carries shear.
         """
         if self.scene.model.shear == "face":
-            ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
-            step = (0, side) if axis == 0 else (side, 0)
-            return all(self.whole(1 - axis, m + step[0], n + step[1]) for m, n in ends)
-        m, n = (i, j + side) if axis == 0 else (i + side, j)
-        return 0 <= m < self.I - 1 and 0 <= n < self.J - 1 and self.grips[m, n] > 0.0
+            return np.logical_and(*ends(self.whole(1 - axis), axis))
+        return self.grips > 0.0
 
-    def gradient(self, axis: int, i: int, j: int) -> np.ndarray:
-        """F with the columns along x and y (Eqs 13, 27); zeros for the second where none is left.
+    def gradients(self, axis: int) -> np.ndarray:
+        """F (..., 2, 2) with the columns along x and y (Eqs 13, 27).
 
         The cross column is the mean of the one-sided differences at the two end nodes, on each side
-        that counts.
+        that counts; zeros where none is left.
         """
-        x, (dx, dy) = self.position, self.cell
-        ends = [(i, j), (i + 1, j) if axis == 0 else (i, j + 1)]
-        length, beside = (dx, dy) if axis == 0 else (dy, dx)
-        along = (x[ends[1]] - x[ends[0]]) / length
-        step = np.array([0, 1]) if axis == 0 else np.array([1, 0])
-        differences = []
-        for side in (0, -1):  # what starts at the node, and what ends there
-            if self.counts(axis, i, j, side):
-                for end in ends:
-                    first = np.array(end) + side * step
-                    differences.append(x[tuple(first + step)] - x[tuple(first)])
-        across = np.mean(differences, axis=0) / beside if differences else 0 * along
+        length, beside = self.cell if axis == 0 else self.cell[::-1]
+        along = np.diff(self.position, axis=axis) / length
+        at_ends = ends(np.diff(self.position, axis=1 - axis), axis)  # (I-1, J-1, 2) each
+        counts = self.counts(axis)[..., None]
+        differences = self.sums_beside(axis, counts * (at_ends[0] + at_ends[1]))
+        number = self.sums_beside(axis, 2 * counts)
+        across = differences / np.maximum(number, 1) / beside
         columns = [along, across] if axis == 0 else [across, along]
-        return np.stack(columns, axis=1)
+        return np.stack(columns, axis=-1)
+
+    def sums_beside(self, axis: int, cells: np.ndarray) -> np.ndarray:
+        """Sums over the cell ahead of each bond and the one behind, of values (I-1, J-1, n)."""
+        total = np.zeros((*self.shape(axis), cells.shape[-1]))
+        for part in ends(total, 1 - axis):
+            part += cells
+        return total
 
     @cached_property
     def cell(self) -> tuple[float, float]:
         return self.scene.block.dx, self.scene.block.dy
 
-    def strains(self, axis: int, i: int, j: int) -> tuple[float, float]:
-        """Engineering strain along the bond and shear strain (Eqs 12, 21, 23)."""
-        F = self.gradient(axis, i, j)
-        E = 0.5 * (F.T @ F - np.eye(2))
-        return float(np.sqrt(1 + 2 * E[axis, axis]) - 1), float(2 * E[0, 1])
+    def strains(self, axis: int) -> tuple[np.ndarray, np.ndarray]:
+        """Engineering strains along the bonds and shear strains (Eqs 12, 21, 23)."""
+        F = self.gradients(axis)
+        E = 0.5 * (np.swapaxes(F, -1, -2) @ F - np.eye(2))
+        return np.sqrt(1 + 2 * E[..., axis, axis]) - 1, 2 * E[..., 0, 1]
 
-    def stress(self, e: float, e_min: float, broken: bool) -> float:
+    def stresses(self, e: np.ndarray, e_min: np.ndarray, broken: np.ndarray) -> np.ndarray:
         """Fig. 19 with the broken pair's law of continuous reloading, and the rate's overstress."""
         f = self.scene.foam
-        K = f.youngs_modulus
-        behind = max(min(e_min, f.yield_strain) - e, 0.0) if f.rate else 0.0
+        K, yielded_at, dense_at = f.youngs_modulus, f.yield_strain, f.densification_strain
+        behind = np.maximum(np.minimum(e_min, yielded_at) - e, 0.0) if f.rate else 0.0
         if not f.rate:
-            e_min = min(e, e_min)
-        e_p = max(e_min, f.densification_strain) - f.yield_strain if e_min < f.yield_strain else 0.0
-        if e < f.densification_strain:
-            room = (e - f.locking_strain) ** f.densification_b
-            sigma = -f.plateau_stress * np.exp(
-                f.densification_a * (f.densification_strain - e) / room
-            )
-        elif e > e_p and e_min < f.yield_strain:
-            e_c = f.crushed_tensile_fraction * f.tensile_strain
-            sigma = K * e_c * (e - e_p) / (e_c - e_p)
-        else:
-            sigma = max(K * (e - e_p), -f.plateau_stress)
-        sigma -= K * behind
-        return min(sigma, 0.0) if broken else sigma
+            e_min = np.minimum(e, e_min)
+        yielded = e_min < yielded_at
+        e_p = np.where(yielded, np.maximum(e_min, dense_at) - yielded_at, 0.0)
+
+        packed = np.minimum(e, dense_at)
+        room = (packed - f.locking_strain) ** f.densification_b
+        densified = -f.plateau_stress * np.exp(f.densification_a * (dense_at - packed) / room)
+        e_c = f.crushed_tensile_fraction * f.tensile_strain
+        stretched = K * e_c * (e - e_p) / (e_c - e_p)
+        pressed = np.maximum(K * (e - e_p), -f.plateau_stress)
+
+        sigma = np.where(yielded & (e > e_p), stretched, pressed)
+        sigma = np.where(e < dense_at, densified, sigma) - K * behind
+        return np.where(broken, np.minimum(sigma, 0.0), sigma)
 
     @cached_property
     def grips(self) -> np.ndarray:
@@ -121,8 +124,7 @@ class ReferenceLattice:
 
         What they hold, times the better of their two sides along each axis.
         """
-        a, b = self.left(0), self.left(1)
-        along = np.maximum(a[:, :-1], a[:, 1:]), np.maximum(b[:-1], b[1:])
+        along = [np.maximum(*ends(self.left(axis), 1 - axis)) for axis in (0, 1)]
         return self.held() * along[0] * along[1]
 
     def cell_strains(self, corners: np.ndarray) -> np.ndarray:
@@ -144,11 +146,11 @@ class ReferenceLattice:
         return 0.5 * modulus * self.volume * self.grips * self.cell_strains(corners) ** 2
 
     def shear_losses(self, velocities: np.ndarray) -> np.ndarray:
-        """Half of the powers [W] that cells lose in shear, at velocities of corners (4, ..., 2).
+        """Half of the powers [W] that cells lose in shear, at velocities (4, n, I-1, J-1, 2).
 
         Strains are of second order in the positions: a difference over any way is exact.
         """
-        f, corners = self.scene.foam, self.corners()
+        f, corners = self.scene.foam, self.corners()[:, None]
         time = 0.1 * min(self.cell)  # over a velocity of 1 m/s
         ahead, behind = (self.cell_strains(corners + way * velocities) for way in (time, -time))
         rates = (ahead - behind) / (2.0 * time)
@@ -169,17 +171,20 @@ class ReferenceLattice:
     def corner_slopes(
         self, function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float
     ) -> np.ndarray:
-        """Gradient (I, J, 2) of a sum over cells by what their corners (4, I-1, J-1, 2) are at."""
-        slopes = np.zeros_like(self.position)
-        for corner, component in np.ndindex(4, 2):
-            total = np.zeros((self.I - 1, self.J - 1))
-            for way, weight in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0)):
-                moved = at.copy()
-                moved[corner, ..., component] += way * step
-                total += weight * function(moved) / (12.0 * step)
-            i, j = ((0, 0), (1, 0), (1, 1), (0, 1))[corner]
-            slopes[i : i + self.I - 1, j : j + self.J - 1, component] += total
-        return slopes
+        """Gradient (I, J, 2) of a sum over cells by what their corners (4, I-1, J-1, 2) are at.
+
+        The function gives the terms of the sum (n, I-1, J-1), of corners (4, n, I-1, J-1, 2).
+        """
+        coordinates = np.eye(8).reshape(8, 4, 1, 1, 2)  # each of one corner
+        slopes = np.zeros((4, 2, self.I - 1, self.J - 1))
+        for way, weight in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0)):
+            moved = at + way * step * coordinates
+            values = function(np.moveaxis(moved, 0, 1))  # (8, I-1, J-1)
+            slopes += weight * values.reshape(slopes.shape) / (12.0 * step)
+        total = np.zeros_like(self.position)
+        for corner, (i, j) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+            total[i : i + self.I - 1, j : j + self.J - 1] += np.moveaxis(slopes[corner], 0, -1)
+        return total
 
     def corners(self, name: str = "position") -> np.ndarray:
         """Positions, or velocities, of the corners of the cells, anticlockwise (4, I-1, J-1, 2)."""
@@ -189,10 +194,10 @@ class ReferenceLattice:
     def rooms(self) -> np.ndarray:
         """Areas that cells' bonds have left them, over those at rest (I-1, J-1)."""
         left = []
-        for axis, worst in enumerate((self.worst_a, self.worst_b)):
+        for axis in (0, 1):
             strain = np.linalg.norm(np.diff(self.position, axis=axis), axis=-1) / self.cell[axis]
-            met = np.minimum(strain - 1.0, 0.0 if worst is None else worst)
-            left.append(0.5 * (met[:, :-1] + met[:, 1:] if axis == 0 else met[:-1] + met[1:]))
+            met = np.minimum(strain - 1.0, self.worst(axis))
+            left.append(0.5 * np.add(*ends(met, 1 - axis)))
         return (1.0 + left[0]) * (1.0 + left[1])
 
     def held(self) -> np.ndarray:
@@ -200,10 +205,8 @@ class ReferenceLattice:
         corners = self.corners()
         diagonals = np.linalg.norm([corners[2] - corners[0], corners[3] - corners[1]], axis=-1)
         size = diagonals.max(axis=0) / np.sqrt(0.5 * (self.cell[0] ** 2 + self.cell[1] ** 2))
-        torn = np.zeros(size.shape, dtype=bool)
-        for i, j in np.ndindex(*size.shape):
-            sides = ((0, i, j), (0, i, j + 1), (1, i, j), (1, i + 1, j))
-            torn[i, j] = not all(self.whole(*side) for side in sides)
+        sides = [side for axis in (0, 1) for side in ends(self.whole(axis), 1 - axis)]
+        torn = ~np.all(sides, axis=0)
         hold = np.clip((4.0 - size) / 2.0, 0.0, 1.0) * (self.areas(corners) <= 1.5)
         return np.where(torn, hold, 1.0)
 
@@ -230,29 +233,27 @@ class ReferenceLattice:
 
         return -self.corner_slopes(energies, corners, 0.1 * min(self.cell))
 
-    def face_force(self, axis: int, i: int, j: int) -> np.ndarray:
-        """Force [N] of the face on the bond's first node: T = F S N A0, and its dashpot."""
+    def face_forces(self, axis: int) -> np.ndarray:
+        """Forces [N] of the faces on the bonds' first nodes: T = F S N A0, and their dashpots."""
         block, f = self.scene.block, self.scene.foam
-        dx, dy = self.cell
-        area = (dy if axis == 0 else dx) * block.depth
-        left = self.left(axis)[i, j]
-        worst = (self.worst_a, self.worst_b)[axis]
-        F = self.gradient(axis, i, j)
-        e, gamma = self.strains(axis, i, j)
-        stress = self.stress(e, 0.0 if worst is None else worst[i, j], left == 0.0)
-        S = np.zeros((2, 2))
-        S[axis, axis] = (stress * left if stress > 0.0 else stress) / (1 + e)
+        length, beside = self.cell if axis == 0 else self.cell[::-1]
+        area = beside * block.depth
+        left = self.left(axis)
+        F = self.gradients(axis)
+        e, gamma = self.strains(axis)
+        stress = self.stresses(e, self.worst(axis), left == 0.0)
+        S = np.zeros((*self.shape(axis), 2, 2))
+        S[..., axis, axis] = np.where(stress > 0.0, stress * left, stress) / (1 + e)
         if self.scene.model.shear == "face":
-            S[0, 1] = S[1, 0] = f.shear_modulus * gamma * left
-        force = F @ S @ np.eye(2)[axis] * area
+            S[..., 0, 1] = S[..., 1, 0] = f.shear_modulus * gamma * left
+        forces = F @ S @ np.eye(2)[axis] * area
         if self.velocity is not None and self.scene.model.damping == "stiffness":
-            end = (i + 1, j) if axis == 0 else (i, j + 1)
-            rate = (self.velocity[end] - self.velocity[i, j]) / (dx, dy)[axis]
-            way = self.position[end] - self.position[i, j]
-            closing = way * (way @ rate) / (way @ way)
+            rate = np.diff(self.velocity, axis=axis) / length
+            way = np.diff(self.position, axis=axis)
+            share = (way * rate).sum(axis=-1) / (way * way).sum(axis=-1)
             time = self.scene.numerics.damping_time
-            force = force + time * f.youngs_modulus * area * left * closing
-        return force
+            forces += (time * f.youngs_modulus * area * left * share)[..., None] * way
+        return forces
 
     def node_forces(self) -> np.ndarray:
         """Sum of the forces of bonds and cells on every node [N], (I, J, 2)."""
@@ -260,21 +261,16 @@ class ReferenceLattice:
         total = self.shear_forces() if by_cells else np.zeros((self.I, self.J, 2))
         if self.scene.model.crushed_room:
             total += self.room_forces()
-        for axis, i, j in self.bonds():
-            force = self.face_force(axis, i, j)
-            total[i, j] += force
-            total[(i + 1, j) if axis == 0 else (i, j + 1)] -= force
+        for axis in (0, 1):
+            forces, (first, second) = self.face_forces(axis), ends(total, axis)
+            first += forces
+            second -= forces
         return total
 
-    def bonds(self) -> list[tuple[int, int, int]]:
-        """(axis, i, j) of every bond."""
-        return [
-            (axis, i, j)
-            for axis in (0, 1)
-            for i in range(self.I)
-            for j in range(self.J)
-            if self.exists(axis, i, j)
-        ]
+
+def ends(values: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Views of the first and of the second of each two neighbours along an axis (I or J)."""
+    return (values[:-1], values[1:]) if axis == 0 else (values[:, :-1], values[:, 1:])
 
 
 def reference_positions(scene: Scene) -> np.ndarray:
