@@ -23,8 +23,7 @@ from taichi_foam.formulas import energy as formulas
 from taichi_foam.formulas.envelope import Envelope, shoulder_envelope
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.scene.foam_file import FoamFile
-from taichi_foam.scene.library import foam_of
-from taichi_foam.scene.measured import read_curve
+from taichi_foam.scene.library import foam_or_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -252,10 +251,10 @@ def absorber(foam: str | Path | FoamFile | BondFoam | Curve, called: str) -> Abs
     Raises UserError as `efficiency`.
     """
     if isinstance(foam, str | Path):
-        name, short = str(foam), Path(foam).name
-        if name.lower().endswith(".csv"):
-            return _of_curve(read_curve(Path(name)), short, f"compression test in {short}")
-        return _of_file(foam_of(name, asked="foam "), short)
+        short, found = Path(foam).name, foam_or_curve(foam, "foam ")
+        if isinstance(found, Curve):
+            return _of_curve(found, short, f"compression test in {short}")
+        return _of_file(found, short)
     if isinstance(foam, FoamFile):
         return _of_file(foam, foam.title)
     if isinstance(foam, Curve):

@@ -12,7 +12,7 @@ over the area that it rests on, `width` x `depth`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
-from taichi_foam.scene.library import read_corners
+from taichi_foam.scene.library import is_test, read_corners
 from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def cushion_scene(
     data = {
         "name": "cushion",
         "block": block,
-        "foam": foam_data(foam),
+        "foam": {"curve": foam} if is_test(foam) else foam,
         "impactor": {
             "shape": "flat",
             "width": _rounded(plate),
@@ -132,15 +132,6 @@ def stress_curve(scene: Scene) -> tuple[Array, Array]:
             "balance. Fix: give a foam with a curve"
         )
     return strain, stress
-
-
-def foam_data(foam: Any) -> Any:
-    """What a scene's `foam` takes for a foam: a CSV file is the curve of a test."""
-    if isinstance(foam, str | Path) and str(foam).lower().endswith(".csv"):
-        return {"curve": str(foam)}
-    if isinstance(foam, Path):
-        return str(foam)
-    return dict(foam) if isinstance(foam, Mapping) else foam
 
 
 def called(foam: Any) -> str:

@@ -31,11 +31,10 @@ from numpy.typing import NDArray
 from taichi_foam.cushions.scenes import called
 from taichi_foam.errors import UserError
 from taichi_foam.formulas.energy import absorbed_energy
-from taichi_foam.laws.bond import BondFoam
+from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.curve import PLATEAU
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.scene import Block, library
-from taichi_foam.scene.measured import read_curve
 from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -389,19 +388,18 @@ def cushioning(name: str) -> Cushioning:
 
     Raises UserError: there is no such foam, its file is invalid, or its law states no stress.
     """
-    if name.lower().endswith(".csv"):
-        curve = read_curve(Path(name))
-        made = TabulatedFoam.model_validate({"curve": curve})
+    found = library.foam_or_curve(name)
+    if isinstance(found, Curve):
+        made = TabulatedFoam(curve=found)
         file = Path(name).name
         said = tuple(f"foam.{key}: {why}" for key, why in made.unless_given.items())
         density = Block().density
         said = (f"block.density: {density:g} kg/m3, of the paper's foam", *said)
         return Cushioning(name, f"the test in {file}", file, said, density, made)
-    file = library.foam_of(name)
-    if file.foam.loading(np.zeros(1)) is None:
+    if found.foam.loading(np.zeros(1)) is None:
         raise UserError(
-            f"foam = {name}: its law {file.foam.law!r} states no stress over strain, which the "
+            f"foam = {name}: its law {found.foam.law!r} states no stress over strain, which the "
             "formulas need; choose a foam with a curve (`taichi-foam foam list`)"
         )
-    assumed = tuple(f"{each.key}: {each.why}" for each in file.assumed)
-    return Cushioning(name, file.title, file.source, assumed, file.density, file.foam)
+    assumed = tuple(f"{each.key}: {each.why}" for each in found.assumed)
+    return Cushioning(name, found.title, found.source, assumed, found.density, found.foam)

@@ -15,13 +15,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part
 from taichi_foam.scene.assumed import Assumed
 from taichi_foam.scene.csv_file import Kind, two_columns
 from taichi_foam.scene.families import FAMILIES
 from taichi_foam.scene.foam_file import FoamFile, checked, read_foam
-from taichi_foam.scene.measured import curve_of
+from taichi_foam.scene.measured import curve_of, read_curve
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.options import Pulse
 from taichi_foam.scene.paths import NOTHING, at, copied, heads_of_foams, put
@@ -83,6 +84,16 @@ def foam_of(name: str, folder: Path = Path(), asked: str = "foam = ") -> FoamFil
         ".toml, and a test in a CSV file is given as foam.curve; `taichi-foam foam list` lists "
         "the foams, `taichi-foam foam import` makes one from a test"
     )
+
+
+def is_test(foam: Any) -> bool:
+    """Whether a foam is given as the CSV file of a compression test."""
+    return isinstance(foam, str | Path) and str(foam).lower().endswith(".csv")
+
+
+def foam_or_curve(name: str | Path, asked: str = "foam = ") -> FoamFile | Curve:
+    """What `foam_of` finds, or the curve of a compression test (.csv). Raises UserError as both."""
+    return read_curve(Path(name)) if is_test(name) else foam_of(str(name), asked=asked)
 
 
 def completed(data: Any, folder: Path = Path()) -> Any:
