@@ -10,7 +10,7 @@ import atexit
 import contextlib
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,10 +57,9 @@ def heard_once(on_more: Callable[[], object] = lambda: None) -> Iterator[Heard]:
             raise KeyboardInterrupt
         on_more()
 
-    listening = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     _heard = heard
     try:
-        with _handled(listening, hear):
+        with handled(listening(), hear):
             yield heard
     finally:
         _heard = outer
@@ -71,7 +70,13 @@ def end_undisturbed() -> None:
 
     A signal during Python's shutdown would otherwise kill the process and change its exit code.
     """
-    atexit.register(lambda: [signal.signal(number, signal.SIG_IGN) for number in SIGNALS])
+    atexit.register(ignore)
+
+
+def ignore() -> None:
+    """Ignore `SIGNALS` from now on."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 @contextlib.contextmanager
@@ -98,16 +103,22 @@ def held_interrupts() -> Iterator[threading.Event]:
     raising = [number for number in SIGNALS if callable(signal.getsignal(number))]
     _holds = True
     try:
-        with _handled(raising, hold):
+        with handled(raising, hold):
             yield pressed
     finally:
         _holds = False
 
 
+def listening() -> list[int]:
+    """Those of `SIGNALS` that the process does not ignore, as it does under nohup."""
+    return [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+
+
 @contextlib.contextmanager
-def _handled(numbers: Sequence[int], handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Install a handler for signals while the block runs."""
-    before = {number: signal.signal(number, handler) for number in numbers}
+def handled(numbers: Iterable[int], handler: Callable[[int, Any], object]) -> Iterator[None]:
+    """Install a handler for signals while the block runs; outside the main thread, none."""
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in numbers if is_main}
     try:
         yield
     finally:

@@ -10,14 +10,13 @@ from __future__ import annotations
 import contextlib
 import math
 import queue
-import signal
 import threading
 import time
 from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING
 
+from taichi_foam import interrupts
 from taichi_foam.errors import UserError
-from taichi_foam.interrupts import SIGNALS
 from taichi_foam.live.messages import (
     Command,
     Ended,
@@ -50,8 +49,7 @@ def main(pipe: Connection, arch: str, threads: int | None) -> None:
     The signals of Ctrl-C, a closed terminal and a stopped service go to the viewer's whole process
     group. The viewer decides what they mean: it may want the data so far first.
     """
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
+    interrupts.ignore()
     _Worker(pipe, arch, threads).serve()
 
 

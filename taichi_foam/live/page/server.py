@@ -13,7 +13,6 @@ import secrets
 import signal
 import socket
 import sys
-import threading
 import time
 import webbrowser
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -29,6 +28,7 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from taichi_foam.errors import UserError
+from taichi_foam.interrupts import handled, listening
 from taichi_foam.live.page.archive import FILES, FILMS, Films
 from taichi_foam.live.page.guard import LOOPBACK, MOST_STRANGERS, Connection, Guard, NoNoise
 from taichi_foam.live.page.view import PageView
@@ -114,8 +114,9 @@ class Server:
         compute is not there, or if results could not be saved; KeyboardInterrupt if it was told to
         stop before there was anything.
         """
-        # until all is saved: a second signal must not end what the first one has begun
-        with _stops_on_signals(self.stop):
+        # until all is saved: a second signal must not end what the first one has begun;
+        # Ctrl-C also where a shell, which began this in the background, has it ignored
+        with handled({signal.SIGINT, signal.SIGTERM, *listening()}, lambda *_: self.stop()):
             try:
                 self.view.start()
                 if not self._is_plain:
@@ -161,23 +162,6 @@ class _Quiet(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
-
-
-@contextlib.contextmanager
-def _stops_on_signals(stop: Callable[[], object]) -> Iterator[None]:
-    """Ctrl-C, a polite end of the process and a lost terminal call `stop` during the block."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)  # a terminal, or the line to it, has gone
-    before = [signal.signal(number, lambda *_: stop()) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 def open_browser(address: str) -> None:
