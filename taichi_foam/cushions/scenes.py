@@ -11,7 +11,6 @@ over the area that it rests on, `width` x `depth`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.parts import is_number
 from taichi_foam.scene import Scene
 from taichi_foam.scene.library import is_test, read_corners
 from taichi_foam.units import STANDARD_GRAVITY
@@ -143,8 +143,7 @@ def called(foam: Any) -> str:
 
 def check_positive(name: str, value: Any, example: str) -> None:
     """Raise UserError unless a value is a finite number above 0; `example` helps with units."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or value <= 0.0:
+    if not is_number(value) or value <= 0.0:
         raise UserError(f"{name} = {value!r}: must be a number above 0. Fix: SI units; {example}")
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from taichi_foam import catalogue
 from taichi_foam.errors import UserError
@@ -271,20 +273,16 @@ def _value(scene: Scene, knob: Knob) -> Value:
 
 def _check_range(knob: Knob, value: Value) -> None:
     """Raise UserError, as a scene would, for a value out of the field's range."""
-    schema = _schema(knob)
-    if value is None:
-        fits = schema["optional"]
-    else:
-        fits = (
-            schema.get("minimum", value) <= value <= schema.get("maximum", value)
-            and not value <= schema.get("exclusiveMinimum", value - 1)
-            and not value >= schema.get("exclusiveMaximum", value + 1)
-            and (schema["type"] != "integer" or isinstance(value, int))
-        )
-    if not fits:
-        shown = "none" if value is None else f"{value:.12g}"
+    field = _part(knob).model_fields[knob.key.split(".")[1]]
+    number: Any = Annotated[field.annotation, field]
+    try:
+        TypeAdapter(number, config=Part.model_config).validate_python(value)
+    except ValidationError:
+        schema, shown = _schema(knob), "none" if value is None else f"{value:.12g}"
         kind = "a whole number, " if schema["type"] == "integer" else ""
-        raise UserError(f"{knob.key} = {shown}: must be {kind}{schema['allowed']}; {schema['fix']}")
+        raise UserError(
+            f"{knob.key} = {shown}: must be {kind}{schema['allowed']}; {schema['fix']}"
+        ) from None
 
 
 def _shown(knob: Knob, value: Value) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.bands import band
 from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
-from taichi_foam.parts import unit_of
+from taichi_foam.parts import is_number, unit_of
 from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, plain_log, spread
 from taichi_foam.scene import Scene
 from taichi_foam.sweeps import table
@@ -59,9 +59,9 @@ class _Axis:
         self.is_log = given is not None and given.spacing == "log"
         self.is_drawn = given is not None and given.is_range and plan.sample is not None
         different = dict.fromkeys(values)
-        self.is_numeric = all(map(_is_number, different))
+        self.is_numeric = all(map(is_number, different))
         order = sorted(different) if self.is_numeric else [*different]
-        self.names = {v: f"{v:.4g}" if _is_number(v) else str(v) for v in order}
+        self.names = {v: f"{v:.4g}" if is_number(v) else str(v) for v in order}
         if len(set(self.names.values())) < len(order):  # four digits do not distinguish them
             self.names = {v: str(v) for v in order}
         self.places = {v: float(v if self.is_numeric else k) for k, v in enumerate(order)}
@@ -335,10 +335,6 @@ def _binned(at: Floats) -> list[float]:
 
 def _finite(values: Sequence[float | None]) -> list[float]:
     return [math.nan if value is None else value for value in values]
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _label_of_measure(key: str, is_share: bool) -> str:
