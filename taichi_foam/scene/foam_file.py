@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tomli_w
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
@@ -48,7 +48,7 @@ class FoamFile(Part):
     )
     direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
     measured: tuple[str, ...] = Field(
-        default=(), description="what was measured, in words", max_length=50
+        default=(), strict=False, description="what was measured, in words", max_length=50
     )
     known_to: Annotated[float, Field(gt=0, lt=1)] | None = quantity(
         None,
@@ -57,17 +57,15 @@ class FoamFile(Part):
         allowed="none, or above 0 and below 1",
     )
     derived: tuple[Origin, ...] = Field(
-        default=(), description="values that follow from these, by key of a scene", max_length=100
+        default=(),
+        strict=False,
+        description="values that follow from these, by key of a scene",
+        max_length=100,
     )
     assumed: tuple[Assumed, ...] = Field(
-        default=(), description="assumed values, by key of a scene", max_length=100
+        default=(), strict=False, description="assumed values, by key of a scene", max_length=100
     )
     foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")
-
-    @field_validator("measured", "derived", "assumed", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
 
     @property
     def foam_given(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
@@ -84,6 +84,7 @@ class Scene(Part):
 
     assumed: tuple[Assumed, ...] | None = Field(
         default=None,
+        strict=False,
         description="values of a user's foam that were not given, and so were assumed; written "
         "by the program",
         json_schema_extra={"allowed": "none, or a list of tables with key and why"},
@@ -93,11 +94,6 @@ class Scene(Part):
     @classmethod
     def _complete(cls, data: Any) -> Any:
         return library.completed(data)
-
-    @field_validator("assumed", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _check_parts_agree(self) -> Scene:
