@@ -114,13 +114,9 @@ def runs(
         )
         results = [ended[place] for place in sorted(ended)]
         found.append(_of_results(pad, asked, results))
-        if any(_failed(result) for result in results):
+        if any(result.failure for result in results):
             break
     return _worst(found)
-
-
-def _failed(result: Result) -> bool:
-    return result.ending is not None and result.ending.failed
 
 
 def _worst(found: Sequence[Runs]) -> Runs:
@@ -149,7 +145,7 @@ def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> 
         return [math.inf if each[key] is None else float(each[key]) for each in summaries]
 
     # a run that failed has a peak so far, but may have had a larger one
-    failed = [_failed(result) for result in results]
+    failed = [result.failure for result in results]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],

@@ -57,6 +57,12 @@ class Record:
         return None if word is None else Ending(word)
 
     @property
+    def failure(self) -> str | None:
+        """Why the run failed, and what to do; None if it did not."""
+        ending = self.ending
+        return f"{ending.meaning}; {ending.remedy}" if ending and ending.failed else None
+
+    @property
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m]; it starts a gap above it."""
         after = self.run.get("after") or {}

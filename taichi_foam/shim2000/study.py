@@ -118,11 +118,6 @@ class Computed:
     interrupted: bool
 
 
-def has_failed(result: Result) -> bool:
-    """Whether a run has ended early, and not by Ctrl-C."""
-    return result.ending is not None and result.ending.failed
-
-
 def from_contact(result: Result) -> dict[str, Array]:
     """The history, with time and displacement from first contact."""
     found = impact(result)
@@ -188,7 +183,7 @@ class _Ensemble:
     failures: list[str] = field(default_factory=list)
 
     def take(self, place: int, result: Result) -> None:
-        if has_failed(result):
+        if result.failure:
             self.failures.append(_failure(result))
         else:
             member = _member(result)
@@ -256,8 +251,8 @@ def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Compute
         raise KeyboardInterrupt("no case had finished; the same command continues from there")
     names = {r.scene.name for r in ended}
     cut = [scene.name for scene in scenes if scene.name not in names]
-    failed = [r for r in ended if has_failed(r)]
-    cases = [Case(r.scene, r) for r in ended if not has_failed(r)]
+    failed = [r for r in ended if r.failure]
+    cases = [Case(r.scene, r) for r in ended if not r.failure]
     return Computed(cases, cut, failed, failure, interrupted=bool(cut))
 
 

@@ -447,7 +447,7 @@ def _advanced(
 
 def _warn(result: Result) -> None:
     """Warn once of everything that makes a result doubtful."""
-    if not result.warnings or (result.ending is not None and result.ending.failed):
+    if not result.warnings or result.failure:
         return  # a failure is reported by its error
     warn_of_run("\n  ".join((f"{result.scene.name}:", *result.warnings)))
 

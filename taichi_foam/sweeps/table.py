@@ -51,8 +51,7 @@ class Shard(NamedTuple):
 
 def row(member: Member, result: Result, wanted: Sequence[str] | None = None) -> dict[str, Any]:
     """The row of a drop that was computed, with the `wanted` measures; None: all."""
-    ending = result.ending
-    failure = f"{ending.meaning}; {ending.remedy}" if ending and ending.failed else None
+    failure = result.failure
     measures: Mapping[str, Any] = {}
     try:
         measures = _measures(result, wanted)
@@ -60,7 +59,7 @@ def row(member: Member, result: Result, wanted: Sequence[str] | None = None) -> 
         failure = failure or f"no measures: {type(error).__name__}: {error}"
     return {
         **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
-        "ending": ending and ending.value,
+        "ending": result.ending and result.ending.value,
         "failure": failure,
         **measures,
     }
@@ -78,9 +77,8 @@ def add_drop(
     row: dict[str, Any], drop: int, result: Result, wanted: Sequence[str] | None = None
 ) -> None:
     """Add the measures of a later impact on the same block, as `drop_2_...`, to a member's row."""
-    ending = result.ending
-    if ending and ending.failed:
-        row["failure"] = row["failure"] or f"drop {drop}: {ending.meaning}; {ending.remedy}"
+    if result.failure:
+        row["failure"] = row["failure"] or f"drop {drop}: {result.failure}"
     left_out = (*_LEFT_OUT, *MACHINE, "drop", "assumed")
     try:
         more = _measures(result, wanted, left_out)
