@@ -18,7 +18,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import at_rest
 from taichi_foam.shim2000.impacts import case_names
-from taichi_foam.shim2000.study import faster, has_failed
+from taichi_foam.shim2000.study import faster
 from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
 ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY_PER_VOLUME)
@@ -39,7 +39,7 @@ def figures_of(
 ) -> Iterator[tuple[int, Figures]]:
     """Run scenes side by side; place and figures of each as it ends."""
     for place, result in simulate_many(scenes, on_progress):
-        if has_failed(result):
+        if result.failure:
             raise RuntimeError(f"{result.scene.name}: ended by {result.run['ended_by']}")
         yield (
             place,

@@ -20,7 +20,7 @@ from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.shim2000.compare import at_rest, comparison_of_medians
 from taichi_foam.shim2000.criteria import criteria
 from taichi_foam.shim2000.impacts import TESTS, PaperTest
-from taichi_foam.shim2000.study import has_failed, members_of
+from taichi_foam.shim2000.study import members_of
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.simulate import simulate_many
 
@@ -105,7 +105,7 @@ def figures_of(result: Result, test: PaperTest) -> dict[str, Any]:
     """
     measured = test.measured
     keys = [quantity.key for quantity in JUDGED if quantity.key in measured]
-    if has_failed(result):
+    if result.failure:
         return {"figures": dict.fromkeys(keys), "criteria": {}, "failed": result.run["ended_by"]}
     found = at_rest(summary(result))
     return {
