@@ -144,12 +144,11 @@ def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> 
         """A figure of all runs; one that has none, as of a failed run, counts as larger."""
         return [math.inf if each[key] is None else float(each[key]) for each in summaries]
 
-    # a run that failed has a peak so far, but may have had a larger one
-    failed = [result.failure for result in results]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],
-        [math.inf if bad else g for bad, g in zip(failed, column(KEY), strict=True)],
+        # a run that failed has a peak so far, but may have had a larger one
+        [math.inf if r.failure else g for r, g in zip(results, column(KEY), strict=True)],
         column("peak_deceleration_g"),
         column("max_strain"),
         column("velocity_change_m_s"),
