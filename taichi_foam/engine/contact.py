@@ -14,6 +14,7 @@ from taichi_foam.engine.state import (
     HELD_BY_FRICTION,
     HELD_BY_PIECES,
     NEVER,
+    UNLISTED,
 )
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws.shape.edges import Edged
@@ -31,8 +32,6 @@ THIN = 0.25
 # their radii. A row of large points represents foam with a straight face, but has dents: a point of
 # zero size in a dent then lies on that face, not behind it.
 LEVEL = 2.0**0.5 - 1.0
-
-UNLISTED = -1  # links of the search grid are at least this
 
 vec2 = ti.types.vector(2, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
@@ -57,7 +56,7 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
         if ti.static(lattice.features.shaped):
             may &= makeup.mobility(lattice, b, i, k).y > 0.0
     elif ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
-        low = y < lattice.model.reach[b, i, k] + p.skin
+        low = y < lattice.model.filling[b, makeup.column(lattice, i), k].reach + p.skin
         may = (near | low) & (makeup.mobility(lattice, b, i, k).y > 0.0)
     elif p.hold_y and k == 0:
         # the held row is part of the support and does not touch the impactor
@@ -198,7 +197,7 @@ def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64,
     half = 0.5 * (p.cell.y + flank * (p.cell.x - p.cell.y))
     upright, sideways = p.area.y, p.area.x
     if ti.static(lattice.features.shaped):
-        half = lattice.model.reach[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
+        half = makeup.reach(lattice, b, i, j)
         upright *= makeup.wider_face(lattice, B, b, i, j)
         sideways *= makeup.wider_face(lattice, A, b, i, j)
     stand, stretch, stored = vec4(0.0), 0.0, 0.0
@@ -336,8 +335,24 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
     if ti.static(lattice.on_gpu):
         may_be = ti.i32(lattice.state.partner_count[b, i * lattice.counts[None].rows + k] > 0)
     else:
-        may_be = ti.i32(lattice.state.column_candidates[b, i] > 0)
+        may_be = lanes.any_of(lattice.state.place_in_list[b, i, k] > UNLISTED)
     return may_be
+
+
+@ti.func
+def pushes_on(lattice: ti.template(), b, i, k):
+    """Forces [N] of other pieces on a pack of nodes, along x and y."""
+    x, y = lanes.zeros(lattice), lanes.zeros(lattice)
+    if ti.static(lattice.on_gpu):
+        x, y = lattice.scratch.push[b, i, k].x, lattice.scratch.push[b, i, k].y
+    else:
+        for lane in range(lattice.lanes):
+            n = lattice.state.place_in_list[b, i, k][lane]
+            if n > UNLISTED:
+                push = lattice.scratch.candidate_push[b, n]
+                x += lanes.only(lattice, lane, push[0])
+                y += lanes.only(lattice, lane, push[1])
+    return x, y
 
 
 @ti.func
@@ -431,14 +446,6 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         )
         if stage == LAST_STAGE:
             held += piece_energy(lattice, b, one_node, other_node, away.norm(), touch, p)
-    for n in range(lattice.state.clock[b].candidates):
-        place = place_of(lattice, lattice.state.candidate_node[b, n])
-        lattice.scratch.push[b, place[0], place[1]].x[place[2]] = lattice.scratch.candidate_push[
-            b, n
-        ].x
-        lattice.scratch.push[b, place[0], place[1]].y[place[2]] = lattice.scratch.candidate_push[
-            b, n
-        ].y
     if stage == LAST_STAGE:
         lattice.state.work[b, 0][HELD_BY_PIECES] = held
 
@@ -478,19 +485,19 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
 
     Being serial, the order of the list, and so every sum, is the same for any number of threads.
     It is seldom needed: when a node has moved by half the skin, or a bond has broken. Until it is
-    made, the nodes' full radii [m] are in place of their pushes along x.
+    made, the nodes' full radii [m] are in place of their trial positions along x, which between two
+    steps are those of the accepted state.
     """
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        lattice.scratch.push[b, place[0], place[1]].y[place[2]] = 0.0
+        lattice.state.place_in_list[b, place[0], place[1]][place[2]] = UNLISTED
     for n in range(lattice.counts[None].bins_x * lattice.counts[None].bins_y):
         lattice.scratch.bin_head[b, n] = -1
     for i in range(lattice.counts[None].columns):
-        lattice.state.column_candidates[b, i] = 0
         for j in range(lattice.counts[None].rows):
             k = lanes.pack_of(lattice, j)
             lane = lanes.lane_of(lattice, j)
-            lattice.scratch.push[b, i, k].x[lane] = full_radius(lattice, b, i, j, p)
+            lattice.scratch.trial[b, i, k].x[lane] = full_radius(lattice, b, i, j, p)
             lattice.state.surface[b, i, k][lane] = looked_at(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
             )
@@ -517,7 +524,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     _make_room(lattice, b)
     for i in range(lattice.counts[None].columns):
         for k in range(lattice.counts[None].packs):
-            lattice.scratch.push[b, i, k].x = lanes.zeros(lattice)
+            lattice.scratch.trial[b, i, k].x = lattice.state.motion[b, i, k].x
         for j in range(lattice.counts[None].rows):
             k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             lattice.state.surface[b, i, k][lane] = listed(
@@ -536,7 +543,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    own = lattice.scratch.push[b, here[0], here[1]].x[here[2]]
+    own = lattice.scratch.trial[b, here[0], here[1]].x[here[2]]
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
@@ -551,7 +558,7 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
                     ti.raw_mod(other, lattice.counts[None].rows) - j
                 )
                 if not listed and steps > 1:
-                    radius = lattice.scratch.push[b, there[0], there[1]].x[there[2]]
+                    radius = lattice.scratch.trial[b, there[0], there[1]].x[there[2]]
                     limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
@@ -583,7 +590,7 @@ def _make_room(lattice: ti.template(), b):
             gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        full = lattice.scratch.push[b, place[0], place[1]].x[place[2]]
+        full = lattice.scratch.trial[b, place[0], place[1]].x[place[2]]
         radius = _listed_radius(lattice, b, place)
         lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
             radius, full, gaps[b, n][0], gaps[b, n][1]
@@ -594,7 +601,7 @@ def _make_room(lattice: ti.template(), b):
 def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
     """A node's radius [m] before the list is made, see `list_neighbours`."""
     return ti.min(
-        lattice.scratch.push[b, place[0], place[1]].x[place[2]],
+        lattice.scratch.trial[b, place[0], place[1]].x[place[2]],
         lattice.state.room[b, place[0], place[1]][place[2]],
     )
 
@@ -615,22 +622,18 @@ def room_of(radius: ti.f64, full: ti.f64, free: ti.f64, torn: ti.f64) -> ti.f64:
 
 @ti.func
 def _list_candidates(lattice: ti.template(), b):
-    """List the nodes that have a pair, and count them by column."""
-    # the search grid's links are no longer needed, and now hold each node's place in the list
+    """List the nodes that have a pair, in place of whose numbers pairs get their places in it."""
     found = 0
     for n in range(lattice.state.clock[b].pairs):
         for side in ti.static(range(2)):
             node = lattice.state.pairs[b, n][side]
-            if lattice.scratch.next_in_bin[b, node] >= UNLISTED:
-                lattice.scratch.next_in_bin[b, node] = -2 - found
+            i, k, lane = place_of(lattice, node)
+            if lattice.state.place_in_list[b, i, k][lane] == UNLISTED:
+                lattice.state.place_in_list[b, i, k][lane] = found
                 if found < lattice.most_candidates:
                     lattice.state.candidate_node[b, found] = node
-                    i = ti.raw_div(node, lattice.counts[None].rows)
-                    lattice.state.column_candidates[b, i] = (
-                        lattice.state.column_candidates[b, i] + 1
-                    )
                 found += 1
-            lattice.state.pairs[b, n][side] = -2 - lattice.scratch.next_in_bin[b, node]
+            lattice.state.pairs[b, n][side] = lattice.state.place_in_list[b, i, k][lane]
     lattice.state.clock[b].candidates = ti.min(found, lattice.most_candidates)
     if found > lattice.most_candidates:
         lattice.state.clock[b].status = CROWDED

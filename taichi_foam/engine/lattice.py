@@ -99,11 +99,11 @@ class Lattice:
             kept += ["radius"]  # of the neighbour list
         follow = [f"trial.{name}" for name in "xyuv"]
         self.seen, self.kept = Packs(fields, *seen), Packs(fields, *kept)
-        self.put = Packs(fields, *seen, *kept, *follow, "grip", "push.x", "push.y")
+        self.put = Packs(fields, *seen, *kept, *follow, "grip", "place_in_list")
         fixed = _fields_of(self.model)
         made = [name for name in fixed if name.split(".")[0] in ("filling", "mobility")]
         self.made = Packs(fixed if self.features.shaped else {}, *made)
-        self.apart = Packs(fixed, "reach", "strength_a", "strength_b")
+        self.apart = Packs(fixed, "strength_a", "strength_b")
         parts = ("clock", "body", "turn")
         self.numbers = [name for name in fields if name.split(".")[0] in parts]
         self.singles = [fields[name] for name in self.numbers]

@@ -108,6 +108,13 @@ def share(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def reach(lattice: ti.template(), b, i, j) -> ti.f64:
+    """Distance of a mass point from the foam's nearest face [m], in a shaped block."""
+    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    return lattice.model.filling[b, column(lattice, i), k].reach[lane]
+
+
+@ti.func
 def shares_of_points(lattice: ti.template(), b, i, k):
     """`share` of a pack's mass points."""
     found = lanes.zeros(lattice) + 1.0

@@ -131,6 +131,10 @@ def parameters_type(law: type[BondLaw]) -> Any:
     return ti.types.struct(**foam_type(law).members, **MEMBERS)
 
 
+FILLING = ("mass", "face_a", "face_b", "share", "cell", "reach")
+"""Values of the mass points of a shaped block, by the names of `Filling`."""
+
+
 @dataclass(frozen=True)
 class Model:
     """The constants of a scene, as the device takes them.
@@ -139,8 +143,8 @@ class Model:
     lists      by the names of `ModelFields.lists`, (n, m) each; mobilities (J,)
     tables     (TABLE_ROWS, columns) for each foam, if its law is tabulated
     of_nodes   by the names of fields, (I, J), or (1, J) where columns are identical: those of
-               `ModelFields.filling`, `mobility` and `reach` (I, J), unless the block is plain;
-               strengths of the bonds over their mean, (I, J), if they are scattered
+               `ModelFields.filling` and `mobility`, unless the block is plain; strengths of the
+               bonds over their mean, (I, J), if they are scattered
     foams      (foams, n) every member of `foam_type`; None: there is one foam
     places     (2, J) index of the foam of bonds A and B of each row
     """
@@ -217,11 +221,9 @@ def _filled(scene: Scene, alike: bool) -> dict[str, Array]:
         found[: kept.shape[0], : kept.shape[1]] = kept
         return found
 
-    names = ("mass", "face_a", "face_b", "share", "cell")
     return {
-        **{f"filling.{name}": padded(getattr(filled, name)) for name in names},
+        **{f"filling.{name}": padded(getattr(filled, name)) for name in FILLING},
         **_moved(scene, padded(filled.mass), padded(filled.on_base) > 0.0),
-        "reach": filled.reach,
     }
 
 
@@ -254,10 +256,9 @@ class ModelFields:
     mobility    (batch, packs) per row of nodes: inverse mass along x and y [1/kg], 0 where the node
                 is held, and gravity [m/s2]; in a shaped block (batch, I, packs), per node
     filling     (batch, I, packs) of a shaped block: mass of each mass point [kg], shares of the
-                faces of bonds A and B, share of its cell, and share of the lattice cell to the
-                right of and above it; I is 1 if columns are identical, see `makeup.column`
-    reach       (batch, I, packs) of a shaped block: distance of the foam's face from each mass
-                point [m]
+                faces of bonds A and B, share of its cell, share of the lattice cell to the right
+                of and above it, and distance of the foam's face [m]; I is 1 if columns are
+                identical, see `makeup.column`
     foams       (batch, foams) records of `foam_type`, if there are several
     graded      (batch, 2 * packs) the same in packs by row, for bonds A, then for bonds B
     foam_of_row (batch, 2 * rows) index in `foams` for bonds A, then bonds B of each row
@@ -276,9 +277,7 @@ class ModelFields:
         layout.of_lattices(self.parameters)
         layout.listed(SURFACE_ROWS, self.surface)
         if features.shaped:
-            parts = dict.fromkeys(("mass", "face_a", "face_b", "share", "cell"), pack)
-            self.filling, self.reach = ti.types.struct(**parts).field(), pack.field()
-            layout.of_nodes(self.reach)
+            self.filling = ti.types.struct(**dict.fromkeys(FILLING, pack)).field()
             place = layout.of_rows if features.alike else layout.of_nodes
             place(self.mobility, self.filling)
         else:

@@ -69,11 +69,11 @@ def node_pack(
                 force_y += lanes.only(lattice, lane, reaction.y)
     if ti.static(lattice.features.self_contact):  # noqa: SIM102 - the static test must stand alone
         if contact.is_pushed(lattice, b, i, k):
-            push = lattice.scratch.push[b, i, k]
-            by_pieces = -(push.x * now.u + push.y * now.v).sum()
+            push_x, push_y = contact.pushes_on(lattice, b, i, k)
+            by_pieces = -(push_x * now.u + push_y * now.v).sum()
             book(lattice, b, strip, PIECES, weight * by_pieces)
-            force_x += push.x
-            force_y += push.y
+            force_x += push_x
+            force_y += push_y
     if ti.static(lattice.features.drag):
         drag = p.drag * makeup.shares_of_points(lattice, b, i, k)
         by_drag = (drag * (now.u * now.u + now.v * now.v)).sum()

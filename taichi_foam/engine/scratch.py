@@ -25,7 +25,8 @@ SUMS = ENERGIES + ENERGY_SUMS
 class ScratchFields:
     """Workspace of a batch of lattices on the device.
 
-    trial     motion of the nodes at the current stage
+    trial     motion of the nodes at the current stage; x their full radii while a CPU lists
+              neighbours
     force     forces of the bonds [N]; on a CPU, of the few columns that a sweep needs at a time
     strain    present strains of the bonds of a column
     tally     sums over a strip of nodes; strips are then added in the same order on any machine
@@ -37,8 +38,8 @@ class ScratchFields:
     cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
     around    for each bond A and B the worst strain of the bonds around it, see `cells.look_pack`
     column_softens  bonds of each column that soften in this step
-    push      forces of other pieces on the nodes [N]; on a CPU also by candidate, and along x the
-              nodes' radii while neighbours are listed
+    push, candidate_push   forces of other pieces on the nodes [N]: on a GPU, and on a CPU by
+              candidate
     bin_head, next_in_bin, bin_of_node   search grid
     history   (batch, HISTORY_ROWS, `row_columns`) rows since the last harvest
     shake     acceleration of the base at the next stage [m/s2]
@@ -104,12 +105,12 @@ class ScratchFields:
             self._place_contact(layout)
 
     def _place_contact(self, layout: Layout) -> None:
-        self.push = ti.types.struct(x=layout.pack, y=layout.pack).field()
-        layout.of_nodes(self.push)
         self.next_in_bin, self.bin_head = ti.field(ti.i32), ti.field(ti.i32)
         layout.listed(layout.nodes, self.next_in_bin, whole=True)
         layout.listed(layout.bins_x * layout.bins_y, self.bin_head, whole=True)
         if layout.on_gpu:
+            self.push = ti.types.struct(x=layout.pack, y=layout.pack).field()
+            layout.of_nodes(self.push)
             self.bin_of_node = ti.field(ti.i32)
             layout.listed(layout.nodes, self.bin_of_node, whole=True)
         else:

@@ -41,6 +41,7 @@ WHOLE = 1
 BREAKING = 2  # whole until the end of this step
 
 NEVER = 1e30
+UNLISTED = -1  # in place of a node's place in a list
 
 # Values of a lattice's `status`: whether it still steps, and if not, why.
 RUNNING = 0
@@ -339,7 +340,7 @@ def initial_state(scene: Scene) -> State:
         "break_time_b": cut[:, :-1, 1],
     }
     others = {
-        name: np.full(told.shape(columns, rows), told.start)
+        name: np.broadcast_to(told.start, told.shape(columns, rows))
         for name, told in ARRAYS.items()
         if name not in arrays
     }
@@ -353,7 +354,7 @@ def initial_state(scene: Scene) -> State:
         overlap=np.zeros(1),
         neighbours={},
         own={
-            name: np.zeros(told.shape(columns, rows))
+            name: np.broadcast_to(told.start, told.shape(columns, rows))
             for name, told in own_arrays(scene.foam.law_for(scene.model)).items()
         },
     )
@@ -415,9 +416,9 @@ class StateFields:
     slip       stretch of the friction springs: impactor, floor [m]
     room, surface, hold   see State
     body, turn, clock, work, overlap   see State
-    pairs, candidate_node, candidate, column_candidates   the neighbour list on a CPU: pairs of
-               candidates; the candidates' nodes; their positions, velocities and radii; the number
-               of candidates in each column
+    pairs, candidate_node, candidate, place_in_list   the neighbour list on a CPU: pairs of
+               candidates; the candidates' nodes; their positions, velocities and radii; the place
+               of each node in the list of candidates, or UNLISTED
     partners, partner_start, partner_count, radius   the neighbour list on a GPU: the nodes that
                each node may touch
     lists      the neighbour list's fields by name
@@ -473,14 +474,13 @@ class StateFields:
         else:
             self.pairs = ti.types.vector(2, ti.i32).field()
             layout.listed(layout.most_pairs, self.pairs, whole=True)
-            self.candidate_node, self.column_candidates = ti.field(ti.i32), ti.field(ti.i32)
+            self.candidate_node, self.place_in_list = ti.field(ti.i32), layout.whole_pack.field()
             layout.listed(layout.most_candidates, self.candidate_node, whole=True)
-            layout.listed(layout.columns, self.column_candidates, whole=True)
+            layout.of_nodes(self.place_in_list, whole=True)
             self.candidate = Candidate.field()
             layout.listed(layout.most_candidates, self.candidate)
             self.lists = {
                 "candidate_node": self.candidate_node,
-                "column_candidates": self.column_candidates,
                 "radius": self.candidate.get_member_field("radius"),
                 "first": self.pairs.get_scalar_field(0),
                 "second": self.pairs.get_scalar_field(1),

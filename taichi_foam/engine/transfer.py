@@ -20,6 +20,7 @@ from taichi_foam.engine.state import (
     CLOCK,
     EMPTY,
     TURN,
+    UNLISTED,
     WORKS,
     State,
     initial_state,
@@ -207,11 +208,15 @@ def _of_nodes(lattice: Lattice, block: Block, state: State, model: Model) -> Par
     parts["grip"] = grip, 0.0
     for member in "xyuv":
         parts[f"trial.{member}"] = parts[f"motion.{member}"]
-    nothing = np.zeros((0, 0)).__getitem__
-    parts["push.x"] = parts["push.y"] = parts["radius"] = nothing, 0.0
-    if "radius" in state.neighbours and lattice.on_gpu:
-        radius = state.neighbours["radius"].reshape(block.columns, block.rows)
-        parts["radius"] = radius.__getitem__, 0.0
+    if lattice.on_gpu:
+        radius = state.neighbours.get("radius", np.zeros(lattice.size.nodes))
+        parts["radius"] = radius.reshape(block.columns, block.rows).__getitem__, 0.0
+    else:
+        candidates = state.neighbours.get("candidate_node", np.zeros(0, dtype=np.int32))
+        places = np.full(lattice.size.nodes, UNLISTED, dtype=np.int32)
+        places[candidates] = np.arange(len(candidates))
+        places = places.reshape(block.columns, block.rows)
+        parts["place_in_list"] = places.__getitem__, UNLISTED
     return parts
 
 
@@ -405,15 +410,12 @@ def snapshot(lattice: Lattice, b: int, stressed: Block | None = None) -> Snapsho
 
 
 def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) -> None:
-    columns, rows = lattice.size.columns, lattice.size.rows
     if lattice.on_gpu:
         lists = dict(kept) or {"partner_count": np.zeros(lattice.size.nodes, dtype=np.int32)}
     else:
         lists = {name: values for name, values in kept.items() if name != "pairs"}
         if kept:
             lists["first"], lists["second"] = kept["pairs"].T
-        in_columns = np.asarray(kept.get("candidate_node", ()), dtype=np.int32) // rows
-        lists["column_candidates"] = np.bincount(in_columns, minlength=columns)
     for name, field in lattice.state.lists.items():
         if name in lists:
             kind = np.float64 if name == "radius" else np.int32

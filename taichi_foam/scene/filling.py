@@ -39,12 +39,14 @@ class Filling:
     face_a  (I-1, J) area of the face of bond A(i, j) over that of a whole one; 0: no bond
     face_b  (I, J-1) the same for B(i, j)
     reach   (I, J) distance from a mass point to the foam's nearest face [m], negative if the point
-            is outside the foam; inside the block half a cell, sqrt(dX dY) / 2
+            is outside the foam; inside the block, and at the sides of a rectangle, half a cell,
+            sqrt(dX dY) / 2
     share   (I, J) share of each cell's area that is foam
     cell    (I-1, J-1) foam of the lattice cell between four mass points over a whole cell's,
             including foam beside it that no other cell carries; 0: a side has no bond
     on_base (I, J) whether the foam of a mass point lies on the base
-    owner   (I, J, 2) cell of the mass point to which a cell's foam belongs; (-1, -1): no foam
+    owner   (I, J, 2) cell of the mass point to which a cell's foam belongs; (-1, -1): no foam.
+            None: each cell's foam belongs to its own mass point
     """
 
     mass: Array
@@ -54,7 +56,7 @@ class Filling:
     share: Array
     cell: Array
     on_base: NDArray[np.bool_]
-    owner: NDArray[np.int32]
+    owner: NDArray[np.int32] | None
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -64,6 +66,8 @@ class Filling:
     @property
     def area(self) -> Array:
         """(I, J) area of each mass point's foam over that of a whole cell."""
+        if self.owner is None:
+            return self.share
         found = np.zeros(self.share.shape)
         held = self.owner[..., 0] >= 0
         np.add.at(found, tuple(self.owner[held].T), self.share[held])
@@ -72,7 +76,8 @@ class Filling:
     @cached_property
     def is_alike(self) -> bool:
         """Whether all columns of mass points are identical."""
-        arrays = (self.mass, self.share, self.on_base, self.face_a, self.face_b, self.cell)
+        arrays = (self.mass, self.share, self.reach, self.on_base)
+        arrays += (self.face_a, self.face_b, self.cell)
         return all(bool(np.all(array == array[:1])) for array in arrays)
 
     @property
@@ -109,7 +114,7 @@ def in_cells(block: Block) -> Polygon:
 def _rectangle(block: Block) -> Filling:
     """The filling of a rectangle: cells are full, or half full where mass points lie on its faces.
 
-    Arrays that are the same in every column share memory.
+    Every array is the same in all columns, which share its memory.
     """
     columns, rows = block.columns, block.rows
     outside = 0.5 if block.mass_points == "faces" else 0.0  # of the first and the last row
@@ -117,19 +122,17 @@ def _rectangle(block: Block) -> Filling:
     heights[[0, -1]] -= outside
     share = np.broadcast_to(heights, (columns, rows))
     area = np.diff(np.clip(_levels(block), outside, rows - outside))
-    x = np.minimum(np.arange(columns), np.arange(columns)[::-1]) + 0.5
-    y = np.minimum(np.arange(rows), np.arange(rows)[::-1]) + 0.5 - outside
-    edge = np.minimum.outer(x * block.dx, y * block.dy)
-    there = np.broadcast_to(True, (columns, rows))
+    reach = np.full(rows, 0.5 * np.sqrt(block.dx * block.dy))
+    reach[[0, -1]] = (0.5 - outside) * block.dy
     return Filling(
         mass=np.broadcast_to(_mass(block, area[None]), (columns, rows)),
         face_a=share[1:],
         face_b=np.broadcast_to(1.0, (columns, rows - 1)),
-        reach=_reach(block, edge, there, share >= 1.0),
+        reach=np.broadcast_to(reach, (columns, rows)),
         share=share,
         cell=np.broadcast_to(1.0, (columns - 1, rows - 1)),
         on_base=np.broadcast_to(np.arange(rows) == 0, (columns, rows)),
-        owner=_own((columns, rows)),
+        owner=None,
     )
 
 
@@ -350,6 +353,8 @@ def problems(block: Block) -> list[str]:
 
 def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
     """A cell with foam but no mass point beside it, one of more than LONGEST_TIP in a row."""
+    if filled.owner is None:
+        return None
     away = np.abs(filled.owner - _own(filled.share.shape)).sum(axis=-1)
     far = (filled.share > 0) & (away > 1)
     if not far.any():
