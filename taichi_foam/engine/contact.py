@@ -315,17 +315,19 @@ def place_of(lattice: ti.template(), node) -> vec3i:
 
 
 @ti.func
+def value_at(values: ti.template(), b, place: vec3i):
+    """The value of a node field at a place."""
+    return values[b, place[0], place[1]][place[2]]
+
+
+@ti.func
 def node_at(motion: ti.template(), b, place: vec3i) -> vec2:
-    return vec2(
-        motion[b, place[0], place[1]].x[place[2]], motion[b, place[0], place[1]].y[place[2]]
-    )
+    return vec2(value_at(motion.x, b, place), value_at(motion.y, b, place))
 
 
 @ti.func
 def velocity_at(motion: ti.template(), b, place: vec3i) -> vec2:
-    return vec2(
-        motion[b, place[0], place[1]].u[place[2]], motion[b, place[0], place[1]].v[place[2]]
-    )
+    return vec2(value_at(motion.u, b, place), value_at(motion.v, b, place))
 
 
 @ti.func
@@ -543,22 +545,19 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     here = place_of(lattice, node)
     point = node_at(lattice.state.motion, b, here)
     home = bin_of(lattice, point, p)
-    own = lattice.scratch.trial[b, here[0], here[1]].x[here[2]]
+    own = value_at(lattice.scratch.trial.x, b, here)
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
             other = lattice.scratch.bin_head[b, bx * lattice.counts[None].bins_y + by]
             while other >= 0:
                 there = place_of(lattice, other)
-                listed = (
-                    lattice.state.surface[b, there[0], there[1]][there[2]] != INSIDE
-                    and other < node
-                )
+                listed = value_at(lattice.state.surface, b, there) != INSIDE and other < node
                 steps = ti.abs(there[0] - i) + ti.abs(
                     ti.raw_mod(other, lattice.counts[None].rows) - j
                 )
                 if not listed and steps > 1:
-                    radius = lattice.scratch.trial[b, there[0], there[1]].x[there[2]]
+                    radius = value_at(lattice.scratch.trial.x, b, there)
                     limit = touch_of(own, radius) + p.skin
                     if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
@@ -582,15 +581,15 @@ def _make_room(lattice: ti.template(), b):
         distance = away.norm()
         touch = touch_of(_listed_radius(lattice, b, one), _listed_radius(lattice, b, two))
         is_new = (
-            lattice.state.surface[b, one[0], one[1]][one[2]] == NEW
-            or lattice.state.surface[b, two[0], two[1]][two[2]] == NEW
+            value_at(lattice.state.surface, b, one) == NEW
+            or value_at(lattice.state.surface, b, two) == NEW
         )
         found = vec2(distance - touch, ti.select(is_new, distance / touch, 1.0))
         for side in ti.static(range(2)):
             gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
     for n in range(lattice.state.clock[b].candidates):
         place = place_of(lattice, lattice.state.candidate_node[b, n])
-        full = lattice.scratch.trial[b, place[0], place[1]].x[place[2]]
+        full = value_at(lattice.scratch.trial.x, b, place)
         radius = _listed_radius(lattice, b, place)
         lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
             radius, full, gaps[b, n][0], gaps[b, n][1]
@@ -601,8 +600,7 @@ def _make_room(lattice: ti.template(), b):
 def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
     """A node's radius [m] before the list is made, see `list_neighbours`."""
     return ti.min(
-        lattice.scratch.trial[b, place[0], place[1]].x[place[2]],
-        lattice.state.room[b, place[0], place[1]][place[2]],
+        value_at(lattice.scratch.trial.x, b, place), value_at(lattice.state.room, b, place)
     )
 
 
