@@ -417,24 +417,31 @@ def clear_bonds(lattice: ti.template(), b, strip):
 
 
 @ti.func
+def _history(lattice: ti.template(), axis: ti.template(), b, i, j):
+    """What bond (i, j) along `axis` remembers."""
+    return lattice.law.History(
+        *[
+            lanes.value(lattice, member, b, i, j)
+            for member in ti.static(lattice.state.remembered[axis])
+        ]
+    )
+
+
+@ti.func
 def look_at(lattice: ti.template(), axis, b, i, j, p: ti.template()):
     """Condition, history and present strain of the accepted state's bond (i, j) along `axis`.
 
     The axis need not be known at compile time.
     """
-    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+    bonds_a, bonds_b = ti.static(lattice.state.bonds)
     start = lanes.position(lattice, lattice.state.motion, b, i, j)
-    condition = lattice.state.bond_a[b, i, k].condition[lane]
-    history = lattice.law.History(
-        *[member[b, i, k][lane] for member in ti.static(lattice.state.remembered[A])]
-    )
+    condition = lanes.value(lattice, bonds_a.condition, b, i, j)
+    history = _history(lattice, A, b, i, j)
     length = p.cell.x
     end = lanes.position(lattice, lattice.state.motion, b, i + 1, j)
     if axis == B:
-        condition = lattice.state.bond_b[b, i, k].condition[lane]
-        history = lattice.law.History(
-            *[member[b, i, k][lane] for member in ti.static(lattice.state.remembered[B])]
-        )
+        condition = lanes.value(lattice, bonds_b.condition, b, i, j)
+        history = _history(lattice, B, b, i, j)
         length = p.cell.y
         end = lanes.position(lattice, lattice.state.motion, b, i, j + 1)
     strain = kinematics.engineering_strain((end - start).norm() / length)
@@ -446,10 +453,10 @@ def intact_share(lattice: ti.template(), axis, b, i, j) -> ti.f64:
     """Share of a bond's face that carries tension and shear."""
     share = 1.0
     if ti.static(lattice.features.softens):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        share = ti.cast(lattice.state.bond_a[b, i, k].intact[lane], ti.f64)
+        bonds_a, bonds_b = ti.static(lattice.state.bonds)
+        share = ti.cast(lanes.value(lattice, bonds_a.intact, b, i, j), ti.f64)
         if axis == B:
-            share = ti.cast(lattice.state.bond_b[b, i, k].intact[lane], ti.f64)
+            share = ti.cast(lanes.value(lattice, bonds_b.intact, b, i, j), ti.f64)
     return share
 
 
@@ -526,9 +533,7 @@ def break_at(
 @ti.func
 def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
     bonds = ti.static(lattice.state.bonds[axis])
-    return ti.i32(
-        bonds[b, i, lanes.pack_of(lattice, j)].condition[lanes.lane_of(lattice, j)] > BROKEN
-    )
+    return ti.i32(lanes.value(lattice, bonds.condition, b, i, j) > BROKEN)
 
 
 @ti.func
@@ -557,6 +562,4 @@ def is_torn(lattice: ti.template(), b, i, j) -> ti.i32:
 @ti.func
 def _is_broken(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
     bonds = ti.static(lattice.state.bonds[axis])
-    return ti.i32(
-        bonds[b, i, lanes.pack_of(lattice, j)].condition[lanes.lane_of(lattice, j)] == BROKEN
-    )
+    return ti.i32(lanes.value(lattice, bonds.condition, b, i, j) == BROKEN)

@@ -35,7 +35,6 @@ LEVEL = 2.0**0.5 - 1.0
 
 vec2 = ti.types.vector(2, ti.f64)
 vec4 = ti.types.vector(4, ti.f64)
-vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
@@ -217,7 +216,7 @@ def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64,
         tangent = vec2(normal.y, -normal.x)
         along = contact_law.tangential_force(
             stiffness,
-            lattice.state.slip[b, i, lanes.pack_of(lattice, j)].floor[lanes.lane_of(lattice, j)]
+            lanes.value(lattice, lattice.state.slip.floor, b, i, j)
             + _slid(lattice, b, i, j, stage).dot(tangent),
             p.floor_friction,
             press,
@@ -229,7 +228,7 @@ def _stand(lattice: ti.template(), b, i, j, stage, now: vec2, stiffness: ti.f64,
 
 @ti.func
 def _worst(bonds: ti.template(), lattice: ti.template(), b, i, j) -> ti.f64:
-    return bonds[b, i, lanes.pack_of(lattice, j)].worst[lanes.lane_of(lattice, j)]
+    return lanes.value(lattice, bonds.worst, b, i, j)
 
 
 @ti.func
@@ -292,8 +291,7 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """`full_radius`, but at most the node's room, see `room_of`."""
     radius = full_radius(lattice, b, i, j, p)
     if ti.static(lattice.features.self_contact):
-        room = lattice.state.room[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
-        radius = ti.min(radius, room)
+        radius = ti.min(radius, lanes.value(lattice, lattice.state.room, b, i, j))
     return radius
 
 
@@ -301,33 +299,6 @@ def piece_radius(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
 def touch_of(one: ti.f64, two: ti.f64) -> ti.f64:
     """Distance [m] at which mass points of these two radii [m] begin to touch."""
     return one + two + LEVEL * ti.abs(one - two)
-
-
-@ti.func
-def place_of(lattice: ti.template(), node) -> vec3i:
-    """Column, pack and lane of a node, from its number."""
-    j = ti.raw_mod(node, lattice.counts[None].rows)
-    return vec3i(
-        ti.raw_div(node, lattice.counts[None].rows),
-        lanes.pack_of(lattice, j),
-        lanes.lane_of(lattice, j),
-    )
-
-
-@ti.func
-def value_at(values: ti.template(), b, place: vec3i):
-    """The value of a node field at a place."""
-    return values[b, place[0], place[1]][place[2]]
-
-
-@ti.func
-def node_at(motion: ti.template(), b, place: vec3i) -> vec2:
-    return vec2(value_at(motion.x, b, place), value_at(motion.y, b, place))
-
-
-@ti.func
-def velocity_at(motion: ti.template(), b, place: vec3i) -> vec2:
-    return vec2(value_at(motion.u, b, place), value_at(motion.v, b, place))
 
 
 @ti.func
@@ -383,24 +354,21 @@ def piece_push(
 @ti.func
 def _stiffness_of_pair(lattice: ti.template(), b, one, two, p: ti.template()) -> ti.f64:
     """Stress [Pa] between two pieces over their overlap in cells."""
-    rows = lattice.counts[None].rows
-    found = lattice.law.piece_stiffness(
-        makeup.constants_at(lattice, B, b, ti.raw_mod(one, rows), p)
-    )
+    _, j = lanes.column_and_row(lattice, one)
+    found = lattice.law.piece_stiffness(makeup.constants_at(lattice, B, b, j, p))
     if ti.static(lattice.features.foams > 1):
-        other = makeup.constants_at(lattice, B, b, ti.raw_mod(two, rows), p)
-        found = ti.min(found, lattice.law.piece_stiffness(other))
+        _, other = lanes.column_and_row(lattice, two)
+        c = makeup.constants_at(lattice, B, b, other, p)
+        found = ti.min(found, lattice.law.piece_stiffness(c))
     return found
 
 
 @ti.func
 def _share_of_pair(lattice: ti.template(), b, one, two) -> ti.f64:
     """Share of a whole cell's face on which two nodes touch: that of the node with less foam."""
-    rows = lattice.counts[None].rows
-    return ti.min(
-        makeup.share(lattice, b, ti.raw_div(one, rows), ti.raw_mod(one, rows)),
-        makeup.share(lattice, b, ti.raw_div(two, rows), ti.raw_mod(two, rows)),
-    )
+    i, j = lanes.column_and_row(lattice, one)
+    oi, oj = lanes.column_and_row(lattice, two)
+    return ti.min(makeup.share(lattice, b, i, j), makeup.share(lattice, b, oi, oj))
 
 
 @ti.func
@@ -421,9 +389,9 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
     """
     pushes = ti.static(lattice.scratch.candidate_push)
     for n in range(lattice.state.clock[b].candidates):
-        place = place_of(lattice, lattice.state.candidate_node[b, n])
-        now = node_at(lattice.scratch.trial, b, place)
-        speed = velocity_at(lattice.scratch.trial, b, place)
+        i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
+        now = lanes.position(lattice, lattice.scratch.trial, b, i, j)
+        speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
         lattice.state.candidate[b, n].x = now.x
         lattice.state.candidate[b, n].y = now.y
         lattice.state.candidate[b, n].u = speed.x
@@ -456,15 +424,8 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
 def refresh_radii(lattice: ti.template(), b, p: ti.template()):
     """Update the radii of the nodes that may touch to their present crush."""
     for n in range(lattice.state.clock[b].candidates):
-        node = lattice.state.candidate_node[b, n]
-        radius = piece_radius(
-            lattice,
-            b,
-            ti.raw_div(node, lattice.counts[None].rows),
-            ti.raw_mod(node, lattice.counts[None].rows),
-            p,
-        )
-        lattice.state.candidate[b, n].radius = radius
+        i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
+        lattice.state.candidate[b, n].radius = piece_radius(lattice, b, i, j, p)
 
 
 @ti.func
@@ -491,14 +452,14 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     steps are those of the accepted state.
     """
     for n in range(lattice.state.clock[b].candidates):
-        place = place_of(lattice, lattice.state.candidate_node[b, n])
-        lattice.state.place_in_list[b, place[0], place[1]][place[2]] = UNLISTED
+        i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        lattice.state.place_in_list[b, i, k][lane] = UNLISTED
     for n in range(lattice.counts[None].bins_x * lattice.counts[None].bins_y):
         lattice.scratch.bin_head[b, n] = -1
     for i in range(lattice.counts[None].columns):
         for j in range(lattice.counts[None].rows):
-            k = lanes.pack_of(lattice, j)
-            lane = lanes.lane_of(lattice, j)
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             lattice.scratch.trial[b, i, k].x[lane] = full_radius(lattice, b, i, j, p)
             lattice.state.surface[b, i, k][lane] = looked_at(
                 lattice, b, i, j, lattice.state.surface[b, i, k][lane]
@@ -512,10 +473,7 @@ def list_neighbours(lattice: ti.template(), b, p: ti.template()):
     found = 0
     for i in range(lattice.counts[None].columns):
         for j in range(lattice.counts[None].rows):
-            if (
-                lattice.state.surface[b, i, lanes.pack_of(lattice, j)][lanes.lane_of(lattice, j)]
-                != INSIDE
-            ):
+            if lanes.value(lattice, lattice.state.surface, b, i, j) != INSIDE:
                 found = _list_around(lattice, b, i, j, found, p)
     lattice.state.clock[b].stale = 0
     lattice.state.clock[b].drift = 0.0
@@ -542,24 +500,24 @@ def _list_around(lattice: ti.template(), b, i, j, found, p: ti.template()) -> ti
     Of two surface nodes, the one with the lower number lists the pair.
     """
     node = i * lattice.counts[None].rows + j
-    here = place_of(lattice, node)
-    point = node_at(lattice.state.motion, b, here)
+    point = lanes.position(lattice, lattice.state.motion, b, i, j)
     home = bin_of(lattice, point, p)
-    own = value_at(lattice.scratch.trial.x, b, here)
+    own = lanes.value(lattice, lattice.scratch.trial.x, b, i, j)
     count = found
     for bx in range(ti.max(home.x - 1, 0), ti.min(home.x + 2, lattice.counts[None].bins_x)):
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
             other = lattice.scratch.bin_head[b, bx * lattice.counts[None].bins_y + by]
             while other >= 0:
-                there = place_of(lattice, other)
-                listed = value_at(lattice.state.surface, b, there) != INSIDE and other < node
-                steps = ti.abs(there[0] - i) + ti.abs(
-                    ti.raw_mod(other, lattice.counts[None].rows) - j
+                oi, oj = lanes.column_and_row(lattice, other)
+                listed = (
+                    lanes.value(lattice, lattice.state.surface, b, oi, oj) != INSIDE
+                    and other < node
                 )
-                if not listed and steps > 1:
-                    radius = value_at(lattice.scratch.trial.x, b, there)
+                if not listed and ti.abs(oi - i) + ti.abs(oj - j) > 1:
+                    radius = lanes.value(lattice, lattice.scratch.trial.x, b, oi, oj)
                     limit = touch_of(own, radius) + p.skin
-                    if (node_at(lattice.state.motion, b, there) - point).norm_sqr() < limit * limit:
+                    away = lanes.position(lattice, lattice.state.motion, b, oi, oj) - point
+                    if away.norm_sqr() < limit * limit:
                         if count < lattice.most_pairs:
                             lattice.state.pairs[b, count] = ti.Vector([node, other])
                         count += 1
@@ -575,33 +533,31 @@ def _make_room(lattice: ti.template(), b):
         gaps[b, n] = vec2(NEVER, 1.0)
     for n in range(lattice.state.clock[b].pairs):
         pair = lattice.state.pairs[b, n]
-        one = place_of(lattice, lattice.state.candidate_node[b, pair[0]])
-        two = place_of(lattice, lattice.state.candidate_node[b, pair[1]])
-        away = node_at(lattice.state.motion, b, two) - node_at(lattice.state.motion, b, one)
-        distance = away.norm()
-        touch = touch_of(_listed_radius(lattice, b, one), _listed_radius(lattice, b, two))
+        i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, pair[0]])
+        oi, oj = lanes.column_and_row(lattice, lattice.state.candidate_node[b, pair[1]])
+        away = lanes.position(lattice, lattice.state.motion, b, oi, oj)
+        distance = (away - lanes.position(lattice, lattice.state.motion, b, i, j)).norm()
+        touch = touch_of(_listed_radius(lattice, b, i, j), _listed_radius(lattice, b, oi, oj))
         is_new = (
-            value_at(lattice.state.surface, b, one) == NEW
-            or value_at(lattice.state.surface, b, two) == NEW
+            lanes.value(lattice, lattice.state.surface, b, i, j) == NEW
+            or lanes.value(lattice, lattice.state.surface, b, oi, oj) == NEW
         )
         found = vec2(distance - touch, ti.select(is_new, distance / touch, 1.0))
         for side in ti.static(range(2)):
             gaps[b, pair[side]] = ti.min(gaps[b, pair[side]], found)
     for n in range(lattice.state.clock[b].candidates):
-        place = place_of(lattice, lattice.state.candidate_node[b, n])
-        full = value_at(lattice.scratch.trial.x, b, place)
-        radius = _listed_radius(lattice, b, place)
-        lattice.state.room[b, place[0], place[1]][place[2]] = room_of(
-            radius, full, gaps[b, n][0], gaps[b, n][1]
-        )
+        i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
+        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
+        full = lattice.scratch.trial[b, i, k].x[lane]
+        radius = _listed_radius(lattice, b, i, j)
+        lattice.state.room[b, i, k][lane] = room_of(radius, full, gaps[b, n][0], gaps[b, n][1])
 
 
 @ti.func
-def _listed_radius(lattice: ti.template(), b, place: vec3i) -> ti.f64:
+def _listed_radius(lattice: ti.template(), b, i, j) -> ti.f64:
     """A node's radius [m] before the list is made, see `list_neighbours`."""
-    return ti.min(
-        value_at(lattice.scratch.trial.x, b, place), value_at(lattice.state.room, b, place)
-    )
+    full = lanes.value(lattice, lattice.scratch.trial.x, b, i, j)
+    return ti.min(full, lanes.value(lattice, lattice.state.room, b, i, j))
 
 
 @ti.func
@@ -625,7 +581,8 @@ def _list_candidates(lattice: ti.template(), b):
     for n in range(lattice.state.clock[b].pairs):
         for side in ti.static(range(2)):
             node = lattice.state.pairs[b, n][side]
-            i, k, lane = place_of(lattice, node)
+            i, j = lanes.column_and_row(lattice, node)
+            k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
             if lattice.state.place_in_list[b, i, k][lane] == UNLISTED:
                 lattice.state.place_in_list[b, i, k][lane] = found
                 if found < lattice.most_candidates:

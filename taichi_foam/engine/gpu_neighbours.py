@@ -19,13 +19,8 @@ NOBODY = -1  # ends the list of a bin
 
 
 @ti.func
-def _place(lattice: ti.template(), n):
-    return ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
-
-
-@ti.func
 def _point(lattice: ti.template(), motion: ti.template(), b, n) -> vec2:
-    i, j = _place(lattice, n)
+    i, j = lanes.column_and_row(lattice, n)
     return lanes.position(lattice, motion, b, i, j)
 
 
@@ -38,7 +33,7 @@ def begin_list(lattice: ti.template(), b, strip, width, p: ti.template()):
         n += width
     n = strip
     while n < lattice.counts[None].nodes:
-        i, j = _place(lattice, n)
+        i, j = lanes.column_and_row(lattice, n)
         lattice.state.radius[b, i, j][0] = contact.full_radius(lattice, b, i, j, p)
         lattice.state.surface[b, i, j][0] = contact.looked_at(
             lattice, b, i, j, lattice.state.surface[b, i, j][0]
@@ -111,7 +106,7 @@ def list_partners(lattice: ti.template(), b, strip, width, start, total, p: ti.t
         if count > 0:
             _search(lattice, b, n, True, at, p)
         else:
-            i, j = _place(lattice, n)
+            i, j = lanes.column_and_row(lattice, n)
             lattice.scratch.push[b, i, j].x[0] = 0.0
             lattice.scratch.push[b, i, j].y[0] = 0.0
         at += count
@@ -126,7 +121,7 @@ def _search(
 
     A partner is near, is not a lattice neighbour, and at least one of the two is at a surface.
     """
-    i, j = _place(lattice, node)
+    i, j = lanes.column_and_row(lattice, node)
     point = _point(lattice, lattice.state.motion, b, node)
     home = contact.bin_of(lattice, point, p)
     own = lattice.state.radius[b, i, j][0]
@@ -137,7 +132,7 @@ def _search(
         for by in range(ti.max(home.y - 1, 0), ti.min(home.y + 2, lattice.counts[None].bins_y)):
             other = lattice.scratch.bin_head[b, bx * lattice.counts[None].bins_y + by]
             while other != NOBODY:
-                oi, oj = _place(lattice, other)
+                oi, oj = lanes.column_and_row(lattice, other)
                 both_inside = inside and lattice.state.surface[b, oi, oj][0] == INSIDE
                 both_there = there and makeup.is_there(lattice, b, oi, oj)
                 if both_there and not both_inside and ti.abs(oi - i) + ti.abs(oj - j) > 1:
@@ -156,13 +151,13 @@ def make_room(lattice: ti.template(), b, strip, width):
     """Part 5: compute the nodes' room, stored for now in place of their pushes; see `contact`."""
     n = strip
     while n < lattice.counts[None].nodes:
-        i, j = _place(lattice, n)
+        i, j = lanes.column_and_row(lattice, n)
         radius = _listed_radius(lattice, b, i, j)
         is_new = lattice.state.surface[b, i, j][0] == NEW
         free, torn = NEVER, 1.0
         for m in range(lattice.state.partner_count[b, n]):
             other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
-            oi, oj = _place(lattice, other)
+            oi, oj = lanes.column_and_row(lattice, other)
             away = _point(lattice, lattice.state.motion, b, other)
             distance = (away - _point(lattice, lattice.state.motion, b, n)).norm()
             touch = contact.touch_of(radius, _listed_radius(lattice, b, oi, oj))
@@ -186,7 +181,7 @@ def end_list(lattice: ti.template(), b, strip, width, p: ti.template()):
     """Part 6: new surface nodes become listed ones, and radii are limited to their room."""
     n = strip
     while n < lattice.counts[None].nodes:
-        i, j = _place(lattice, n)
+        i, j = lanes.column_and_row(lattice, n)
         lattice.state.surface[b, i, j][0] = contact.listed(
             lattice, b, i, j, lattice.state.surface[b, i, j][0]
         )
@@ -202,7 +197,7 @@ def refresh_radii(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.counts[None].nodes:
         if lattice.state.partner_count[b, n] > 0:
-            i, j = _place(lattice, n)
+            i, j = lanes.column_and_row(lattice, n)
             lattice.state.radius[b, i, j][0] = contact.piece_radius(lattice, b, i, j, p)
         n += width
 
@@ -221,13 +216,13 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
     """The pushes [N] of a node's partners on it; each pair is computed once for each node."""
     count = lattice.state.partner_count[b, n]
     if count > 0:
-        i, j = _place(lattice, n)
+        i, j = lanes.column_and_row(lattice, n)
         point = _point(lattice, lattice.scratch.trial, b, n)
         speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
         total = vec2(0.0)
         for m in range(count):
             other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
-            oi, oj = _place(lattice, other)
+            oi, oj = lanes.column_and_row(lattice, other)
             away = point - _point(lattice, lattice.scratch.trial, b, other)
             closing = speed - lanes.velocity(lattice, lattice.scratch.trial, b, oi, oj)
             touch = contact.touch_of(

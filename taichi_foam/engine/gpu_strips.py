@@ -11,7 +11,7 @@ only; drivers order a work group's accesses nevertheless, and the tests would fa
 """
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import bonds, cells, clock, gpu_neighbours, ledger, nodes
+from taichi_foam.engine import bonds, cells, clock, gpu_neighbours, lanes, ledger, nodes
 from taichi_foam.engine.lattice import LAST_STAGE, Lattice
 from taichi_foam.engine.layout import THREADS
 from taichi_foam.engine.scratch import (
@@ -72,8 +72,7 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
     stiffest = 0.0
     n = strip
     while n < lattice.counts[None].nodes:
-        i = ti.raw_div(n, lattice.counts[None].rows)
-        k = ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         a_strain, b_strain = bonds.bond_pack(lattice, stage, b, i, k, strip, b, i, p)
         if ti.static(lattice.law.stiffens):
             stiff = bonds.stiffen_pack(lattice, b, i, k, b, i, a_strain, b_strain, p)
@@ -93,7 +92,7 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
     lost = cells.vec2(0.0)
     n = strip
     while n < lattice.counts[None].nodes:
-        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         lost = cells.look_pack(lattice, b, i, k, lost, p)
         n += width
     if ti.static(booked):
@@ -104,7 +103,7 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
 def flow_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     n = strip
     while n < lattice.counts[None].nodes:
-        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         bonds.flow_pack(lattice, b, i, k, p)
         n += width
 
@@ -116,8 +115,7 @@ def node_strip(lattice: ti.template(), b, strip, width, stage, p: ti.template())
     diverged = lattice.counts[None].nodes
     n = strip
     while n < lattice.counts[None].nodes:
-        i = ti.raw_div(n, lattice.counts[None].rows)
-        k = ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         left_slot = ti.select(i > 0, i - 1, lattice.counts[None].columns)  # a slot of zeros
         nodes.node_pack(lattice, b, i, k, strip, stage, b, i, left_slot, p)
         if stage == LAST_STAGE:
@@ -176,7 +174,7 @@ def reduce_energies(
     energy = ledger.vec_now(0.0)
     n = strip
     while n < lattice.counts[None].nodes:
-        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         energy += ledger.energy_at(lattice, b, i, k, p)
         if ti.static(lattice.features.cells):
             energy += ledger.energy_of_cells(lattice, b, i, k, p)
@@ -214,7 +212,7 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     lost = 0.0
     n = strip
     while n < lattice.counts[None].nodes:
-        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         lost = bonds.soften_at(lattice, b, i, k, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)
@@ -227,7 +225,7 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
     lost = 0.0
     n = strip
     while n < lattice.counts[None].nodes:
-        i, k = ti.raw_div(n, lattice.counts[None].rows), ti.raw_mod(n, lattice.counts[None].rows)
+        i, k = lanes.column_and_row(lattice, n)
         lost = bonds.break_at(lattice, b, i, k, time, lost, p)
         n += width
     book(lattice, b, strip, LOST_BY_BONDS, lost)

@@ -26,6 +26,13 @@ def lane_of(lattice: ti.template(), j) -> ti.i32:
 
 
 @ti.func
+def column_and_row(lattice: ti.template(), node):
+    """Column and row of a node from its number; nodes are numbered upwards, column by column."""
+    rows = lattice.counts[None].rows
+    return ti.raw_div(node, rows), ti.raw_mod(node, rows)
+
+
+@ti.func
 def zeros(lattice: ti.template()):
     """A pack of zeros."""
     return ti.Vector.zero(ti.f64, ti.static(lattice.lanes))
@@ -85,16 +92,18 @@ def any_of(mask: ti.template()) -> ti.i32:
 
 
 @ti.func
+def value(lattice: ti.template(), values: ti.template(), b, i, j):
+    """The value of node (i, j) in a node field, or of the bond or the cell that begins there."""
+    return values[b, i, pack_of(lattice, j)][lane_of(lattice, j)]
+
+
+@ti.func
 def position(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
     """Position of node (i, j) [m] in `motion`, the lattice's accepted or trial motion."""
-    k = pack_of(lattice, j)
-    lane = lane_of(lattice, j)
-    return vec2(motion[b, i, k].x[lane], motion[b, i, k].y[lane])
+    return vec2(value(lattice, motion.x, b, i, j), value(lattice, motion.y, b, i, j))
 
 
 @ti.func
 def velocity(lattice: ti.template(), motion: ti.template(), b, i, j) -> vec2:
     """Velocity of node (i, j) [m/s] in `motion`."""
-    k = pack_of(lattice, j)
-    lane = lane_of(lattice, j)
-    return vec2(motion[b, i, k].u[lane], motion[b, i, k].v[lane])
+    return vec2(value(lattice, motion.u, b, i, j), value(lattice, motion.v, b, i, j))

@@ -19,6 +19,12 @@ def column(lattice: ti.template(), i):
 
 
 @ti.func
+def _value(lattice: ti.template(), values: ti.template(), b, i, j):
+    """A shaped block's value of mass point (i, j)."""
+    return lanes.value(lattice, values, b, column(lattice, i), j)
+
+
+@ti.func
 def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
     """The law's constants for a pack of bonds along `axis`: scalars, or packs."""
     if ti.static(lattice.features.foams > 1):
@@ -59,19 +65,15 @@ def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template())
 @ti.func
 def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
     """Share of the wider face of a mass point's two bonds along `axis`, in a shaped block."""
-    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
     found = 0.0
+    filling = ti.static(lattice.model.filling)
     if ti.static(axis == A):
-        filling = ti.static(lattice.model.filling.face_a)
         found = ti.max(
-            filling[b, column(lattice, i), k][lane], filling[b, column(lattice, i - 1), k][lane]
+            _value(lattice, filling.face_a, b, i, j), _value(lattice, filling.face_a, b, i - 1, j)
         )
     else:
-        filling = ti.static(lattice.model.filling.face_b)
-        under, under_lane = lanes.pack_of(lattice, j - 1), lanes.lane_of(lattice, j - 1)
         found = ti.max(
-            filling[b, column(lattice, i), k][lane],
-            filling[b, column(lattice, i), under][under_lane],
+            _value(lattice, filling.face_b, b, i, j), _value(lattice, filling.face_b, b, i, j - 1)
         )
     return found
 
@@ -81,9 +83,9 @@ def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Reference volume [m3] that a bond represents."""
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
     if ti.static(lattice.features.shaped):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        filling = lattice.model.filling[b, column(lattice, i), k]
-        found *= ti.select(axis == A, filling.face_a[lane], filling.face_b[lane])
+        filling = ti.static(lattice.model.filling)
+        face_a = _value(lattice, filling.face_a, b, i, j)
+        found *= ti.select(axis == A, face_a, _value(lattice, filling.face_b, b, i, j))
     return found
 
 
@@ -92,8 +94,7 @@ def mass(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.f64:
     """Mass of a mass point [kg]; 0 where there is none."""
     found = p.node_mass
     if ti.static(lattice.features.shaped):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = lattice.model.filling[b, column(lattice, i), k].mass[lane]
+        found = _value(lattice, lattice.model.filling.mass, b, i, j)
     return found
 
 
@@ -102,16 +103,14 @@ def share(lattice: ti.template(), b, i, j) -> ti.f64:
     """Share of a mass point's cell that is foam."""
     found = 1.0
     if ti.static(lattice.features.shaped):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = lattice.model.filling[b, column(lattice, i), k].share[lane]
+        found = _value(lattice, lattice.model.filling.share, b, i, j)
     return found
 
 
 @ti.func
 def reach(lattice: ti.template(), b, i, j) -> ti.f64:
     """Distance of a mass point from the foam's nearest face [m], in a shaped block."""
-    k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-    return lattice.model.filling[b, column(lattice, i), k].reach[lane]
+    return _value(lattice, lattice.model.filling.reach, b, i, j)
 
 
 @ti.func
@@ -154,8 +153,7 @@ def is_there(lattice: ti.template(), b, i, j) -> ti.i32:
     """Whether there is a mass point, that is, any foam."""
     found = 1
     if ti.static(lattice.features.shaped):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = ti.i32(lattice.model.filling[b, column(lattice, i), k].mass[lane] > 0.0)
+        found = ti.i32(_value(lattice, lattice.model.filling.mass, b, i, j) > 0.0)
     return found
 
 
@@ -164,6 +162,5 @@ def is_held(lattice: ti.template(), b, i, j, p: ti.template()) -> ti.i32:
     """Whether the base holds a mass point, or there is none: bodies then do not touch it."""
     found = ti.i32(p.hold_y and j == 0)
     if ti.static(lattice.features.shaped):
-        k, lane = lanes.pack_of(lattice, j), lanes.lane_of(lattice, j)
-        found = ti.i32(lattice.model.mobility[b, column(lattice, i), k].y[lane] == 0.0)
+        found = ti.i32(_value(lattice, lattice.model.mobility.y, b, i, j) == 0.0)
     return found

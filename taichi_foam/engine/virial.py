@@ -90,10 +90,7 @@ def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                 sums = _of_pair(lattice, b, one, two, touch, p)
                 for c in ti.static(range(3)):
                     for node in ti.static((one, two)):
-                        i, j = (
-                            ti.raw_div(node, lattice.counts[None].rows),
-                            ti.raw_mod(node, lattice.counts[None].rows),
-                        )
+                        i, j = lanes.column_and_row(lattice, node)
                         found[i, j, c] = found[i, j, c] + sums[c]
         for i in range(lattice.counts[None].columns):
             for j in range(lattice.counts[None].rows):
@@ -106,8 +103,8 @@ def _gpu_forces(lattice: ti.template(), b: ti.i32, stage: ti.i32):
         p = lattice.model.parameters[b]
         n = strip
         while n < lattice.counts[None].nodes:
-            i = ti.raw_div(n, lattice.counts[None].rows)
-            _forces(lattice, stage, b, i, ti.raw_mod(n, lattice.counts[None].rows), strip, b, i, p)
+            i, k = lanes.column_and_row(lattice, n)
+            _forces(lattice, stage, b, i, k, strip, b, i, p)
             n += lattice.counts[None].strips
 
 
@@ -117,19 +114,13 @@ def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
         p = lattice.model.parameters[b]
         n = strip
         while n < lattice.counts[None].nodes:
-            i, j = (
-                ti.raw_div(n, lattice.counts[None].rows),
-                ti.raw_mod(n, lattice.counts[None].rows),
-            )
+            i, j = lanes.column_and_row(lattice, n)
             left = ti.select(i > 0, i - 1, lattice.counts[None].columns)
             _add_node(lattice, stage, weight, b, i, j, strip, b, i, left, found, p)
             if ti.static(lattice.features.self_contact):
                 for m in range(lattice.state.partner_count[b, n]):
                     other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
-                    oi, oj = (
-                        ti.raw_div(other, lattice.counts[None].rows),
-                        ti.raw_mod(other, lattice.counts[None].rows),
-                    )
+                    oi, oj = lanes.column_and_row(lattice, other)
                     touch = contact.touch_of(
                         lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
                     )
@@ -230,10 +221,11 @@ def _of_cell(
 @ti.func
 def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> vec3:
     """Contribution of the contact of two pieces to the virial of each [J]."""
-    here, there = contact.place_of(lattice, one), contact.place_of(lattice, two)
+    i, j = lanes.column_and_row(lattice, one)
+    oi, oj = lanes.column_and_row(lattice, two)
     motion = ti.static(lattice.scratch.trial)
-    away = contact.node_at(motion, b, here) - contact.node_at(motion, b, there)
-    closing = contact.velocity_at(motion, b, here) - contact.velocity_at(motion, b, there)
+    away = lanes.position(lattice, motion, b, i, j) - lanes.position(lattice, motion, b, oi, oj)
+    closing = lanes.velocity(lattice, motion, b, i, j) - lanes.velocity(lattice, motion, b, oi, oj)
     push = contact.piece_push(lattice, b, one, two, away, closing, touch, p)
     return _half(away, push)
 
@@ -263,9 +255,8 @@ def _side(lattice: ti.template(), axis: ti.template(), b, i, j, p: ti.template()
     total, worst, count, there = vec2(0.0), 0.0, 0, 0
     for side in ti.static(range(2)):
         m, n = i - side * step[0], j - side * step[1]
-        k, lane = lanes.pack_of(lattice, n), lanes.lane_of(lattice, n)
-        if state[b, m, k].condition[lane] > ABSENT:
-            worst += state[b, m, k].worst[lane]
+        if lanes.value(lattice, state.condition, b, m, n) > ABSENT:
+            worst += lanes.value(lattice, state.worst, b, m, n)
             there += 1
         if bonds.is_whole(lattice, axis, b, m, n):
             total += lanes.position(lattice, motion, b, m + step[0], n + step[1])
