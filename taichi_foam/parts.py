@@ -146,7 +146,8 @@ def quantity(
         default: value if the scene does not give one; `...`: required.
         unit: key of `FIX_BY_UNIT`.
         meaning: what the number is; becomes the field's description.
-        above, at_least, below, at_most: the range, enforced and described.
+        above, at_least, below, at_most: the range, enforced and described; with the default None,
+            None is allowed, too.
         allowed: the range in words, for a field whose type enforces it.
         fix: what to do about a value out of range; default `FIX_BY_UNIT[unit]`.
         unless: shown instead of the default if that follows from other values.
@@ -160,7 +161,8 @@ def quantity(
         if limit is not None
     ]
     bounds = {"gt": above, "ge": at_least, "lt": below, "le": at_most}
-    allowed = allowed or f"{' and '.join(given)} {shown}".rstrip()
+    none = "none, or " if default is None else ""
+    allowed = allowed or f"{none}{' and '.join(given)} {shown}".rstrip()
     return Field(
         default=default,
         description=meaning,

@@ -52,11 +52,12 @@ class Layer(Part):
         description="its foam, given as in [foam]; none: that of [foam]",
         json_schema_extra={"allowed": _FOAM},
     )
-    density: Annotated[float, Field(ge=1, le=5000)] | None = quantity(
+    density: float | None = quantity(
         None,
         "kg/m3",
         "density of its foam; none: block.density",
-        allowed="none, or at least 1 and at most 5000 kg/m3",
+        at_least=1,
+        at_most=5000,
     )
     interface: Literal["bonded", "loose"] = choice(
         "bonded",
@@ -91,13 +92,14 @@ class Block(Part):
         at_most=5,
         fix="lengths are in metres (57 mm is 0.057)",
     )
-    cell: Annotated[float, Field(gt=0, le=5)] | None = quantity(
+    cell: float | None = quantity(
         None,
         "m",
         "edge length of the lattice's cells, rounded so that whole numbers of them fill width "
         f"and height; none: height / {CELLS_IN_HEIGHT} or width / {CELLS_IN_WIDTH}, whichever is "
         "smaller",
-        allowed="none, or above 0 and at most 5 m",
+        above=0,
+        at_most=5,
     )
     columns: int = quantity(
         40,

@@ -43,18 +43,17 @@ class FoamFile(Part):
     source: str = _words(..., "who measured it, and where", 1000)
     licence: str = _words("not stated", "licence of the data", 200)
     density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
-    rate: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
-        None, "1/s", "strain rate of the test", allowed="none, or above 0 and at most 1e6 1/s"
-    )
+    rate: float | None = quantity(None, "1/s", "strain rate of the test", above=0, at_most=1e6)
     direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
     measured: tuple[str, ...] = Field(
         default=(), strict=False, description="what was measured, in words", max_length=50
     )
-    known_to: Annotated[float, Field(gt=0, lt=1)] | None = quantity(
+    known_to: float | None = quantity(
         None,
         "-",
         "strain in compression up to which its curve is from the source, if it is assumed beyond",
-        allowed="none, or above 0 and below 1",
+        above=0,
+        below=1,
     )
     derived: tuple[Origin, ...] = Field(
         default=(),

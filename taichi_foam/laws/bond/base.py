@@ -115,13 +115,14 @@ class BondFoam(Part):
         at_most=1e11,
         fix="moduli and stresses are in pascals (0.84 MPa is 0.84e6)",
     )
-    crush_band: Annotated[float, Field(ge=1e-5, le=1)] | None = quantity(
+    crush_band: float | None = quantity(
         None,
         "m",
         "width of the bands in which foam crushes and shears: dashpots and rate dependence use "
         "strain rates, and the overshoot lasting strains, over this length, whatever the cell "
         "size; none: over one cell",
-        allowed="none, or at least 1e-5 and at most 1 m",
+        at_least=1e-5,
+        at_most=1,
     )
     strength_scatter: float = quantity(
         0.0,

@@ -8,11 +8,11 @@ stress above the static one.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
@@ -77,12 +77,13 @@ class Foam(CrushingFoam):
     densification_b: float = quantity(
         1.0, "-", "constant b of Eq. 26: exponent of the distance to locking", above=0, at_most=5
     )
-    rate: Annotated[float, Field(ge=1, le=1e9)] | None = quantity(
+    rate: float | None = quantity(
         None,
         "1/s",
         "strain rate D at which the plateau stress is twice the static one (Cowper & Symonds); "
         "none: no rate dependence",
-        allowed="none, or at least 1 and at most 1e9 1/s",
+        at_least=1,
+        at_most=1e9,
     )
     rate_exponent: float = quantity(
         1.0,
@@ -91,13 +92,14 @@ class Foam(CrushingFoam):
         at_least=1,
         at_most=20,
     )
-    overshoot_strain: Annotated[float, Field(ge=5e-3, le=1)] | None = quantity(
+    overshoot_strain: float | None = quantity(
         None,
         "-",
         "lasting strain over which the rate D grows by a factor e: whole foam resists the rate, "
         "and loses this resistance as it or the foam beside it yields (with a rate only); "
         "none: D is constant",
-        allowed="none, or at least 0.005 and at most 1",
+        at_least=5e-3,
+        at_most=1,
     )
 
     @model_validator(mode="before")

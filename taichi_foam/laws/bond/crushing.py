@@ -5,9 +5,7 @@ law of this kind gives the slope of unloading and the strain at zero stress (`un
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
@@ -47,20 +45,22 @@ class CrushingFoam(BondFoam):
         at_most=2,
         fix="strains are fractions (10 % is 0.10)",
     )
-    fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+    fracture_energy: float | None = quantity(
         None,
         "J/m2",
         "energy per area that an opening crack absorbs; none: as in 5 mm cells whose bonds break "
         "at once at tensile_strain, 2 * youngs_modulus * tensile_strain^2 * 5 mm",
-        allowed="none, or above 0 and at most 1e6 J/m2",
+        above=0,
+        at_most=1e6,
     )
-    shear_fracture_energy: Annotated[float, Field(gt=0, le=1e6)] | None = quantity(
+    shear_fracture_energy: float | None = quantity(
         None,
         "J/m2",
         "energy per area that a crack absorbs as its faces slide without pressure; none: as in 5 "
         "mm cells whose bonds break at once at shear_strain, shear_modulus * shear_strain^2 * 5 "
         "mm",
-        allowed="none, or above 0 and at most 1e6 J/m2",
+        above=0,
+        at_most=1e6,
     )
     softening: bool = choice(
         True,
@@ -74,12 +74,13 @@ class CrushingFoam(BondFoam):
         above=0,
         at_most=1,
     )
-    crushed_tensile_stress: Annotated[float, Field(ge=0, le=1e9)] | None = quantity(
+    crushed_tensile_stress: float | None = quantity(
         None,
         "Pa",
         "stress at which a crushed bond breaks; none: that of the virgin elastic line, "
         "youngs_modulus * crushed_tensile_fraction * tensile_strain",
-        allowed="none, or at least 0 and at most 1e9 Pa",
+        at_least=0,
+        at_most=1e9,
     )
 
     def limits(self, length: float) -> tuple[Limit, Limit]:

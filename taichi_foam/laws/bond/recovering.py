@@ -18,11 +18,11 @@ what is stored is the work of the stress to rounding.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from taichi_foam.backend import ti
 from taichi_foam.formulas.energy import absorbed_energy
@@ -79,12 +79,13 @@ class RecoveringFoam(CurveFoam):
         0.0, "-", "part of the most compressive strain that remains as a set", at_least=0,
         at_most=0.9, fix="it is a part of the largest compression (10 % is 0.10)",
     )  # fmt: skip
-    recovery_time: Annotated[float, Field(ge=1e-3, le=1e9)] | None = quantity(
+    recovery_time: float | None = quantity(
         None,
         "s",
         "time in which, between drops, the set and the memory of the largest compression fall to "
         "1/e (start.wait is the time between drops); none: they do not",
-        allowed="none, or at least 1e-3 and at most 1e9 s",
+        at_least=1e-3,
+        at_most=1e9,
     )
     gas_pressure: float = quantity(
         0.0,
@@ -110,12 +111,13 @@ class RecoveringFoam(CurveFoam):
         at_least=1,
         at_most=1.4,
     )
-    gas_leak_time: Annotated[float, Field(ge=1e-4, le=1e9)] | None = quantity(
+    gas_leak_time: float | None = quantity(
         None,
         "s",
         "of closed cells: time in which an excess of gas falls to 1/e through the walls; none: it "
         "does not leak",
-        allowed="none, or at least 1e-4 and at most 1e9 s",
+        at_least=1e-4,
+        at_most=1e9,
     )
 
     @model_validator(mode="after")
