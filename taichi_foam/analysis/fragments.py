@@ -22,6 +22,7 @@ from taichi_foam.analysis.cell_state import apart, crushed_cells, there
 from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
+from taichi_foam.scene.filling import connected
 
 PIECE_FRACTION = 0.05
 """A connected part counts as a piece from this share of the mass points."""
@@ -77,13 +78,8 @@ def parts(snapshot: Snapshot, block: Block, bottom_rows: int = 0) -> NDArray[np.
     A part is connected by unbroken bonds; -1 where there is no mass point. The lowest `bottom_rows`
     rows and their bonds to the others are left out.
     """
-    columns, rows = snapshot.position.shape[:2]
-    node = np.arange(columns * (rows - bottom_rows)).reshape(columns, -1)
     apart_a, apart_b = apart(snapshot, block)
-    intact_a, intact_b = ~apart_a[:, bottom_rows:], ~apart_b[:, bottom_rows:]
-    ends = np.concatenate([node[:-1][intact_a], node[:, :-1][intact_b]])
-    others = np.concatenate([node[1:][intact_a], node[:, 1:][intact_b]])
-    found = _components(ends, others, node.size).reshape(node.shape)
+    found = connected(~apart_a[:, bottom_rows:], ~apart_b[:, bottom_rows:])
     return np.where(there(block)[:, bottom_rows:], found, -1)
 
 
@@ -250,17 +246,6 @@ def _broken_edges(snapshot: Snapshot) -> tuple[NDArray[np.int64], NDArray[np.int
     first = np.concatenate([corner[1:columns, :rows][a], corner[:columns, 1:rows][b]])
     second = np.concatenate([corner[1:columns, 1:][a], corner[1:, 1:rows][b]])
     return first, second
-
-
-def _components(
-    first: NDArray[np.int64], second: NDArray[np.int64], count: int
-) -> NDArray[np.int32]:
-    """(count,) number of the connected part of each vertex, given the edges first-second."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:

@@ -22,7 +22,7 @@ from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
 from taichi_foam.scene import Scene
-from taichi_foam.scene.assumed import Assumed, Origin
+from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.csv_file import Column
 from taichi_foam.scene.keys import written
 from taichi_foam.scene.library import FoamFile, foam_of, listed
@@ -139,7 +139,7 @@ def derived(file: FoamFile) -> Iterator[RenderableType]:
     yield from _origins(file, file.derived, "derived")
 
 
-def assumed(whole: FoamFile | Scene, entries: Sequence[Assumed]) -> Iterator[RenderableType]:
+def assumed(whole: FoamFile | Scene, entries: Sequence[Origin]) -> Iterator[RenderableType]:
     """The unmeasured values of a foam, each with the assumed value in `whole`."""
     yield from _origins(whole, entries, "assumed")
 

@@ -61,10 +61,6 @@ class Origin(Part):
     )
 
 
-class Assumed(Origin):
-    """A key that was not given, and the origin of its value."""
-
-
 def followed(scene: Any) -> dict[str, Any]:
     """Changed parts of a scene by name: its `assumed`, and parts with foams completed by [foam]."""
     found = [_unsaid(scene, head) for head in heads_of_foams(scene)]
@@ -94,7 +90,7 @@ def _with_readings(scene: Any) -> dict[str, Any]:
     return {"across": read(scene.across), "block": scene.block.with_computed(layers=layers)}
 
 
-def _unsaid(scene: Any, head: str) -> list[Assumed] | None:
+def _unsaid(scene: Any, head: str) -> list[Origin] | None:
     """Assumptions about one of a scene's foams that are not listed yet; None: the paper's foam."""
     foam, earlier = at(scene, f"{head}foam"), scene.assumed
     kind, given = type(foam), _given(foam)
@@ -110,7 +106,7 @@ def _unsaid(scene: Any, head: str) -> list[Assumed] | None:
     ):
         return None
     return [
-        Assumed(key=key, why=why)
+        Origin(key=key, why=why)
         for key, why in _unless_given(kind, head).items()
         if key not in known and not _is_given(scene, key)
     ]
@@ -257,7 +253,7 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         data["assumed"] = [each for each in entries if _key(each) not in replaced]
 
 
-def problems(entries: Iterable[Assumed], scene: Any) -> list[str]:
+def problems(entries: Iterable[Origin], scene: Any) -> list[str]:
     """Problems of entries whose key is not that of a value of the scene."""
     return [
         f"assumed.key = {each.key!r}: must be the key of a value in across, block, foam, model or "

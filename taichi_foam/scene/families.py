@@ -17,7 +17,7 @@ from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.by_curve import SHEAR_OVER_YOUNG
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
-from taichi_foam.scene.assumed import Assumed, Origin
+from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.foam_file import FoamFile
 from taichi_foam.units import STRESS_UNITS
 
@@ -105,7 +105,7 @@ def rigid_pu(density: float) -> FoamFile:
         licence="formula and figures as published",
         density=density,
         measured=(f"nothing at this density; plateau of {plateau / 1e3:.1f} kPa by the scaling",),
-        assumed=tuple(Assumed(key=f"foam.{key}", why=words) for key, words in why.items()),
+        assumed=tuple(Origin(key=f"foam.{key}", why=words) for key, words in why.items()),
         foam=Foam(
             youngs_modulus=young,
             shear_modulus=shear,
@@ -218,7 +218,7 @@ def eps(density: float) -> FoamFile:
             "cannot have it",
         ),
         derived=tuple(Origin(key=f"foam.{key}", why=why) for key, why in derived.items()),
-        assumed=tuple(Assumed(key=f"foam.{key}", why=why) for key, why in assumed.items()),
+        assumed=tuple(Origin(key=f"foam.{key}", why=why) for key, why in assumed.items()),
         foam=foam,
     )
 

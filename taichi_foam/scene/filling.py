@@ -339,10 +339,10 @@ def problems(block: Block) -> list[str]:
             f"block.outline: near x = {x:.4g} m, y = {y:.4g} m the foam is thinner than a quarter "
             f"of {cell}, and would be left out; {more}"
         ]
-    part = _parts(filled)
-    sizes = np.bincount(part)
+    part = connected(filled.face_a > 0, filled.face_b > 0)[filled.there]
+    numbers, sizes = np.unique(part, return_counts=True)
     if len(sizes) > 1:
-        x, y = block.positions[filled.there][part == sizes.argmin()].mean(axis=0)
+        x, y = block.positions[filled.there][part == numbers[sizes.argmin()]].mean(axis=0)
         return [
             f"block.outline: the lattice falls into {len(sizes)} parts, one of them around x = "
             f"{x:.4g} m, y = {y:.4g} m: the foam that joins it to the others is thinner than "
@@ -370,20 +370,22 @@ def _without_mass_point(filled: Filling) -> tuple[int, int] | None:
     return None
 
 
-def _parts(filled: Filling) -> NDArray[np.int64]:
-    """For each mass point the number of the part, connected by bonds, that it belongs to."""
-    count = int(filled.there.sum())
-    a, b = filled.face_a > 0, filled.face_b > 0
-    if filled.there.all() and a.all() and b.all():
-        return np.zeros(count, dtype=np.int64)
+def connected(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Number (I, J), from 0, of the part, connected by bonds, to which each lattice site belongs.
+
+    Bonds are where `a` (I-1, J) and `b` (I, J-1) are true. A site without a bond is a part.
+    """
+    sites = np.arange(a.shape[1] * b.shape[0]).reshape(b.shape[0], a.shape[1])
+    if a.all() and b.all():
+        return np.zeros_like(sites, dtype=np.int32)
     from scipy.sparse import coo_array  # slow to import
     from scipy.sparse.csgraph import connected_components
 
-    number = np.cumsum(filled.there.ravel()).reshape(filled.there.shape) - 1
-    first = np.concatenate([number[:-1][a], number[:, :-1][b]])
-    second = np.concatenate([number[1:][a], number[:, 1:][b]])
-    joined = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    return connected_components(joined, directed=False)[1]
+    first = np.concatenate([sites[:-1][a], sites[:, :-1][b]])
+    second = np.concatenate([sites[1:][a], sites[:, 1:][b]])
+    shape = (sites.size, sites.size)
+    graph = coo_array((np.ones(first.size, dtype=bool), (first, second)), shape=shape)
+    return connected_components(graph, directed=False)[1].reshape(sites.shape)
 
 
 def thin_parts(block: Block) -> tuple[float, float] | None:

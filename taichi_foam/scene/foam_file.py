@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.parts import Part, quantity
-from taichi_foam.scene.assumed import Assumed, Origin
+from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.toml import read_toml
@@ -61,7 +61,7 @@ class FoamFile(Part):
         description="values that follow from these, by key of a scene",
         max_length=100,
     )
-    assumed: tuple[Assumed, ...] = Field(
+    assumed: tuple[Origin, ...] = Field(
         default=(), strict=False, description="assumed values, by key of a scene", max_length=100
     )
     foam: Annotated[BondFoam, FOAMS] = Field(description="its constants")

@@ -18,7 +18,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.parts import Part
-from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.csv_file import Kind, two_columns
 from taichi_foam.scene.families import FAMILIES
 from taichi_foam.scene.foam_file import FoamFile, checked, read_foam
@@ -175,7 +175,7 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
         raise ValueError(f"{head}{text}" if text.startswith("foam = ") else text) from None
     table, assumed = _used(file, foam)
     assumed = [
-        Assumed(key=f"{head}{each.key}", why=each.why)
+        Origin(key=f"{head}{each.key}", why=each.why)
         for each in assumed
         if not head or each.key.startswith("foam.")
     ]
@@ -185,7 +185,7 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
     given = place.model_fields_set if isinstance(place, Part) else place
     # across its rise it is the same foam, with the same density
     if head != "across." and isinstance(given, dict | set) and "density" not in given:
-        assumed.append(Assumed(key=dense, why=f"that of the foam: {file.title}"))
+        assumed.append(Origin(key=dense, why=f"that of the foam: {file.title}"))
         if isinstance(place, Part):
             data["block"] = place.with_computed(density=file.density)
         else:
@@ -197,7 +197,7 @@ def _like(data: dict[str, Any], head: str, foam: dict[str, Any], folder: Path) -
     return table
 
 
-def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Assumed]]:
+def _used(foam: FoamFile, more: Mapping[str, Any]) -> tuple[dict[str, Any], list[Origin]]:
     """Raw data of a scene's foam table from a file, overridden by `more`, and its assumptions."""
     if "curve" in more and foam.foam.implied_by != "curve":
         return dict(more), []  # a curve replaces the file's law

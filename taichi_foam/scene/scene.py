@@ -15,7 +15,7 @@ from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, filling, library, motion, support
-from taichi_foam.scene.assumed import Assumed
+from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.keys import all_parts
 from taichi_foam.scene.layers import foams_of
@@ -82,7 +82,7 @@ class Scene(Part):
         },
     )
 
-    assumed: tuple[Assumed, ...] | None = Field(
+    assumed: tuple[Origin, ...] | None = Field(
         default=None,
         strict=False,
         description="values of a user's foam that were not given, and so were assumed; written "

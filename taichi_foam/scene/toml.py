@@ -33,31 +33,10 @@ _MARKS = {
 """Byte order marks of other encodings, the longer ones first."""
 
 
-def decoded(data: bytes, source: str) -> str:
-    """UTF-8 text, with or without a byte order mark.
-
-    Raises UserError: another encoding, or more than MOST_BYTES.
-    """
-    if len(data) > MOST_BYTES:
-        raise UserError(
-            f"{source}: longer than {MOST_BYTES:,} bytes; a scene has a few thousand at most; give "
-            "the file of a scene"
-        )
-    for mark, encoding in _MARKS.items():
-        if data.startswith(mark):
-            raise UserError(f"{source}: {encoding} text; save it as UTF-8")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise UserError(
-            f"{source}: not UTF-8 text (byte {error.start}); save it as UTF-8"
-        ) from None
-
-
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the data of a TOML file, not yet validated.
+    """The data of a TOML file in UTF-8, with or without a byte order mark; not yet validated.
 
-    Raises UserError: unreadable, not TOML, or beyond the limits of this module.
+    Raises UserError: unreadable, another encoding, not TOML, or beyond the limits of this module.
     """
     try:
         with path.open("rb") as file:
@@ -66,7 +45,19 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError:
         raise UserError(f"{str(path)!r}: not a possible file name") from None
-    return parsed(decoded(data, str(path)), str(path))
+    if len(data) > MOST_BYTES:
+        raise UserError(
+            f"{path}: longer than {MOST_BYTES:,} bytes; a scene has a few thousand at most; give "
+            "the file of a scene"
+        )
+    for mark, encoding in _MARKS.items():
+        if data.startswith(mark):
+            raise UserError(f"{path}: {encoding} text; save it as UTF-8")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    return parsed(text, str(path))
 
 
 def parsed(text: str, source: str) -> dict[str, Any]:
