@@ -98,11 +98,7 @@ def by_matplotlib(snapshot: Snapshot, scene: Scene) -> None:
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
     canvas = FigureCanvasAgg(figure)
     axis = figure.add_axes((0, 0, 1, 1))
-    block = scene.block
-    shapes = cell_shapes.corners(
-        snapshot.position, snapshot.e_min_a, snapshot.e_min_b,
-        snapshot.broken_a, snapshot.broken_b, block.dx, block.dy,
-    ).reshape(-1, 4, 2)  # fmt: skip
+    shapes = cell_shapes.shapes_of(snapshot, scene.block)[0].reshape(-1, 4, 2)
     worst = np.zeros(shapes.shape[0])
     axis.add_collection(PolyCollection(list(shapes), array=worst, cmap=mpl.colormaps["magma_r"]))
     axis.set_xlim(-0.125, 0.125)

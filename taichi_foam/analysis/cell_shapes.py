@@ -51,22 +51,25 @@ ALL_SIDES = LEFT | RIGHT | BOTTOM | TOP
 
 
 def shapes_of(snapshot: Snapshot, block: Block) -> tuple[Floats, NDArray[np.int32]]:
-    """Corners (columns, rows, 4, 2) [m] of all cells as `corners`, and their `open_sides`.
+    """Corners (columns, rows, 4, 2) [m] of all deformed cells, and their `open_sides`.
 
-    Cells along an outline end on it. Cells without a mass point represent no foam.
+    The corners run from the lower left one counter-clockwise. Around each lattice corner, cells
+    connected by unbroken bonds share one point, the mean of their own estimates of the corner.
+    Cells on the two sides of a crack have separate points, so the crack opens as a gap. A free edge
+    is extended by half a cell, and cells along an outline end on it. Cells of tumbled rubble would
+    be folded or stretched; each of these is drawn as a separate rectangle. Cells without a mass
+    point represent no foam.
     """
-    bonded_a, bonded_b = bonded(block)
-    apart_a, apart_b = apart(snapshot, block)
-    quads = corners(
-        snapshot.position,
-        np.where(bonded_a, snapshot.e_min_a, np.nan),
-        np.where(bonded_b, snapshot.e_min_b, np.nan),
-        apart_a,
-        apart_b,
-        block.dx,
-        block.dy,
-    )
-    return on_outline(quads, block), open_sides(apart_a, apart_b)
+    lattice = _Lattice(snapshot, block)
+    z = lattice.z
+    shared = np.zeros((block.columns + 1, block.rows + 1), dtype=np.complex128)
+    # Between four connected cells the half vectors cancel: the corner is the mean of the nodes.
+    shared[1:-1, 1:-1] = 0.25 * ((z[:-1, :-1] + z[1:, :-1]) + (z[:-1, 1:] + z[1:, 1:]))
+    points = np.stack([shared[:-1, :-1], shared[1:, :-1], shared[1:, 1:], shared[:-1, 1:]], axis=-1)
+    _mend(points, lattice)
+    _unfold(points, lattice)
+    quads = points.view(np.float64).reshape(*z.shape, 4, 2)
+    return on_outline(quads, block), open_sides(*lattice.apart)
 
 
 def layer_faces(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
@@ -75,52 +78,6 @@ def layer_faces(snapshot: Snapshot, block: Block) -> NDArray[np.int32]:
     faces = np.zeros((block.columns, block.rows), dtype=np.int32)
     faces[:, :-1][~apart_b & (layer[:-1] != layer[1:])] = TOP
     return faces
-
-
-def corners(
-    position: Floats,
-    e_min_a: Floats,
-    e_min_b: Floats,
-    broken_a: Bools,
-    broken_b: Bools,
-    dx: float,
-    dy: float,
-) -> Floats:
-    """Corner points of all cells as deformed quadrilaterals.
-
-    Around each lattice corner, cells connected by unbroken bonds share one point, the mean of
-    their own estimates of the corner. Cells on the two sides of a crack have separate points,
-    so the crack opens as a gap. A free edge is extended by half a cell. Cells of tumbled rubble
-    would be folded or stretched; each of these is drawn as a separate rectangle.
-
-    Args:
-        position: node positions (columns, rows, 2) [m].
-        e_min_a, e_min_b: worst compressive strain (<= 0) of the bonds, (columns-1, rows)
-            and (columns, rows-1); NaN where there never was one.
-        broken_a, broken_b: broken bonds, same shapes.
-        dx, dy: reference size of a cell [m].
-
-    Returns:
-        (columns, rows, 4, 2) [m]: lower left, lower right, upper right, upper left.
-    """
-    columns, rows = position.shape[:2]
-    z: Points = np.ascontiguousarray(position, dtype=np.float64).view(np.complex128)[..., 0]
-    shared = np.zeros((columns + 1, rows + 1), dtype=np.complex128)
-    # Between four connected cells the half vectors cancel: the corner is the mean of the nodes.
-    shared[1:-1, 1:-1] = 0.25 * ((z[:-1, :-1] + z[1:, :-1]) + (z[:-1, 1:] + z[1:, 1:]))
-    points = np.empty((columns, rows, 4), dtype=np.complex128)
-    points[..., 0] = shared[:-1, :-1]
-    points[..., 1] = shared[1:, :-1]
-    points[..., 2] = shared[1:, 1:]
-    points[..., 3] = shared[:-1, 1:]
-    lattice = _Lattice(z, e_min_a, e_min_b, broken_a, broken_b, dx, dy)
-    _mend(points, lattice)
-    torn_and_crushed = over_bonds(np.add, broken_a, broken_b) > 0
-    torn_and_crushed &= (
-        worst_strain(np.nan_to_num(e_min_a), np.nan_to_num(e_min_b)) < FOLDING_STRAIN
-    )
-    _unfold(points, torn_and_crushed, lattice)
-    return points.view(np.float64).reshape(columns, rows, 4, 2)
 
 
 def open_sides(broken_a: Bools, broken_b: Bools) -> NDArray[np.int32]:
@@ -144,21 +101,25 @@ class _Lattice:
     Bond A(i, j) is entry (i+1, j+1) and B(i, j) is entry (i+1, j+1) of the padded arrays.
     """
 
-    def __init__(
-        self,
-        z: Points,
-        e_min_a: Floats,
-        e_min_b: Floats,
-        broken_a: Bools,
-        broken_b: Bools,
-        dx: float,
-        dy: float,
-    ) -> None:
-        self.z, self.dx, self.dy = z, dx, dy
-        self.whole_a, self.whole_b = np.pad(~broken_a, 1), np.pad(~broken_b, 1)
+    def __init__(self, snapshot: Snapshot, block: Block) -> None:
+        position = np.ascontiguousarray(snapshot.position, dtype=np.float64)
+        self.z: Points = position.view(np.complex128)[..., 0]
+        self.dx, self.dy = block.dx, block.dy
+        self.apart = apart(snapshot, block)
+        self.whole_a, self.whole_b = (np.pad(~each, 1) for each in self.apart)
         # NaN marks a side that never had a bond.
-        self.strain_a = np.pad(e_min_a, 1, constant_values=np.nan)
-        self.strain_b = np.pad(e_min_b, 1, constant_values=np.nan)
+        self.strain_a, self.strain_b = (
+            np.pad(np.where(there, e_min, np.nan), 1, constant_values=np.nan)
+            for there, e_min in zip(
+                bonded(block), (snapshot.e_min_a, snapshot.e_min_b), strict=True
+            )
+        )
+
+    @property
+    def torn_and_crushed(self) -> Bools:
+        """(columns, rows) which cells have lost a bond and were compressed far: these may fold."""
+        strains = (np.nan_to_num(each[1:-1, 1:-1]) for each in (self.strain_a, self.strain_b))
+        return (over_bonds(np.add, *self.apart) > 0) & (worst_strain(*strains) < FOLDING_STRAIN)
 
     def frayed_corners(self) -> tuple[Ints, Ints]:
         """Lattice corners (p, q) with a broken or absent bond around them."""
@@ -235,9 +196,9 @@ def _mend(points: Points, lattice: _Lattice) -> None:
         points[i[inside], j[inside], own] = mean[inside]
 
 
-def _unfold(points: Points, suspect: Bools, lattice: _Lattice) -> None:
-    """Replace suspect cells that are folded or torn out of shape by rectangles, in place."""
-    i, j = np.nonzero(suspect)
+def _unfold(points: Points, lattice: _Lattice) -> None:
+    """Replace cells that are folded or torn out of shape by rectangles, in place."""
+    i, j = np.nonzero(lattice.torn_and_crushed)
     quad = points[i, j]
     side = np.roll(quad, -1, axis=1) - quad
     turn = np.imag(np.conj(side) * np.roll(side, -1, axis=1))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, Rows, column, read_rows, rows_in
+from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, Rows, column, read_rows, rows_in, unit_in
 from taichi_foam.units import ACCELERATION_UNITS, LENGTH_UNITS, STANDARD_GRAVITY, STRESS_UNITS
 
 if TYPE_CHECKING:
@@ -102,13 +102,13 @@ def _tests(path: Path | str, name: str, rows: Rows) -> OwnTests:
                 f"{path}: {which} for the {kind.name} (a name with {kind.words[0]!r}); its first "
                 f"line must be such as {_EXAMPLE}"
             )
-        unit = IN_BRACKETS.search(heads[places[0]])
+        unit = unit_in(heads[places[0]])
         if unit is None and heads[places[0]].strip() != "G":
             raise UserError(
                 f"{path}: column {places[0] + 1}, {heads[places[0]]!r}, has no unit; write one in "
                 f"brackets, such as {_EXAMPLE}"
             )
-        values = column(path, rows, kind, places[0], unit[1] if unit else "g").values
+        values = column(path, rows, kind, places[0], unit or "g").values
         if not (values > 0.0).all():
             line = rows.body[int(np.argmax(values <= 0.0))][0]
             raise UserError(

@@ -39,6 +39,19 @@ _FOAM = "none, a table like [foam], a name in the library, or a file"
 _CORNERS_FIX = "lengths are in metres, x from mid-width, y up from the bottom"
 
 
+def _mass_points(default: int, where: str) -> Any:
+    """A field for a number of mass points."""
+    return quantity(
+        default,
+        "count",
+        f"number of mass points {where}",
+        at_least=2,
+        at_most=MAX_NODES // 2,
+        fix="use larger cells (block.cell); the paper has 40 by 20",
+        unless=SQUARE,
+    )
+
+
 class Layer(Part):
     """A horizontal layer of the block, with a foam or a density of its own."""
 
@@ -101,24 +114,8 @@ class Block(Part):
         above=0,
         at_most=5,
     )
-    columns: int = quantity(
-        40,
-        "count",
-        "number of mass points along the width",
-        at_least=2,
-        at_most=MAX_NODES // 2,
-        fix="use larger cells (block.cell); the paper has 40 by 20",
-        unless=SQUARE,
-    )
-    rows: int = quantity(
-        21,
-        "count",
-        "number of mass points along the height",
-        at_least=2,
-        at_most=MAX_NODES // 2,
-        fix="use larger cells (block.cell); the paper has 40 by 20",
-        unless=SQUARE,
-    )
+    columns: int = _mass_points(40, "along the width")
+    rows: int = _mass_points(21, "along the height")
     mass_points: Literal["cells", "faces"] = choice(
         "faces",
         "position of the rows of mass points: faces: the first and last rows on the block's "

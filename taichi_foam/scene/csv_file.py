@@ -11,7 +11,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -150,10 +150,9 @@ def two_columns(path: Path, needs: str, kinds: tuple[Kind, Kind]) -> tuple[Colum
                     f"{path}, line {line}: this header has units, but text stands between it and "
                     "the numbers; remove that text, or begin its lines with #"
                 )
-    matches = [IN_BRACKETS.search(heads[n]) if heads else None for n in range(2)]
     one, two = (
-        column(path, rows, kind, n, match and match[1])
-        for n, (kind, match) in enumerate(zip(kinds, matches, strict=True))
+        column(path, rows, kind, n, unit_in(heads[n]) if heads else None)
+        for n, kind in enumerate(kinds)
     )
     return one, two
 
@@ -180,6 +179,23 @@ def column(
     factor = 1.0 if unit is None else kind.units[plain_unit(unit)]
     values = factor * np.array([number_in(path, line, cells, at) for line, cells in rows.body])
     return Column(kind, at + 1, head, unit, over, values if over is None else values / over)
+
+
+def unit_in(head: str) -> str | None:
+    """The unit in a header's brackets; None: it has none."""
+    found = IN_BRACKETS.search(head)
+    return found[1] if found else None
+
+
+def named(heads: Sequence[str], name: str, among: Iterable[int] | None = None) -> list[int]:
+    """The columns with a name, else those whose header contains it; all, or those `among` which.
+
+    A name is a header without its unit, in any case.
+    """
+    places = list(range(len(heads)) if among is None else among)
+    bare = {n: IN_BRACKETS.sub("", heads[n]).strip().lower() for n in places}
+    exact = [n for n in places if bare[n] == name.lower()]
+    return exact or [n for n in places if name.lower() in heads[n].lower()]
 
 
 def plain_unit(unit: str) -> str:

@@ -20,14 +20,15 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
 from taichi_foam.parts import is_number as is_finite
 from taichi_foam.scene.csv_file import (
-    IN_BRACKETS,
     Column,
     Kind,
     Row,
     Rows,
     column,
+    named,
     plain_unit,
     read_rows,
+    unit_in,
 )
 from taichi_foam.scene.messages import shown
 from taichi_foam.units import FORCE_UNITS, LENGTH_UNITS, STRAIN_UNITS, STRESS_UNITS
@@ -269,12 +270,7 @@ def _place(
                 f"{path}: {key} = {shown(given)}: the file has no header; give the column's number"
             )
         return 0 if key == STRAIN.name else 1
-    if given is not None:
-        plain = [IN_BRACKETS.sub("", head).strip().lower() for head in heads]
-        found = [n for n, head in enumerate(plain) if given.lower() == head]
-        found = found or [n for n, head in enumerate(heads) if given.lower() in head.lower()]
-    else:
-        found = kind.known_in(heads)
+    found = kind.known_in(heads) if given is None else named(heads, given)
     if len(found) != 1:
         listed = ", ".join(shown(head) for head in heads)
         many = "no column" if not found else f"{len(found)} columns"
@@ -289,8 +285,8 @@ def _unit(head: str | None, kind: Kind) -> str | None:
     """The unit in a header's brackets, or its last word; None if it has none."""
     if head is None:
         return None
-    if bracketed := IN_BRACKETS.search(head):
-        return bracketed[1]
+    if unit := unit_in(head):
+        return unit
     words = (re.split(between, head.strip())[-1] for between in (r"[\s_,]+", r"[\s_,/]+"))
     return next((word for word in words if plain_unit(word) in kind.units), None)
 

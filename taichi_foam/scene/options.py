@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -362,6 +362,20 @@ class Start(Part):
         return math.hypot(a, c) - 1, math.hypot(b, d) - 1
 
 
+def _pixels(default: int, meaning: str) -> Any:
+    """A field for a size of a film's frames."""
+    return quantity(
+        default,
+        "px",
+        meaning,
+        at_least=64,
+        at_most=7680,
+        multiple_of=2,
+        allowed="even, at least 64 and at most 7680 px",
+        fix="films need even sizes (1280 by 720)",
+    )
+
+
 class Output(Part):
     """Output: what a run stores."""
 
@@ -383,26 +397,8 @@ class Output(Part):
     curve: bool = choice(False, "draw the deceleration up to that time into each frame")
     frames: bool = choice(False, "write each frame as a PNG")
     film: bool = choice(True, "write a GIF and an MP4")
-    width: int = quantity(
-        1280,
-        "px",
-        "width of a frame",
-        at_least=64,
-        at_most=7680,
-        multiple_of=2,
-        allowed="even, at least 64 and at most 7680 px",
-        fix="films need even sizes (1280 by 720)",
-    )
-    height: int = quantity(
-        720,
-        "px",
-        "height of a frame",
-        at_least=64,
-        at_most=7680,
-        multiple_of=2,
-        allowed="even, at least 64 and at most 7680 px",
-        fix="films need even sizes (1280 by 720)",
-    )
+    width: int = _pixels(1280, "width of a frame")
+    height: int = _pixels(720, "height of a frame")
     fps: int = quantity(
         25,
         "count",

@@ -143,7 +143,8 @@ class Support(Part):
 
 def problems(support: Support, base: Base, block: Block) -> list[str]:
     """Why a block cannot stand on a support."""
-    if support.kind == "floor":
+    corners = support.outline_under(block)
+    if corners is None:
         return []
     found = []
     if base.kind != "floor":
@@ -152,8 +153,6 @@ def problems(support: Support, base: Base, block: Block) -> list[str]:
             "and rests on nothing; set base.kind = 'floor'"
         )
     if support.kind == "ribs":
-        corners = support.outline_under(block)
-        assert corners is not None
         if len(corners) > MOST_CORNERS:
             found.append(
                 f"support.pitch = {support.pitch:g}: {len(corners) // 4} ribs near the block; at "
@@ -166,8 +165,6 @@ def problems(support: Support, base: Base, block: Block) -> list[str]:
             )
     if found:
         return found
-    corners = support.outline_under(block)
-    assert corners is not None
     shape = outlines.polygon(corners)
     overlap = shape.intersection(outlines.polygon(block.corners, block.holes))
     if overlap.area > LEAST_OVERLAP * block.dx * block.dy:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.scene.csv_file import IN_BRACKETS, Kind, Rows, column, plain_unit, read_rows
+from taichi_foam.scene.csv_file import Kind, Rows, column, named, plain_unit, read_rows, unit_in
 from taichi_foam.scene.messages import shown
 from taichi_foam.units import ACCELERATION_UNITS, FORCE_UNITS, TIME_UNITS
 
@@ -52,7 +52,7 @@ def read_trace(path: Path, channel: str | None = None) -> Trace:
     """
     rows = read_rows(path, "time, and acceleration or force")
     heads, _ = rows.header(_UNITS)
-    units = [_unit(head) for head in heads or ()]
+    units = [plain_unit(unit_in(head) or "") for head in heads or ()]
     if heads is None or not any(unit in TIME_UNITS for unit in units):
         raise UserError(
             f"{path}: no column with a unit of time in its header; needs a header with units in "
@@ -68,21 +68,12 @@ def read_trace(path: Path, channel: str | None = None) -> Trace:
     return Trace(time, values, kind.name, heads[at])
 
 
-def _unit(head: str) -> str | None:
-    """The unit in a header's brackets; None: there is none."""
-    found = IN_BRACKETS.search(head)
-    return plain_unit(found[1]) if found else None
-
-
-def _channel(path: Path, heads: list[str], units: list[str | None], channel: str | None) -> int:
+def _channel(path: Path, heads: list[str], units: list[str], channel: str | None) -> int:
     """The index of the column of values, from 0. Raises UserError: there is none, or several."""
     found = [n for n, unit in enumerate(units) if unit in ACCELERATION_UNITS or unit in FORCE_UNITS]
     listed = ", ".join(shown(head) for head in heads)
     if channel is not None:
-        named = [
-            n for n in found if channel.lower() == IN_BRACKETS.sub("", heads[n]).strip().lower()
-        ]
-        found = named or [n for n in found if channel.lower() in heads[n].lower()]
+        found = named(heads, channel, among=found)
     if len(found) == 1:
         return found[0]
     what = "column with a unit of acceleration or force" + (

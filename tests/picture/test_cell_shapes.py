@@ -13,15 +13,7 @@ from taichi_foam.scene import Scene
 
 
 def corners_of(snapshot: Snapshot, scene: Scene) -> np.ndarray:
-    return cell_shapes.corners(
-        snapshot.position,
-        snapshot.e_min_a,
-        snapshot.e_min_b,
-        snapshot.broken_a,
-        snapshot.broken_b,
-        scene.block.dx,
-        scene.block.dy,
-    )
+    return cell_shapes.shapes_of(snapshot, scene.block)[0]
 
 
 def reference_corners(scene: Scene) -> np.ndarray:

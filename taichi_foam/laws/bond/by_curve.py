@@ -103,7 +103,6 @@ class CurveFoam(CrushingFoam):
         unless=FROM_CURVE,
         above=-1,
         below=0,
-        fix="strains are fractions (80 % is 0.80), negative in compression: -0.80",
     )
     locking_strain: float = quantity(
         ...,
@@ -112,7 +111,6 @@ class CurveFoam(CrushingFoam):
         unless=FROM_CURVE,
         above=-1,
         below=0,
-        fix="strains are fractions (95 % is 0.95), negative in compression: -0.95",
     )
 
     @model_validator(mode="wrap")

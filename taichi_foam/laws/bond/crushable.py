@@ -61,7 +61,6 @@ class Foam(CrushingFoam):
         "strain at which densification begins",
         above=-1,
         below=0,
-        fix="strains are fractions (80 % is 0.80), negative in compression: -0.80",
     )
     locking_strain: float = quantity(
         -0.95,
@@ -69,7 +68,6 @@ class Foam(CrushingFoam):
         "strain at which the stress becomes infinite",
         above=-1,
         below=0,
-        fix="strains are fractions (95 % is 0.95), negative in compression: -0.95",
     )
     densification_a: float = quantity(
         0.5, "-", "constant a of Eq. 26: how steeply the stress rises", above=0, at_most=10

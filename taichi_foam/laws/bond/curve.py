@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from taichi_foam.formulas.energy import absorbed_energy, densification_onset, efficiency
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.parts import Part
+from taichi_foam.parts import Part, is_number
 
 Array = NDArray[np.float64]
 
@@ -69,6 +69,7 @@ class Curve(Part):
     """
 
     strain: tuple[float, ...] = Field(
+        strict=False,  # lists are accepted
         description="engineering strains in compression, fractions, each above the one before",
         json_schema_extra={
             "allowed": f"2 to {MOST_POINTS:,} rising numbers",
@@ -76,6 +77,7 @@ class Curve(Part):
         },
     )
     stress: tuple[float, ...] = Field(
+        strict=False,
         description="engineering stresses in compression at these strains [Pa]",
         json_schema_extra={
             "allowed": "as many numbers as strains",
@@ -90,25 +92,17 @@ class Curve(Part):
         json_schema_extra={"allowed": "at least 0 Pa", "unit": "Pa"},
     )
 
-    @field_validator("strain", "stress", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            value = value.tolist()
-        if isinstance(value, list):
-            value = tuple(value)
-        if isinstance(value, tuple):
-            return tuple(float(each) if type(each) is int else each for each in value)
-        return value
-
     @model_validator(mode="before")
     @classmethod
     def _upright(cls, data: Any) -> Any:
         """Make data positive in compression, starting from rest, and non-decreasing."""
-        numbers = _numbers(data)
-        if numbers is None:
+        if not isinstance(data, dict):
+            return data
+        data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in data.items()}
+        lists = data.get("strain"), data.get("stress")
+        if not all(map(_are_numbers, lists)) or len(lists[0]) != len(lists[1]):
             return data  # later checks report the error
-        strain, stress = numbers
+        strain, stress = (np.array(each, dtype=np.float64) for each in lists)
         if strain.max() <= 0.0 and strain.min() < 0.0:
             strain = -strain
         if -stress.min() > stress.max():  # noise may have the other sign
@@ -282,24 +276,9 @@ def _mean_around(strain: Array, values: Array) -> Array:
     return np.concatenate([values[:1], means, values[-1:]])
 
 
-def _numbers(data: Any) -> tuple[Array, Array] | None:
-    """The strains and stresses in raw data; None if they are not usable numbers."""
-    if not isinstance(data, dict):
-        return None
-    found = []
-    for key in ("strain", "stress"):
-        values = data.get(key)
-        if isinstance(values, np.ndarray):
-            values = values.tolist()
-        if not isinstance(values, list | tuple) or len(values) < 2:
-            return None
-        if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in values):
-            return None
-        array = np.array(values, dtype=np.float64)
-        if not np.isfinite(array).all():
-            return None
-        found.append(array)
-    return None if found[0].size != found[1].size else (found[0], found[1])
+def _are_numbers(values: Any) -> bool:
+    """Whether raw data is a list of finite numbers, at least two."""
+    return isinstance(values, list | tuple) and len(values) >= 2 and all(map(is_number, values))
 
 
 @lru_cache(maxsize=64)  # every figure of a run asks for them
