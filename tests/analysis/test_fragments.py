@@ -173,7 +173,6 @@ def test_with_mass_points_on_the_faces_cracks_end_at_them(make_snapshot) -> None
 def test_crack_from_the_tip_to_the_gripped_base(make_snapshot) -> None:
     snapshot = make_snapshot(PAPER, a=column(AXIS, range(1, 20)), times=downwards)
     crack = crack_below_impactor(snapshot, WEDGE)
-    assert crack is not None
     assert crack.lowest_height == pytest.approx(0.005)  # the bottom row cannot open
     assert crack.start_x == pytest.approx(0.0)
     assert crack.start_height == pytest.approx(0.0975)
@@ -193,7 +192,6 @@ def test_crack_from_face_to_face(make_snapshot, first: int, height: float) -> No
     scene = WEDGE.model_copy(update={"block": FACES})
     snapshot = make_snapshot(FACES, a=column(AXIS, range(first, 21)), times=downwards)
     crack = crack_below_impactor(snapshot, scene)
-    assert crack is not None
     assert crack.start_height == pytest.approx(FACES.height)
     assert crack.lowest_height == pytest.approx(height, abs=1e-12)
     assert crack.path[-1] == pytest.approx((0.0, 0.005 * first), abs=1e-12)
@@ -250,7 +248,6 @@ def test_a_crack_out_of_shattered_foam_is_one(make_snapshot) -> None:
         PAPER, a=powder_a + column(AXIS, range(3, 16)), b=powder_b, times=downwards
     )
     crack = crack_below_impactor(snapshot, FLAT)
-    assert crack is not None
     assert crack.lowest_height == pytest.approx(0.015)
     assert crack.start_time == pytest.approx(1e-3)
 
@@ -266,7 +263,6 @@ def test_it_is_followed_where_it_wanders(make_snapshot) -> None:
     aslant = [(AXIS + 12 - j, j) for j in range(4, 12)]
     snapshot = make_snapshot(PAPER, a=down + aslant + further, times=downwards)
     crack = crack_below_impactor(snapshot, WEDGE)
-    assert crack is not None
     assert crack.lowest_height == pytest.approx(0.010)
     assert crack.start_x == pytest.approx(0.0)
 
@@ -276,7 +272,6 @@ def test_of_two_the_deeper_counts(make_snapshot) -> None:
         PAPER, a=column(17, range(10, 20)) + column(21, range(5, 12)), times=downwards
     )
     crack = crack_below_impactor(snapshot, WEDGE)
-    assert crack is not None
     assert crack.lowest_height == pytest.approx(0.025)
     assert crack.start_x == pytest.approx(0.010)
     assert crack.start_height == pytest.approx(0.0575)
@@ -287,7 +282,6 @@ def test_it_lies_below_the_impactor_wherever_that_is(make_snapshot) -> None:
     assert crack_below_impactor(snapshot, WEDGE) is None
     beside = Scene(name="beside", block=PAPER, impactor=Cylinder(x=0.05))
     crack = crack_below_impactor(snapshot, beside)
-    assert crack is not None
     assert crack.start_x == pytest.approx(0.05)
 
 
@@ -308,7 +302,6 @@ def stairs(tread: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
 def test_a_crack_leans_as_it_runs(make_snapshot, tread: int) -> None:
     a, b = stairs(tread)
     crack = crack_below_impactor(make_snapshot(PAPER, a=a, b=b, times=downwards), WEDGE)
-    assert crack is not None
     assert len(crack.path) == 18
     assert crack.path[0] == pytest.approx((0.0, 0.0975))
     assert crack.path[-1] == pytest.approx(((17 // tread) * 0.005, 0.0125))
@@ -341,7 +334,6 @@ def test_over_time_it_keeps_its_start_and_its_deepest_path(make_snapshot) -> Non
     deep.e_min_b[AXIS : AXIS + 2, 15:] = -0.9  # powder by then
     hidden = make_snapshot(PAPER, time=20e-3)
     crack = crack_over_time([make_snapshot(PAPER), young, deep, hidden], WEDGE)
-    assert crack is not None
     assert crack.start_height == pytest.approx(0.0975)
     assert crack.lowest_height == pytest.approx(0.020)
     assert crack.path[-1] == pytest.approx((0.0, 0.0225))

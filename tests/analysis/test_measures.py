@@ -125,7 +125,6 @@ def test_a_gap_delays_and_deepens_nothing(braked) -> None:
     gap = V0 * 1.234e-3
     late = braked(FlatBlock(velocity=V0, gap=gap), contact=1.234e-3)
     found = impact.impact(late)
-    assert found is not None
     assert found.contact == pytest.approx(1.234e-3, rel=1e-9)
     assert found.duration == pytest.approx(STOP, rel=1e-9)
     assert found.depth == pytest.approx(DEPTH, rel=1e-9)

@@ -49,7 +49,6 @@ def test_crushed_rectangle(make_snapshot) -> None:
     snapshot.e_min_b[15:25, 12:19] = -0.6
     snapshot.e_min_b[2:4, 3] = -0.9  # a smaller patch elsewhere
     region = pattern.crushed_region(snapshot, FLAT)
-    assert region is not None
     assert region.columns == (15, 24)
     assert region.rows == (12, 19)
     assert region.width == pytest.approx(0.05)

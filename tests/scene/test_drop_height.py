@@ -26,7 +26,6 @@ def fallen() -> Scene:
 
 
 def test_it_sets_velocity_and_gravity(fallen: Scene) -> None:
-    assert fallen.impactor is not None
     assert fallen.impactor.velocity == pytest.approx(FALL, rel=1e-15)
     assert fallen.numerics.gravity == STANDARD_GRAVITY
 
@@ -35,29 +34,23 @@ def test_the_gap_is_the_last_part_of_the_fall(fallen: Scene) -> None:
     """Free fall: v^2 = v0^2 + 2 g gap at first contact, whatever the gap."""
     for gap in (0.0, 0.05, 0.1):
         scene = fallen.with_values(impactor__gap=gap)
-        assert scene.impactor is not None
         at_contact = math.sqrt(scene.impactor.velocity**2 + 2 * STANDARD_GRAVITY * gap)
         assert at_contact == pytest.approx(FALL, rel=1e-15)
 
 
 def test_parts_built_in_python_say_the_same(fallen: Scene) -> None:
-    assert fallen.impactor is not None
     shape = type(fallen.impactor)
     scene = Scene(impactor=shape(drop_height=0.5), numerics=Numerics(safety=0.5))
-    assert scene.impactor is not None
     assert scene.impactor.velocity == fallen.impactor.velocity
     assert scene.numerics == Numerics(safety=0.5, gravity=STANDARD_GRAVITY)
 
 
 def test_a_velocity_takes_it_away_and_the_rest_gives_a_new_one(fallen: Scene) -> None:
     slow = fallen.with_values(impactor__velocity=2.0)
-    assert slow.impactor is not None
     assert (slow.impactor.drop_height, slow.impactor.velocity) == (None, 2.0)
     moon = fallen.with_values(numerics__gravity=1.62)
-    assert moon.impactor is not None
     assert moon.impactor.velocity == pytest.approx(math.sqrt(2 * 1.62 * 0.5), rel=1e-15)
     heavy = fallen.with_values(impactor__mass=1.0)
-    assert heavy.impactor is not None
     assert heavy.impactor.velocity == pytest.approx(FALL, rel=1e-15)
 
 
@@ -112,7 +105,6 @@ def test_millimetres_are_asked_about() -> None:
 def test_grams_are_asked_about(fallen: Scene) -> None:
     """A product that crushes by its weight what it falls on; the most that foam carries is none."""
     block, foam, impactor = fallen.block, fallen.foam, fallen.impactor
-    assert impactor is not None
     width = min(impactor.extent, block.width)
     most = foam.plateau_stress * width * block.depth / STANDARD_GRAVITY
     with pytest.raises(UserError, match=r"in kilograms \(5,000 g is 5\)"):

@@ -262,7 +262,6 @@ def test_thin_foam_is_told() -> None:
     rib = [(-0.05, 0), (0.05, 0), (0.05, 0.02), (0.004, 0.02), (0.004, 0.05), (-0.004, 0.05),
            (-0.004, 0.02), (-0.05, 0.02)]  # fmt: skip
     place = thin_parts(Block(**SIZE, outline=rib))  # 8 mm in cells of 5 mm
-    assert place is not None
     assert abs(place[0]) < 0.004
     assert 0.02 < place[1] < 0.05
     fine = {"width": 0.1, "height": 0.05, "columns": 60, "rows": 30}
