@@ -6,6 +6,17 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from paper_lattices import (
+    ALONE,
+    AXIS,
+    FACES,
+    FLAT,
+    PAPER,
+    WEDGE,
+    WEDGE_ON_FACES,
+    column,
+    downwards,
+)
 
 from taichi_foam.analysis.fragments import (
     crack_below_impactor,
@@ -18,54 +29,29 @@ from taichi_foam.analysis.fragments import (
 from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene, Wedge
 
 SMALL = Block(width=0.08, height=0.03, columns=8, rows=6, mass_points="cells")  # of 10 x 5 mm
-PAPER = Block(rows=20, mass_points="cells")  # 40 x 20 cells of 5 mm
-FACES = Block()  # 21 rows, the first and the last on the faces
-AXIS = 19  # the A bonds that cross x = 0 on the paper's block
-WEDGE = Scene(name="wedge", block=PAPER, impactor=Wedge())
-FLAT = Scene(name="flat", block=PAPER, impactor=FlatBlock())
-
-
-def column(i: int, rows: range) -> list[tuple[int, int]]:
-    return [(i, j) for j in rows]
-
-
-def downwards(i: int, j: int) -> float:
-    """Break times of a crack that runs down the paper's block, 1 ms a row."""
-    return 1e-3 * (20 - j)
-
 
 # --- pieces -----------------------------------------------------------------------------------
 
 
-def test_an_intact_block_is_one_piece(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL), SMALL) == 1
+ALL_BONDS = {"a": [*product(range(9), range(10))], "b": [*product(range(10), range(9))]}
 
 
-def test_a_through_crack_makes_two_pieces(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL, a=column(3, range(6))), SMALL) == 2
-
-
-def test_a_crack_that_stops_short_makes_none(make_snapshot) -> None:
-    assert pieces(make_snapshot(SMALL, a=column(3, range(1, 6))), SMALL) == 1
-
-
-def test_crumbs_below_five_percent_do_not_count(make_snapshot) -> None:
-    # 48 nodes: a corner of 2 nodes is 4.2 %, one of 3 is 6.3 %.
-    two = make_snapshot(SMALL, a=[(0, 5), (0, 4)], b=[(0, 3)])
-    three = make_snapshot(SMALL, a=[(0, 5), (0, 4), (0, 3)], b=[(0, 2)])
-    assert pieces(two, SMALL) == 1
-    assert pieces(three, SMALL) == 2
-
-
-def test_exactly_five_percent_counts(make_snapshot) -> None:
-    block = Block(columns=10, rows=2)  # one node of 20 is 5 %
-    assert pieces(make_snapshot(block, a=[(0, 1)], b=[(0, 0)]), block) == 2
-
-
-def test_powder_has_no_pieces(make_snapshot) -> None:
-    block = Block(columns=10, rows=10)
-    a, b = product(range(9), range(10)), product(range(10), range(9))
-    assert pieces(make_snapshot(block, a=a, b=b), block) == 0
+# 48 nodes: a corner of 2 nodes is 4.2 %, one of 3 is 6.3 %; one node of 20 is 5 %
+@pytest.mark.parametrize(
+    ("block", "broken", "count"),
+    [
+        (SMALL, {}, 1),
+        (SMALL, {"a": column(3, range(6))}, 2),
+        (SMALL, {"a": column(3, range(1, 6))}, 1),
+        (SMALL, {"a": [(0, 5), (0, 4)], "b": [(0, 3)]}, 1),
+        (SMALL, {"a": [(0, 5), (0, 4), (0, 3)], "b": [(0, 2)]}, 2),
+        (Block(columns=10, rows=2), {"a": [(0, 1)], "b": [(0, 0)]}, 2),
+        (Block(columns=10, rows=10), ALL_BONDS, 0),
+    ],
+    ids=["intact", "cut", "cut short", "crumb", "just a piece", "exactly 5 %", "powder"],
+)
+def test_pieces_are_parts_of_five_percent_or_more(make_snapshot, block, broken, count) -> None:
+    assert pieces(make_snapshot(block, **broken), block) == count
 
 
 def test_sizes_are_shares_of_the_mass_points(make_snapshot) -> None:
@@ -181,29 +167,25 @@ def test_crack_from_the_tip_to_the_gripped_base(make_snapshot) -> None:
 
 def test_an_intact_block_and_a_scene_without_impactor_have_none(make_snapshot) -> None:
     split = make_snapshot(PAPER, a=column(AXIS, range(20)), times=downwards)
-    alone = WEDGE.model_copy(update={"impactor": None})
     assert crack_below_impactor(make_snapshot(PAPER), WEDGE) is None
-    assert crack_below_impactor(split, alone) is None
+    assert crack_below_impactor(split, ALONE) is None
 
 
 @pytest.mark.parametrize(("first", "height"), [(1, 0.0025), (0, 0.0)])
 def test_crack_from_face_to_face(make_snapshot, first: int, height: float) -> None:
     """Its first bond lies on the top; the gripped row on the bottom is half a cell high."""
-    scene = WEDGE.model_copy(update={"block": FACES})
     snapshot = make_snapshot(FACES, a=column(AXIS, range(first, 21)), times=downwards)
-    crack = crack_below_impactor(snapshot, scene)
+    crack = crack_below_impactor(snapshot, WEDGE_ON_FACES)
     assert crack.start_height == pytest.approx(FACES.height)
     assert crack.lowest_height == pytest.approx(height, abs=1e-12)
     assert crack.path[-1] == pytest.approx((0.0, 0.005 * first), abs=1e-12)
 
 
-@pytest.mark.parametrize("block", [PAPER, FACES], ids=["cells", "faces"])
+@pytest.mark.parametrize("scene", [WEDGE, WEDGE_ON_FACES], ids=["cells", "faces"])
 @pytest.mark.parametrize(("cells", "counts"), [(2, False), (3, True)])
-def test_it_needs_three_cells(make_snapshot, block: Block, cells: int, counts: bool) -> None:
-    rows = range(12, 12 + cells)
-    snapshot = make_snapshot(block, a=column(AXIS, rows), times=downwards)
-    crack = crack_below_impactor(snapshot, WEDGE.model_copy(update={"block": block}))
-    assert (crack is not None) == counts
+def test_it_needs_three_cells(make_snapshot, scene: Scene, cells: int, counts: bool) -> None:
+    snapshot = make_snapshot(scene.block, a=column(AXIS, range(12, 12 + cells)), times=downwards)
+    assert (crack_below_impactor(snapshot, scene) is not None) == counts
 
 
 def test_a_finer_lattice_needs_the_same_length(make_snapshot) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from paper_lattices import DX, DY, FACES, FLAT_ON_FACES, mirrored
 
 from taichi_foam.analysis import room
 from taichi_foam.records.snapshot import Snapshot
@@ -15,10 +16,6 @@ from taichi_foam.scene import Block, Cylinder, FlatBlock, Scene
 BLOCK = Block(columns=12, rows=9, width=0.06, height=0.04)  # cells of 5 mm
 INSIDE = Block(columns=12, rows=8, width=0.06, height=0.04, mass_points="cells")  # as large
 SCENE = Scene(name="room", block=BLOCK, impactor=FlatBlock())
-DX = DY = 0.005
-
-WHOLE = Block()  # 40 columns of 5 mm, 21 rows and 20 bonds between them
-FLAT = Scene(name="flat", block=WHOLE, impactor=FlatBlock())
 
 
 def mapped(snapshot: Snapshot, matrix: object) -> Snapshot:
@@ -163,16 +160,8 @@ def test_the_mirror_image_has_the_same_room(make_snapshot) -> None:
     snapshot = crushed_to(make_snapshot(BLOCK), 0.2)
     snapshot.position[:] += random.normal(0, 1e-3, snapshot.position.shape)
     snapshot.break_time_b[3:7, 4] = 0.0
-    flipped = replace(
-        snapshot,
-        position=snapshot.position[::-1] * [-1.0, 1.0],
-        **{
-            name: getattr(snapshot, name)[::-1]
-            for name in ("e_min_a", "e_min_b", "break_time_a", "break_time_b", "velocity")
-        },
-    )
     found = room.without_room(snapshot, SCENE)
-    assert room.without_room(flipped, SCENE) == pytest.approx(found, abs=0.01)
+    assert room.without_room(mirrored(snapshot), SCENE) == pytest.approx(found, abs=0.01)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300, -1e30])
@@ -191,7 +180,7 @@ def test_values_of_a_run_that_diverged_do_no_harm(make_snapshot, value) -> None:
 @pytest.fixture
 def pressed(make_snapshot) -> Snapshot:
     """Under a flat face the upper ten bonds of its columns are crushed to a fifth."""
-    snapshot = make_snapshot(WHOLE)
+    snapshot = make_snapshot(FACES)
     snapshot.e_min_b[15:25, 10:] = -0.8
     height = snapshot.position[15:25, :, 1]
     height[:, 11:] = height[:, 10:11] + 0.2 * (height[:, 11:] - height[:, 10:11])
@@ -199,7 +188,7 @@ def pressed(make_snapshot) -> Snapshot:
 
 
 def test_the_layer_reaches_from_the_face_to_its_lower_end(pressed) -> None:
-    assert room.crushed_layer(pressed, FLAT) == pytest.approx(10 * 0.2 * DY)
+    assert room.crushed_layer(pressed, FLAT_ON_FACES) == pytest.approx(10 * 0.2 * DY)
 
 
 def test_of_a_bond_crushed_in_part_the_upper_part_is_crushed(pressed) -> None:
@@ -207,47 +196,49 @@ def test_of_a_bond_crushed_in_part_the_upper_part_is_crushed(pressed) -> None:
     pressed.e_min_b[15:25, 9] = -0.5
     pressed.position[15:25, 10:, 1] -= 0.5 * DY
     lowered = replace(pressed, impactor_y=pressed.impactor_y - 0.5 * DY)
-    assert room.crushed_layer(lowered, FLAT) == pytest.approx((10 * 0.2 + 0.6 * 0.2) * DY)
+    assert room.crushed_layer(lowered, FLAT_ON_FACES) == pytest.approx((10 * 0.2 + 0.6 * 0.2) * DY)
 
 
 def test_foam_that_is_hardly_crushed_does_not_count(pressed) -> None:
     pressed.e_min_b[15:25, 5:10] = -0.4
-    assert room.crushed_layer(pressed, FLAT) == pytest.approx(10 * 0.2 * DY)
+    assert room.crushed_layer(pressed, FLAT_ON_FACES) == pytest.approx(10 * 0.2 * DY)
 
 
 def test_the_layer_is_measured_where_it_lies(pressed) -> None:
     """Folded foam leaves no layer, whatever its bonds would measure when unloaded."""
     pressed.position[15:25, 12:, 1] = pressed.position[15:25, 11:12, 1]
     face = replace(pressed, impactor_y=float(pressed.position[15:25, -1, 1].max()))
-    assert room.crushed_layer(face, FLAT) == pytest.approx(0.2 * DY)
+    assert room.crushed_layer(face, FLAT_ON_FACES) == pytest.approx(0.2 * DY)
 
 
 def test_odd_mass_points_do_not_count(pressed) -> None:
     """Those of two of the six columns in the middle half, and of flanks outside it."""
-    expected = room.crushed_layer(pressed, FLAT)
+    expected = room.crushed_layer(pressed, FLAT_ON_FACES)
     pressed.position[19, :, 1] += 0.03
     pressed.position[[15, 16, 23, 24], :, 1] -= 0.02
     pressed.e_min_b[20, 2] = -0.9
-    assert room.crushed_layer(pressed, FLAT) == pytest.approx(expected)
+    assert room.crushed_layer(pressed, FLAT_ON_FACES) == pytest.approx(expected)
 
 
 def test_where_the_face_has_lifted_the_layer_begins_at_the_foam(pressed) -> None:
     lifted = replace(pressed, impactor_y=pressed.impactor_y + 0.02)
-    assert room.crushed_layer(lifted, FLAT) == room.crushed_layer(pressed, FLAT)
+    assert room.crushed_layer(lifted, FLAT_ON_FACES) == room.crushed_layer(pressed, FLAT_ON_FACES)
 
 
 def test_an_offset_face_has_its_layer_below_it(pressed) -> None:
-    aside = FLAT.model_copy(update={"impactor": FlatBlock(x=0.02)})
+    aside = FLAT_ON_FACES.model_copy(update={"impactor": FlatBlock(x=0.02)})
     pressed.e_min_b[15:19, 2] = -0.9  # no longer below it
     assert room.crushed_layer(pressed, aside) == pytest.approx(10 * 0.2 * DY)
-    far = FLAT.model_copy(update={"impactor": FlatBlock(x=0.06)})
+    far = FLAT_ON_FACES.model_copy(update={"impactor": FlatBlock(x=0.06)})
     assert room.crushed_layer(pressed, far) is None
 
 
 @pytest.mark.parametrize("impactor", [None, Cylinder()])
 def test_without_a_level_face_there_is_no_layer_below_it(pressed, impactor) -> None:
-    assert room.crushed_layer(pressed, FLAT.model_copy(update={"impactor": impactor})) is None
+    assert (
+        room.crushed_layer(pressed, FLAT_ON_FACES.model_copy(update={"impactor": impactor})) is None
+    )
 
 
 def test_without_crushed_foam_there_is_no_layer(make_snapshot) -> None:
-    assert room.crushed_layer(make_snapshot(WHOLE), FLAT) is None
+    assert room.crushed_layer(make_snapshot(FACES), FLAT_ON_FACES) is None

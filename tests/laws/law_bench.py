@@ -123,16 +123,12 @@ def loading(foam: Bound, e: np.ndarray) -> np.ndarray:
 
 def normal(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stress [Pa] at strains `e` with a history."""
-    e, out = _arrays(e)
-    foam.kernels.normal(foam.constants, e, e_min, int(broken), out)
-    return out
+    return _over(foam, "normal", e, e_min, int(broken))
 
 
 def stored(foam: Bound, e: np.ndarray, e_min: float, broken: bool = False) -> np.ndarray:
     """Stored energy [J/m3] at strains `e` with a history."""
-    e, out = _arrays(e)
-    foam.kernels.stored(foam.constants, e, e_min, int(broken), out)
-    return out
+    return _over(foam, "stored", e, e_min, int(broken))
 
 
 def flowed(
@@ -144,9 +140,7 @@ def flowed(
     around: float = 0.0,
 ) -> np.ndarray:
     """What `e_min` becomes at strains `e` in a time [s]; see `BondLaw.flowed`."""
-    e, out = _arrays(e)
-    foam.kernels.flowed(foam.constants, e, e_min, time, slowed, around, out)
-    return out
+    return _over(foam, "flowed", e, e_min, time, slowed, around)
 
 
 def flowed_steadily(foam: Bound, start: float, rate: float, step: float, steps: int) -> float:
@@ -168,9 +162,7 @@ def gas_energy(foam: Bound, e: float, lost: float) -> float:
 
 def densified(foam: Bound, e: np.ndarray) -> np.ndarray:
     """Slope [Pa] of the densification branch at strains `e`, all beyond densification."""
-    e, out = _arrays(e)
-    foam.kernels.densified(foam.constants, e, out)
-    return out
+    return _over(foam, "densified", e)
 
 
 def elastic(foam: Bound) -> float:
@@ -180,16 +172,12 @@ def elastic(foam: Bound) -> float:
 
 def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
     """Stress [Pa] of foam between nodes and a support, see `BondLaw.contact_stress`."""
-    gap, out = _arrays(gap)
-    foam.kernels.piece(foam.constants, gap, touch, length, out)
-    return out
+    return _over(foam, "piece", gap, touch, length)
 
 
 def shear_modulus(foam: Bound, worst: np.ndarray) -> np.ndarray:
     """Shear modulus [Pa] of foam that has met strains `worst`."""
-    worst, out = _arrays(worst)
-    foam.kernels.crushed_shear(foam.constants, worst, out)
-    return out
+    return _over(foam, "crushed_shear", worst)
 
 
 def fails(
@@ -205,9 +193,12 @@ def fails(
     return bool(foam.kernels.fails(foam.constants, e, sigma_e, tau, e_min, size, strength))
 
 
-def _arrays(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _over(foam: Bound, kernel: str, values: np.ndarray, *given: float) -> np.ndarray:
+    """What a kernel makes of values, one by one."""
     values = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    return values, np.empty_like(values)
+    out = np.empty_like(values)
+    getattr(foam.kernels, kernel)(foam.constants, values, *given, out)
+    return out
 
 
 class Reference:

@@ -24,46 +24,35 @@ POINTS = 4096
 ANY = settings(deadline=None)  # the first example compiles
 
 
-@ti.kernel
-def _exp(x: Scalars, out: Scalars):
-    for k in range(x.shape[0]):
-        out[k] = elementary.exp(x[k])
+def kernel_of(function, kind):
+    """A kernel that maps a function of one number over an array of numbers, or of vectors."""
+
+    @ti.kernel
+    def over(x: kind, out: kind):
+        for k in range(x.shape[0]):
+            out[k] = function(x[k])
+
+    return over
 
 
-@ti.kernel
-def _log(x: Scalars, out: Scalars):
-    for k in range(x.shape[0]):
-        out[k] = elementary.log(x[k])
+def kernel_of_powers(kind):
+    @ti.kernel
+    def over(x: kind, y: kind, out: kind):
+        for k in range(x.shape[0]):
+            out[k] = elementary.power(x[k], y[k])
+
+    return over
 
 
-@ti.kernel
-def _power(x: Scalars, y: Scalars, out: Scalars):
-    for k in range(x.shape[0]):
-        out[k] = elementary.power(x[k], y[k])
+_exp, _exp_of_four = kernel_of(elementary.exp, Scalars), kernel_of(elementary.exp, Vectors)
+_log, _log_of_four = kernel_of(elementary.log, Scalars), kernel_of(elementary.log, Vectors)
+_power, _power_of_four = kernel_of_powers(Scalars), kernel_of_powers(Vectors)
 
 
 @ti.kernel
 def _sine_cosine(x: Scalars, sine: Scalars, cosine: Scalars):
     for k in range(x.shape[0]):
         sine[k], cosine[k] = elementary.sine_cosine(x[k])
-
-
-@ti.kernel
-def _exp_of_four(x: Vectors, out: Vectors):
-    for k in range(x.shape[0]):
-        out[k] = elementary.exp(x[k])
-
-
-@ti.kernel
-def _log_of_four(x: Vectors, out: Vectors):
-    for k in range(x.shape[0]):
-        out[k] = elementary.log(x[k])
-
-
-@ti.kernel
-def _power_of_four(x: Vectors, y: Vectors, out: Vectors):
-    for k in range(x.shape[0]):
-        out[k] = elementary.power(x[k], y[k])
 
 
 @ti.kernel
