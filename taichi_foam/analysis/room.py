@@ -1,7 +1,6 @@
 """Whether crushed foam keeps its room, measured in the deformed configuration of an instant.
 
-Crushed foam does not vanish. A lattice may lose it nevertheless: chains of bonds fold, and pieces
-slide into each other. Both measures detect this. SI units.
+docs/model.md, Room of crushed foam, defines both measures. SI units.
 """
 
 from __future__ import annotations
@@ -30,9 +29,8 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 NEEDED_AREA = 0.12
-"""A crushed cell needs this share of its area. The paper's foam has 0.20 left at the start of
-densification and 0.05 at locking. This value is about halfway between the two, and a little less
-than the compression of bonds in crushed layers of the paper's flat tests (0.13)."""
+"""A crushed cell needs this share of its area: about halfway between 0.20 at densification and 0.05
+at locking, a little less than bonds keep in crushed layers of the paper's flat tests (0.13)."""
 
 PIXELS = 20
 """Pixels along the shorter side of a cell; fewer if there would be more than MOST_PIXELS in all."""
@@ -51,10 +49,7 @@ _ROW = 2**31
 def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
     """Thickness of the crushed layer under a level face [m], from the face to its lower end.
 
-    It is the median over the columns that were in the middle half of the face's width (further out,
-    flanks are torn off), so that stray mass points do not matter. A column's layer ends in its
-    lowest crushed bond B; if that is partly crushed, its upper part is the crushed one. If the face
-    has lifted off, the layer begins at the median of the columns' highest mass points.
+    If the face has lifted off, the layer begins at the median of the columns' highest mass points.
 
     None without a level face on rails, on a rotated lattice, and if nothing below it is crushed.
     """
@@ -84,13 +79,7 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
 def without_room(snapshot: Snapshot, scene: Scene) -> float | None:
     """Share of the crushed foam that has no room, since it overlaps other foam; 0 to 1.
 
-    Cells have the same shapes as in pictures (`analysis.cell_shapes`). Uncrushed foam has the area
-    that it covers. Crushed cells have the rest of the area that they cover, divided evenly where
-    several overlap. A crushed cell needs NEEDED_AREA of its reference area, or less if its bonds
-    have been compressed further. The result is the area that cells lack, over the area that they
-    need. An inverted cell has none.
-
-    None if nothing is crushed.
+    It is the area that cells lack over the area that they need; None if nothing is crushed.
     """
     from scipy.spatial import KDTree  # imported late: it takes a third of a second to load
 

@@ -88,4 +88,4 @@ def test_corner_drop_lands_on_its_corner():
     """A square's corner at 30 degrees: depth s cos 30, width s (cos 30 + sin 30)."""
     impactor = gallery("corner_drop")["scene"].impactor
     assert impactor.nose_depth == pytest.approx(0.05 * math.cos(math.pi / 6))
-    assert impactor.width == pytest.approx(0.05 * (math.cos(math.pi / 6) + 0.5))
+    assert impactor.extent == pytest.approx(0.05 * (math.cos(math.pi / 6) + 0.5))

@@ -161,7 +161,7 @@ def test_asymmetric_outline_is_left_alone():
 )
 def test_nose_depth_and_width(impactor, nose, width):
     assert impactor.nose_depth == pytest.approx(nose, abs=1e-12)
-    assert impactor.width == pytest.approx(width)
+    assert impactor.extent == pytest.approx(width)
 
 
 def test_flat_faces_have_no_nose_exactly():

@@ -69,7 +69,7 @@ def test_names_carry_shape_and_velocity(name):
     assert scene.impactor.shape == {"rectangular": "flat"}.get(shape, shape)
     assert scene.impactor.velocity == float(velocity)
     assert scene.impactor.mass == 6.0
-    assert scene.impactor.width == 0.05
+    assert scene.impactor.extent == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("name", impacts.NAMES)

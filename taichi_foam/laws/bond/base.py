@@ -29,14 +29,8 @@ A law may have more columns, see `BondLaw.table_columns`.
 OPENING, SLIDING = 4.0, 2.0
 """Energy of a crack through brittle bonds over the energy stored in them: in opening, in sliding.
 
-At its limit a bond of length L stores W = K e_t^2 L / 2, or G gamma_t^2 L / 2, per area. The stress
-half a cell ahead of a crack's tip is K_I / sqrt(pi L), or K_II / sqrt(pi L), and the crack releases
-1.15 K_I^2 / K (an orthotropic body without Poisson's effect, Sih, Paris & Irwin 1965). So a crack
-starts at 2.3 pi W = 7.2 W in opening, and at 2.3 pi (G / K) W = 2.2 W in sliding; it then
-overshoots and arrests. In double cantilevers (validation/verify.py) an opening crack takes 4.9 to
-6.4 W to start and 3.4 to 3.8 W to grow; the energy not stored in the bonds is radiated. A crack
-through softening bonds takes 1.1 to 1.3 times the energy of the bonds. Sliding has not been
-measured.
+That of opening was measured in double cantilevers (docs/model.md, Cells). Sliding has not been
+measured: the derivation there gives 2.3 pi (G / K) W = 2.2 W to its start, W = G gamma_t^2 L / 2.
 """
 
 

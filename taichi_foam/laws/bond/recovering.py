@@ -1,18 +1,13 @@
 """Foam that springs back: its measured curve, a return with hysteresis, a set that recovers, gas.
 
 Loading follows the curve. From its most compressive strain e_m a bond returns, and is loaded again
-up to there, along the curve times a factor, as low-density foam of explicit codes does (LS-DYNA
-Keyword User's Manual, *MAT_LOW_DENSITY_FOAM, with HU and SHAPE):
+up to there, along the curve times a factor; gas in the cells acts beside that. The equations are in
+docs/model.md, Foam that springs back:
 
     s = s_0(x) (1 - (1 - HU) (1 - (W(x) / W(e_m))^SHAPE)),    x = (e - S e_m) / (1 - S)
 
-with the curve s_0, the area W under it, and the part S of e_m that remains as a set. So the return
-gives back (1 - S) (1 + SHAPE HU) / (1 + SHAPE) of W(e_m), and loses nothing more on the same path
-again. Gas in the cells acts beside that; a broken bond has lost its own.
-
 Kernels compute no power: the factor's one falls apart into s_0 W^SHAPE at the two strains, and the
-gas's is one of the strain alone; both are columns of the table, with the areas under them, so that
-what is stored is the work of the stress to rounding.
+gas's is one of the strain alone; both are columns of the table, with the areas under them.
 """
 
 from collections.abc import Mapping

@@ -78,11 +78,6 @@ class Cylinder(Impactor):
         """Radius [m]."""
         return self.radius
 
-    @property
-    def width(self) -> float:
-        """Diameter [m]."""
-        return 2 * self.radius
-
     def crushed_volume(self, displacement: ArrayLike, thickness: float) -> np.ndarray:
         """Volume that the circle has swept, Eq. 5 [m3]; see the base class."""
         R = self.radius
@@ -130,11 +125,6 @@ class Wedge(Impactor):
         # tan(45 degrees) falls one bit short of 1 in floating point; the paper's tip is W/2 deep.
         slope = 1.0 if self.angle_deg == 90 else math.tan(math.radians(self.angle_deg / 2))
         return self.shank_width / 2 / slope
-
-    @property
-    def width(self) -> float:
-        """Width of the shank [m]."""
-        return self.shank_width
 
     def corners(self) -> np.ndarray:
         """Return the five vertices [m], tip first; see the base class."""

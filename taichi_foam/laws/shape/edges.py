@@ -1,12 +1,8 @@
 """Contact with any simple polygon, convex or not, by its edges.
 
-For contact, the corners of a body that slides and turns are rounded. The lattice represents the
-foam's surface only at its mass points, a cell apart. In front of a sharp corner that slides over
-the foam, the next mass point is higher than those under the sole; it would touch the body's side
-and be pushed along. In real foam the surface slopes down to the sole and passes under it. At a
-rounded corner a mass point is pressed down along a normal that turns gradually as the corner passes
-over it, and it rises as smoothly behind the body. The depth in the rounded outline is the potential
-of the force: the energy taken at the leading corner is returned at the trailing one.
+For contact, the corners of a body that slides and turns are rounded: the next mass point in front
+of a sharp one would touch the body's side, and be pushed along instead of passing under it
+(docs/model.md, Contact). The depth in the rounded outline is the potential of the force.
 """
 
 from collections.abc import Callable

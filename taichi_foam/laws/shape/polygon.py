@@ -51,11 +51,6 @@ class Polygon(Impactor):
                 )
         return self
 
-    @property
-    def width(self) -> float:
-        """Width of the turned polygon [m]."""
-        return float(np.ptp(self.outline()[:, 0]))
-
     def corners(self) -> np.ndarray:
         """Return the corners as given [m], counter-clockwise; see the base class."""
         return geometry.convex_hull(np.array(self.vertices))
