@@ -20,14 +20,6 @@ def test_the_shear_modulus_is_g_however_crushed() -> None:
     np.testing.assert_array_equal(shear_modulus(constants(), worst), np.full(11, 0.84e6))
 
 
-@pytest.mark.parametrize(("e_min", "limit"), [(0.0, 0.05), (-0.05, 0.05), (-0.0501, 0.025)])
-def test_tension_breaks_virgin_foam_at_e_t_and_crushed_foam_at_half(
-    e_min: float, limit: float
-) -> None:
-    assert not fails(constants(), limit - JUST, e_min=e_min)
-    assert fails(constants(), limit + JUST, e_min=e_min)
-
-
 def test_compression_alone_never_breaks() -> None:
     for model in READINGS:
         foam = constants(model=Model(shear_failure=model))
@@ -105,8 +97,8 @@ def test_without_foam_across_it_a_connection_does_not_break_by_the_angle() -> No
 
 
 @pytest.mark.parametrize("strength", [0.3, 1.0, 1.7])
-@pytest.mark.parametrize(("e_min", "limit"), [(0.0, 0.05), (-0.2, 0.025)])
-def test_a_connections_own_strength_multiplies_its_tensile_strain(
+@pytest.mark.parametrize(("e_min", "limit"), [(0.0, 0.05), (-0.05, 0.05), (-0.0501, 0.025)])
+def test_tension_breaks_whole_foam_at_e_t_and_crushed_foam_at_half_times_its_strength(
     strength: float, e_min: float, limit: float
 ) -> None:
     for beyond in (-JUST, JUST):

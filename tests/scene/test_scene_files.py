@@ -223,7 +223,7 @@ def test_cuts_are_written_and_read_as_lists(tmp_path):
     assert load_scene("paper/wedge-2.86", overrides=[override]).start.cuts == cuts
 
 
-def test_a_cut_block_is_at_rest(tmp_path):
+def test_a_cut_block_is_at_rest():
     assert Start(cuts=((0, 0, 0, 1),)).is_at_rest
     assert not Start(velocity_gradient=((0, 1), (0, 0))).is_at_rest
 
@@ -311,19 +311,6 @@ def test_later_settings_win_over_earlier_ones_over_choices_over_the_scene():
     assert scene.base.kind == "held"
 
 
-def test_none_empties_an_optional_key():
-    overrides = ["impactor=none", "numerics.end=1e-3", "foam.crushed_tensile_stress=none"]
-    scene = load_scene("paper/wedge-2.86", overrides=overrides)
-    assert scene.impactor is None
-    assert scene.foam.crushed_tensile_stress is None
-
-
-def test_changing_the_shape_keeps_what_both_have():
-    overrides = ["impactor.shape=cylinder", "impactor.radius=0.03"]
-    impactor = load_scene("paper/wedge-2.86", overrides=overrides).impactor
-    assert impactor == Cylinder(radius=0.03, velocity=2.86, friction=0.12)
-
-
 @pytest.mark.parametrize("text", ["block.rows", "=3", "block.rows=", "block..rows=3", ".=1"])
 def test_malformed_setting(text):
     with pytest.raises(UserError, match="must read KEY=VALUE"):
@@ -347,11 +334,6 @@ def test_choices_apply_to_any_scene(tmp_path, choices):
 def test_choices_apply_to_a_scene_without_impactor(tmp_path):
     path = write(tmp_path, "a.toml", "[numerics]\nend = 1e-3\n")
     assert load_scene(path, "paper-literal").base.kind == "held"
-
-
-def test_unknown_choices():
-    with pytest.raises(UserError, match="must be one of calibrated, paper-literal"):
-        load_scene("paper/wedge-2.86", "literal")
 
 
 PAPER = {
