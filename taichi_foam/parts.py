@@ -177,6 +177,18 @@ def quantity(
     )
 
 
+def text(default: Any, meaning: str, most: int) -> Any:
+    """Return a pydantic field for text of 1 to `most` characters; default `...`: required."""
+    none = "none, or " if default is None else ""
+    return Field(
+        default=default,
+        description=meaning,
+        min_length=1,
+        max_length=most,
+        json_schema_extra={"allowed": f"{none}text of 1 to {most:,} characters"},
+    )
+
+
 def choice(default: Any, meaning: str) -> Any:
     """Return a pydantic field for a named option or a switch."""
     return Field(default=default, description=meaning)

@@ -11,12 +11,12 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from taichi_foam.choices import PAPERS_FOAM
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam, Curve
-from taichi_foam.parts import Part
+from taichi_foam.parts import Part, text
 from taichi_foam.scene.paths import NOTHING, at, heads_of_foams
 
 READINGS = frozenset({"crush_band", "rate", "rate_exponent", "overshoot_strain"})
@@ -49,16 +49,8 @@ _OTHERS = ("across.", "block.layers[")
 class Origin(Part):
     """A key of a scene, and the origin of its value."""
 
-    key: str = Field(
-        description="dotted key of the scene",
-        max_length=100,
-        json_schema_extra={"allowed": "text of at most 100 characters"},
-    )
-    why: str = Field(
-        description="origin of its value",
-        max_length=1000,
-        json_schema_extra={"allowed": "text of at most 1,000 characters"},
-    )
+    key: str = text(..., "dotted key of the scene", 100)
+    why: str = text(..., "origin of its value", 1000)
 
 
 def followed(scene: Any) -> dict[str, Any]:

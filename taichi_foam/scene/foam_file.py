@@ -14,22 +14,11 @@ from pydantic import Field, ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
-from taichi_foam.parts import Part, quantity
+from taichi_foam.parts import Part, quantity, text
 from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.measured import curve_of
 from taichi_foam.scene.messages import explain, titled
 from taichi_foam.scene.toml import read_toml
-
-
-def _words(default: Any, meaning: str, most: int) -> Any:
-    """A field for text of 1 to `most` characters."""
-    return Field(
-        default=default,
-        description=meaning,
-        min_length=1,
-        max_length=most,
-        json_schema_extra={"allowed": f"1 to {most:,} characters"},
-    )
 
 
 class FoamFile(Part):
@@ -39,12 +28,12 @@ class FoamFile(Part):
     assumed.
     """
 
-    title: str = _words(..., "description of the foam", 200)
-    source: str = _words(..., "who measured it, and where", 1000)
-    licence: str = _words("not stated", "licence of the data", 200)
+    title: str = text(..., "description of the foam", 200)
+    source: str = text(..., "who measured it, and where", 1000)
+    licence: str = text("not stated", "licence of the data", 200)
     density: float = quantity(..., "kg/m3", "density of the foam", at_least=1, at_most=5000)
     rate: float | None = quantity(None, "1/s", "strain rate of the test", above=0, at_most=1e6)
-    direction: str | None = _words(None, "direction of the test: rise, across, ...", 100)
+    direction: str | None = text(None, "direction of the test: rise, across, ...", 100)
     measured: tuple[str, ...] = Field(
         default=(), strict=False, description="what was measured, in words", max_length=50
     )

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import isotonic_regression
 
 from taichi_foam.laws.bond import Curve
+from taichi_foam.laws.bond.tabulated import TabulatedFoam
 
 STRAIN = [0.0, 0.05, 0.4, 0.6, 0.7, 0.8]
 STRESS = [0.0, 100e3, 120e3, 160e3, 250e3, 800e3]
@@ -77,3 +78,19 @@ def test_noise_is_no_stiffness() -> None:
     curve = Curve(strain=strain, stress=stress)
     # two ends of at most 100 kPa with 2 % of noise each, 0.005 apart; three times that is rare
     assert 2e6 < curve.steepest(0.6) < 2e6 + 3 * np.sqrt(2) * 0.02 * 100e3 / 0.005
+
+
+def test_a_jump_at_the_end_stays_finite() -> None:
+    curve = Curve(strain=(0.0, 0.05, 0.5, 0.50001), stress=(0.0, 1e5, 1.1e5, 1e7))
+    table = TabulatedFoam(curve=curve).table
+    assert np.isfinite(table).all()
+    assert (np.diff(table[:, 0]) > 0.0).all()
+
+
+def test_a_curve_that_ends_level_locks_all_the_same() -> None:
+    """The last stress fell, and was raised to the one before: a slope of its own would be none."""
+    curve = Curve(strain=[0, 0.05, 0.5, 0.7, 0.71], stress=[0, 1e5, 1.2e5, 6e5, 5.9e5])
+    stress = curve.table(0.93, 1e6, 1e9, 1e6)[:, 0]
+    assert stress[900] > 1.5 * curve.stress[-1]
+    level = Curve(strain=[0, 0.05, 0.6], stress=[0, 1e5, 1e5]).table(0.9, 1e6, 1e9, 1e6)[:, 0]
+    assert level[890] > 2 * level[600]

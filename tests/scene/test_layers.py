@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -261,9 +262,8 @@ TABLE = {"strain": [0.0, 0.05, 0.6, 0.8], "stress": [0.0, 1e5, 1.6e5, 8e5]}
     ],
 )  # fmt: skip
 def test_layers_that_cannot_be_are_refused(layers: Any, fragment: str) -> None:
-    with pytest.raises(UserError) as caught:
+    with pytest.raises(UserError, match=re.escape(fragment)):
         Scene.checked({"block": {**SIZE, "layers": layers}, **DROP}, "scene")
-    assert fragment in str(caught.value)
 
 
 def test_a_layer_without_foam_is_refused() -> None:

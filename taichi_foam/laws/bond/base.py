@@ -10,15 +10,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
-from taichi_foam.parts import Part, quantity
+from taichi_foam.parts import Part, quantity, text
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5
 """Size of the table that a law may have: one row each for strains of 0, -0.001 and so on to -1.
@@ -94,10 +93,8 @@ class BondFoam(Part):
 
     For a user's foam, which gives some of these keys, the program reports the others with them.
     """
-    source: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
-        default=None,
-        description="origin of its values: the name of a foam, a test, a publication",
-        json_schema_extra={"allowed": "none, or 1 to 1,000 characters", "fix": "shorten it"},
+    source: str | None = text(
+        None, "origin of its values: the name of a foam, a test, a publication", 1000
     )
 
     youngs_modulus: float = quantity(2.78e6, "Pa", "Young's modulus K", at_least=1000, at_most=1e11)

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from taichi_foam.formulas.energy import absorbed_energy, densification_onset, efficiency
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS
-from taichi_foam.parts import Part, is_number
+from taichi_foam.parts import Part, is_number, quantity
 
 Array = NDArray[np.float64]
 
@@ -76,20 +76,16 @@ class Curve(Part):
             "fix": "strains are fractions (80 % is 0.80)",
         },
     )
-    stress: tuple[float, ...] = Field(
+    stress: tuple[float, ...] = quantity(
+        ...,
+        "Pa",
+        "engineering stresses in compression at these strains",
+        allowed="as many numbers as strains",
+        fix="stresses are in pascals (0.12 MPa is 0.12e6)",
         strict=False,
-        description="engineering stresses in compression at these strains [Pa]",
-        json_schema_extra={
-            "allowed": "as many numbers as strains",
-            "fix": "stresses are in pascals (0.12 MPa is 0.12e6)",
-            "unit": "Pa",
-        },
     )
-    smoothing: float = Field(
-        default=0.0,
-        ge=0,
-        description="largest change that was made to a stress so that no stress falls [Pa]",
-        json_schema_extra={"allowed": "at least 0 Pa", "unit": "Pa"},
+    smoothing: float = quantity(
+        0.0, "Pa", "largest change that was made to a stress so that no stress falls", at_least=0
     )
 
     @model_validator(mode="before")
