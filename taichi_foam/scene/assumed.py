@@ -94,7 +94,7 @@ def _unsaid(scene: Any, head: str) -> list[Origin] | None:
         said = earlier is not None and (not known or bool(known - of_others))
     if not said and all(
         getattr(foam, key) in (kind.model_fields[key].default, PAPERS_FOAM.get(key))
-        for key in given & {*_own(kind), *_implied(kind)}
+        for key in given & _telling(kind)
     ):
         return None
     return [
@@ -185,7 +185,7 @@ def make_way(data: dict[str, Any], values: Mapping[str, Any]) -> None:
         place = at(data, head.rstrip("."))
         foam, kind = place.get("foam"), FOAMS.kind_of(place.get("foam"))
         named = {f"{head}foam", f"{head}foam.like"} & values.keys()
-        curved = f"{head}foam.curve" in values and kind is not None and not _implied(kind)
+        curved = f"{head}foam.curve" in values and kind is not None and kind.implied_by is None
         if not (named or curved):
             continue
         for key in _forget(data, head):
@@ -227,9 +227,7 @@ def settle(data: dict[str, Any], values: Mapping[str, Any]) -> None:
             continue
         if values.get(f"{own}plateau_stress") is not None and f"{own}yield_strain" not in values:
             foam.pop("yield_strain", None)
-        keys = (
-            {own + key for key in (*_own(kind), *_implied(kind), "plateau_stress")} if kind else ()
-        )
+        keys = {own + key for key in (*_telling(kind), "plateau_stress")} if kind else ()
         changed = any(key in keys or key.startswith(f"{own}curve.") for key in values)
         if changed and f"{own}source" not in values:
             foam.pop("source", None)  # it is no longer the foam from that source
@@ -292,8 +290,9 @@ def _own(kind: type[BondFoam]) -> set[str]:
     return kind.unless_given.keys() - READINGS
 
 
-def _implied(kind: type[BondFoam]) -> set[str]:
-    return {kind.implied_by} if kind.implied_by else set()
+def _telling(kind: type[BondFoam]) -> set[str]:
+    """These keys, and the one that implies the law."""
+    return _own(kind) | ({kind.implied_by} if kind.implied_by else set())
 
 
 def _given(part: Part) -> set[str]:

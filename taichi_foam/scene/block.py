@@ -171,11 +171,6 @@ class Block(Part):
                 f"{self.columns * self.rows:,} mass points; at most {MAX_NODES:,}; use fewer "
                 "columns or rows"
             )
-        if 0 < len(self.outline) < 3:
-            raise ValueError(
-                f"block.outline: {len(self.outline)} corners; at least 3 make an outline; give "
-                "more, or none for the whole rectangle"
-            )
         found = [
             *_problems_of_cell(self),
             *_problems_of_outline(self),

@@ -90,13 +90,7 @@ class Support(Part):
                 f"support.pitch = {self.pitch:g} m; use thinner ribs, or support.kind = 'floor'"
             )
         if self.outline:
-            if len(self.outline) < 3:
-                found.append(
-                    f"support.outline: {len(self.outline)} corners; at least 3 make an outline; "
-                    "give more"
-                )
-            else:
-                found += geometry.problems_of_ring("support.outline", self.outline)
+            found += geometry.problems_of_ring("support.outline", self.outline)
         if found:
             raise ValueError("\n".join(found))
         return self

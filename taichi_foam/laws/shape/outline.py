@@ -44,6 +44,10 @@ def problems_of_ring(key: str, corners: Sequence[tuple[float, float]]) -> list[s
     """Problems of the corners of a simple polygon, given in order."""
     import shapely  # slow to import, and seldom needed
 
+    if len(corners) < 3:
+        return [
+            f"{key}: {len(corners)} corners; at least 3 make an outline; give more, or leave it out"
+        ]
     found = problems_of_corners(key, corners)
     if found or shapely.LinearRing(corners).is_simple:
         return found
